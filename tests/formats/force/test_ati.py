@@ -244,6 +244,13 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes(tmp_path):
         np.testing.assert_allclose(full_scale(result), [25, 25, 35, 0.25, 0.25, 0.25])
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
+def test_a_calibration_is_read_in_whatever_encoding_it_was_saved(tmp_path, encoding):
+    file = calibration(tmp_path)
+    file.write_bytes(file.read_text().replace("made up", "Meßgerät").encode(encoding))
+    np.testing.assert_array_equal(read_calibration(file).matrix, MATRIX)
+
+
 def test_without_user_axes_the_scaled_matrix_about_the_gauges_origin_leads_to_the_same(tmp_path):
     scale = np.array([11.4, 11.4, 5.9, 1.8, 1.8, 1.6])
     axes = rows("Axis", about_gauges([0.4, -0.7, 6.1]) * scale[:, None], scale)

@@ -1,5 +1,5 @@
 """C3D takes as several programs write them: points, units, labels, missing samples and what else is
-in the file, and what is refused.
+in the file, and what is refused; the rate of a take by its times.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from written_logs import refusal
 from pipeline.core.bounds import Reading, within
 from pipeline.formats.motion import c3d as c3d_format
 from pipeline.formats.motion.c3d import read_c3d
+from pipeline.formats.motion.take import rate_from_times
 from pipeline.tools.inspect.command import as_table, inspect
 
 AB = ["Arm:a", "Arm:b"]
@@ -219,3 +220,21 @@ def test_a_file_that_is_beyond_a_bound_names_it(tmp_path, monkeypatch, bounds, b
         monkeypatch.setattr(c3d_format, "read_contents", _never)
     error = refusal(lambda file: within(bounds, read_c3d, file), write(tmp_path))
     assert error.evidence["bound"] == f"dataset.reading.{bound}"
+
+
+@pytest.mark.parametrize(
+    ("frames", "rate", "decimals", "known"),
+    [(slice(500, 900), rate, 3, rate) for rate in (100, 120, 240, 360)]
+    + [
+        (slice(0), 1000, 6, 1000),
+        (slice(0), 120, 2, 120),  # rounded by more than half a frame
+        (slice(0), 59.94, 15, 59.94),
+        (slice(5, None), 59.94, 15, 60),  # in five frames nobody can tell
+        (slice(1, None), 100, 3, None),
+    ],
+)
+def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate, decimals, known):
+    frame = np.delete(np.arange(72210, 74210), frames)
+    found = rate_from_times(frame, np.round(frame / rate, decimals))
+    assert found == (known if known is None else pytest.approx(known, abs=1e-9))
+    assert rate_from_times(frame, np.zeros(len(frame))) is None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from motive_files import (
@@ -15,7 +13,6 @@ from motive_files import (
     body_row,
     columns,
     columns_file,
-    frame_row,
     in_metres,
     random_take,
     rows_file,
@@ -26,7 +23,7 @@ from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.formats.motion.take import rate_from_times, settle_unit
+from pipeline.formats.motion.take import settle_unit
 
 
 def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_path):
@@ -215,24 +212,6 @@ def test_raw_markers_are_preferred_shared_names_keep_their_ids_and_bones_are_ski
     assert "bones alone" in refusal(read_motive, file).message
 
 
-@pytest.mark.parametrize(
-    ("frames", "rate", "decimals", "known"),
-    [(slice(500, 900), rate, 3, rate) for rate in (100, 120, 240, 360)]
-    + [
-        (slice(0), 1000, 6, 1000),
-        (slice(0), 120, 2, 120),  # rounded by more than half a frame
-        (slice(0), 59.94, 15, 59.94),
-        (slice(5, None), 59.94, 15, 60),  # in five frames nobody can tell
-        (slice(1, None), 100, 3, None),
-    ],
-)
-def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate, decimals, known):
-    frame = np.delete(np.arange(72210, 74210), frames)
-    found = rate_from_times(frame, np.round(frame / rate, decimals))
-    assert found == (known if known is None else pytest.approx(known, abs=1e-9))
-    assert rate_from_times(frame, np.zeros(len(frame))) is None
-
-
 ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
 
 
@@ -350,16 +329,6 @@ def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_p
     np.testing.assert_array_equal(result.markers["Unlabeled 1"], [[5, 5, 5]] * 3)
     names = ("announced_frames", "found_frames", "stray_samples")
     assert [result.counts[name] for name in names] == [3, 3, 3]
-
-
-def test_a_stray_that_gets_a_new_id_at_every_occlusion_takes_no_more_memory_than_one(tmp_path):
-    rows = [frame_row(k, f"1,{k / 100},5,5,{k},Marker-{k}", tracked=False) for k in range(5000)]
-    start = time.perf_counter()
-    result = in_metres(rows_file(tmp_path, *rows))
-    assert time.perf_counter() - start < 2.0
-    assert list(result.markers) == ["Unlabeled 1"]
-    names = ("stray_ids", "stray_samples", "missing_samples")
-    assert [result.counts[name] for name in names] == [5000, 5000, 0]
 
 
 def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_counted(tmp_path):
