@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 Rng = np.random.Generator
+Change = Callable[[bytes, Rng], bytes]
 NUMBER = re.compile(rb"\d+(\.\d+)?")
 SEPARATORS = (b",", b";", b"\t", b" ")
 # spellings that another setting of the program would have given
@@ -19,60 +20,40 @@ WORDS |= {b"revolute": b"continuous", b"width": b"height", b"Force X": b"Force Y
 WORDS |= {b"float": b"int", b"plumb_bob": b"fisheye", b"righthanded": b"lefthanded"}
 
 
-def _span(content: bytes, rng: Rng, longest: int = 40) -> tuple[int, int]:
-    start = int(rng.integers(len(content)))
-    return start, min(start + int(rng.integers(1, longest)), len(content))
-
-
-def _put(content: bytes, start: int, end: int, new: bytes) -> bytes:
-    return content[:start] + new + content[end:]
-
-
-def _in_span(new: Callable[[bytes, Rng], bytes], longest: int = 40) -> Callable:
-    """Change of a random span: ``new`` of its bytes."""
+def _span(new: Change, longest: int = 40) -> Change:
+    """Change of up to ``longest`` bytes somewhere: ``new`` of them."""
 
     def mutate(content: bytes, rng: Rng) -> bytes:
-        start, end = _span(content, rng, longest)
-        return _put(content, start, end, new(content[start:end], rng))
+        start = int(rng.integers(len(content)))
+        end = min(start + int(rng.integers(1, longest)), len(content))
+        return content[:start] + new(content[start:end], rng) + content[end:]
 
     return mutate
 
 
-def _bit(content: bytes, rng: Rng) -> bytes:
-    place, _ = _span(content, rng)
-    return _put(content, place, place + 1, bytes([content[place] ^ 1 << int(rng.integers(8))]))
-
-
-BYTES = {
-    "bit flipped": _bit,
-    "cut": lambda content, rng: content[: int(rng.integers(1, len(content)))],
-    "block lost": _in_span(lambda block, rng: b""),
-    "block doubled": _in_span(lambda block, rng: block + block),
-    "block zeroed": _in_span(lambda block, rng: bytes(len(block))),
-    "block of noise": _in_span(lambda block, rng: rng.bytes(len(block))),
-    "block of ones": _in_span(lambda block, rng: b"\xff" * len(block), 9),
-    "noise behind": lambda content, rng: content + rng.bytes(int(rng.integers(1, 400))),
-}
-
-
-def _number(change: Callable[[bytes, Rng], bytes]) -> Callable[[bytes, Rng], bytes]:
-    """One of the numbers, changed."""
+def _number(new: Change) -> Change:
+    """Change of one of the numbers."""
 
     def mutate(content: bytes, rng: Rng) -> bytes:
         numbers = [*NUMBER.finditer(content)]
-        chosen = numbers[int(rng.integers(len(numbers)))]
-        return _put(content, *chosen.span(), change(chosen[0], rng))
+        start, end = numbers[int(rng.integers(len(numbers)))].span()
+        return content[:start] + new(content[start:end], rng) + content[end:]
 
     return mutate
 
 
-def _digit(number: bytes, rng: Rng, new: Callable[[bytes], bytes]) -> bytes:
-    place = int(rng.choice([i for i, letter in enumerate(number) if letter != ord(".")]))
-    return _put(number, place, place + 1, new(number[place : place + 1]))
+def _digit(new: Callable[[bytes, Rng], bytes]) -> Change:
+    """Change of a digit of one of the numbers."""
+
+    def mutate(number: bytes, rng: Rng) -> bytes:
+        place = int(rng.choice([i for i, letter in enumerate(number) if letter != ord(".")]))
+        return number[:place] + new(number[place : place + 1], rng) + number[place + 1 :]
+
+    return _number(mutate)
 
 
-def _rows(change: Callable[[list[bytes], int, Rng], None]) -> Callable[[bytes, Rng], bytes]:
-    """The lines, changed at one of them."""
+def _rows(change: Callable[[list[bytes], int, Rng], object]) -> Change:
+    """Change of the lines at one of them."""
 
     def mutate(content: bytes, rng: Rng) -> bytes:
         lines = content.splitlines(keepends=True)
@@ -82,8 +63,8 @@ def _rows(change: Callable[[list[bytes], int, Rng], None]) -> Callable[[bytes, R
     return mutate
 
 
-def _cells(change: Callable[[list[bytes], int], None], *, all_rows: bool = False) -> Callable:
-    """The cells of one line, or of all that have as many as it, changed at one place."""
+def _cells(change: Callable[[list[bytes], int, Rng], object], *, all_rows: bool = False) -> Change:
+    """Change of the cells of one line, or of all that have as many as it, at one place."""
 
     def mutate(content: bytes, rng: Rng) -> bytes:
         mark = max(SEPARATORS[:3], key=content.count)
@@ -96,38 +77,22 @@ def _cells(change: Callable[[list[bytes], int], None], *, all_rows: bool = False
         for i, line in enumerate(lines):
             if i == chosen or (all_rows and line.count(mark) + 1 == width):
                 cells = line.split(mark)
-                change(cells, place)
+                change(cells, place, rng)
                 lines[i] = mark.join(cells)
         return b"\n".join(lines)
 
     return mutate
 
 
-def _lost(parts: list[bytes], place: int, *rng: Rng) -> None:
-    del parts[place]
-
-
-def _doubled(parts: list[bytes], place: int, *rng: Rng) -> None:
-    parts.insert(place, parts[place])
-
-
-def _swapped(parts: list[bytes], place: int, *rng: Rng) -> None:
+def _swapped(parts: list[bytes], place: int, rng: Rng) -> None:
     parts[place - 1], parts[place] = parts[place], parts[place - 1]
 
 
-def _emptied(parts: list[bytes], place: int, *rng: Rng) -> None:
-    parts[place] = b""
+def _cut(parts: list[bytes], place: int, rng: Rng) -> None:
+    parts[place] = parts[place][: int(rng.integers(len(parts[place])))] + b"\n"
 
 
-def _row_cut(lines: list[bytes], place: int, rng: Rng) -> None:
-    lines[place] = lines[place][: int(rng.integers(len(lines[place])))] + b"\n"
-
-
-def _line_added(line: bytes) -> Callable[[list[bytes], int, Rng], None]:
-    return lambda lines, place, rng: lines.insert(place, line)
-
-
-def _word(content: bytes, rng: Rng) -> bytes:
+def _setting(content: bytes, rng: Rng) -> bytes:
     there = [word for word in WORDS if word in content]
     if not there:
         return content
@@ -135,42 +100,40 @@ def _word(content: bytes, rng: Rng) -> bytes:
     return content.replace(word, WORDS[word], 1 if rng.integers(2) else -1)
 
 
-def _becomes(new: bytes) -> Callable[[bytes, Rng], bytes]:
-    return _number(lambda number, rng: new)
-
-
-TEXT = {
-    "row lost": _rows(_lost),
-    "row doubled": _rows(_doubled),
-    "rows swapped": _rows(_swapped),
-    "row cut": _rows(_row_cut),
-    "blank line": _rows(_line_added(b"\n")),
-    "comment line": _rows(_line_added(b"# note\n")),
-    "line of words": _rows(_line_added(b"the, sensor; was moved\n")),
-    "cell lost": _cells(_lost),
-    "cell doubled": _cells(_doubled),
-    "cell emptied": _cells(_emptied),
-    "cells swapped": _cells(_swapped),
-    "column lost": _cells(_lost, all_rows=True),
-    "column doubled": _cells(_doubled, all_rows=True),
-    "column emptied": _cells(_emptied, all_rows=True),
-    "columns swapped": _cells(_swapped, all_rows=True),
-    "digit changed": _number(lambda n, rng: _digit(n, rng, lambda d: b"%d" % rng.integers(10))),
-    "digit lost": _number(lambda n, rng: _digit(n, rng, lambda d: b"")),
-    "digit added": _number(lambda n, rng: _digit(n, rng, lambda d: d + d)),
-    "sign added": _number(lambda n, rng: b"-" + n),
-    "point lost": _number(lambda n, rng: n.replace(b".", b"")),
-    "number with comma": _number(lambda n, rng: n.replace(b".", b",")),
+PARTS = {  # of rows, cells or columns: the list of them, and the place of one
+    "lost": lambda parts, place, rng: parts.pop(place),
+    "doubled": lambda parts, place, rng: parts.insert(place, parts[place]),
+    "emptied": lambda parts, place, rng: parts.__setitem__(place, b""),
+    "swapped": _swapped,
+}
+BYTES = {
+    "bit flipped": _span(lambda block, rng: bytes([block[0] ^ 1 << int(rng.integers(8))]), 2),
+    "cut": lambda content, rng: content[: int(rng.integers(1, len(content)))],
+    "block lost": _span(lambda block, rng: b""),
+    "block doubled": _span(lambda block, rng: block + block),
+    "block zeroed": _span(lambda block, rng: bytes(len(block))),
+    "block of noise": _span(lambda block, rng: rng.bytes(len(block))),
+    "block of ones": _span(lambda block, rng: b"\xff" * len(block), 9),
+    "noise behind": lambda content, rng: content + rng.bytes(int(rng.integers(1, 400))),
+}
+TEXT = {f"row {kind}": _rows(change) for kind, change in PARTS.items()}
+TEXT |= {f"cell {kind}": _cells(change) for kind, change in PARTS.items()}
+TEXT |= {f"column {kind}": _cells(change, all_rows=True) for kind, change in PARTS.items()}
+for line in ("", "# note", "the, sensor; was moved"):
+    added = f"{line}\n".encode()
+    TEXT[f"line {line!r}"] = _rows(lambda rows, place, rng, new=added: rows.insert(place, new))
+for word in (b"1e400", b"1e300", b"1e9", b"NaN", b"inf", b"7" * 5000, b"seven", b"0x1F"):
+    TEXT[f"number {word[:5].decode()}"] = _number(lambda number, rng, new=word: new)
+TEXT |= {
+    "row cut": _rows(_cut),
+    "digit changed": _digit(lambda digit, rng: b"%d" % rng.integers(10)),
+    "digit lost": _digit(lambda digit, rng: b""),
+    "digit added": _digit(lambda digit, rng: digit + digit),
+    "sign added": _number(lambda number, rng: b"-" + number),
+    "point lost": _number(lambda number, rng: number.replace(b".", b"")),
+    "number with comma": _number(lambda number, rng: number.replace(b".", b",")),
     "commas for points": lambda content, rng: content.replace(b".", b","),
-    "number 1e400": _becomes(b"1e400"),
-    "number 1e300": _becomes(b"1e300"),
-    "number 1e9": _becomes(b"1e9"),
-    "number NaN": _becomes(b"NaN"),
-    "number inf": _becomes(b"inf"),
-    "number of 5000 digits": _becomes(b"7" * 5000),
-    "number as word": _becomes(b"seven"),
-    "number in hexadecimal": _becomes(b"0x1F"),
-    "setting": _word,
+    "setting": _setting,
     "in UTF-16": lambda content, rng: content.decode("latin-1").encode("utf-16"),
     "with a byte-order mark": lambda content, rng: b"\xef\xbb\xbf" + content,
     "lines end in CR LF": lambda content, rng: re.sub(rb"\r?\n", b"\r\n", content),

@@ -20,13 +20,15 @@ GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it
 # a blank cell and what C runtimes print for a sample that is not there
 MISSING = ("", "NaN", "nan", "NAN", "-nan(ind)", "1.#QNAN", "-1.#IND")
 
-# exports of motion capture that look like tables: how a line of them begins, name, what to export
+# files that look like tables and are none: how one begins, its name, what to do instead
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
 FOREIGN = (
     (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
     (r"NO_OF_(FRAMES|CAMERAS)\b", "TSV of Qualisys Track Manager", "export C3D from QTM"),
     (rf"(?i:{NEXUS}[\s,;]*[\d.]+(,Hz)?[\s,;]*\n)", "ASCII export of Vicon", "export C3D there"),
     (r"HIERARCHY\b", "BVH file of motion capture", "export C3D from the same program"),
+    (r"# oST version", "INI file of a camera calibration by ROS", "take ost.yaml, saved beside it"),
+    (r"(?:<\?xml[^>]*>\s*)?<(?:sdf|mujoco)\b", "robot in SDF or MJCF", "convert it to URDF"),
 )
 
 
@@ -93,8 +95,6 @@ def numbers_of(
     rounded; NaN where ``gaps`` and a cell is missing.
 
     ``line_numbers`` (N) are the rows' places in the file. Cells of other columns may hold anything.
-    Raises RecordingError with the line for a row with more or fewer cells than the first one, a
-    cell that is not a number, one beyond GREATEST, and a missing one unless ``gaps``.
     """
 
     def cells_at(row: int) -> list[str]:
@@ -123,7 +123,7 @@ def numbers_of(
             plain = cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
             fault = f"holds {cell[:80]!r}, not a finite number"
             if cell in MISSING:
-                fault = "" if gaps else "has no number"
+                fault = "" if gaps else "has no number; fill it in, or leave the row out"
             elif NUMBER.fullmatch(plain):
                 beyond = abs(float(plain)) > GREATEST
                 fault = f"holds {cell[:80]!r}, beyond {GREATEST:g}" if beyond else ""

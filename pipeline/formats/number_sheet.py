@@ -31,6 +31,7 @@ SEPARATORS = (",", ";", "\t", SPACE)
 SAMPLED = 40  # last lines that separate columns of numbers from others
 REMARKS = 5  # lines of words below the rows, at most
 HALF = 0.5  # of these lines hold a number in a column of numbers
+TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # endings of files that hold no table
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -149,7 +150,8 @@ class Sheet:
         labels = [cell for cell in (self.above or [[]])[-1] if cell and "=" not in cell]
         if (held := len(self.last)) < len(labels):
             message = f"the row has {held} cells under {len(labels)} labels, the last of which is "
-            message += f"{labels[-1]!r}: a column is missing; export the log again"
+            message += f"{labels[-1]!r}: a column is missing; export the log again, "
+            message += "or take the label out"
             raise RecordingError(message, file=self.file, line=self.lines[0])
 
     def values(self, columns: list[int]) -> np.ndarray:
@@ -163,11 +165,6 @@ def read_sheet(
 ) -> Sheet:
     """Return the table in ``file``, split by ``separator`` (comma, semicolon, tab or blank) with
     the given ``decimal`` mark, or as found.
-
-    Raises RecordingError for a known format that is no table, for lines that are neither header nor
-    rows, and, naming the options below ``key``, for points and commas in one table and for whole
-    numbers between commas under no header, which may be halves of decimal fractions. Raises
-    ConfigError for options that are no separator or mark.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
@@ -188,7 +185,7 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     likely = next((line for line in tail if _is_rowlike(line)), lines[-1])
     mark = separator or _separator_of(likely)
     if mark == SPACE:
-        mark, lines = "\t", ["\t".join(line.lstrip("#%").split()) for line in lines]
+        lines = [SPACE.join(line.lstrip("#%").split()) for line in lines]
     remarks = tail.index(likely)  # lines of words below the rows
     split = [_split(line, mark) for line in lines[len(lines) - remarks - SAMPLED :]]
     split = split[: len(split) - remarks]
@@ -325,7 +322,7 @@ def _decimal(sheet: Sheet, key: str) -> str | None:
 
 def _begins(head: Head) -> bool:
     """Return whether the reader finds rows in the beginning, or refuses an option or a line."""
-    if head.text is None or not head.lines or foreign(head.text):
+    if head.text is None or not head.lines or head.suffix in TREES or foreign(head.text):
         return False
     *lines, last = head.text.split("\n")
     try:

@@ -10,7 +10,9 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from pipeline.arm.model import chain_of
 from pipeline.core.errors import RecordingError
@@ -52,6 +54,8 @@ TABLES = {
     "settings": (table("Sensor,Rokubi", "Sampling rate,125"), {}),
     "settings, semicolons and decimal commas": (table("Rate;125", mark=";", decimal=","), {}),
     "settings, tabs": (table("Rate\t125", "Operator\tA. B.", mark="\t"), {}),
+    "separator of Excel": (table("sep=;", mark=";", decimal=","), {}),
+    "blanks": (table(mark=" "), {}),
     "settings, padded": (table("Sampling rate,125,,,"), {}),
     "comment": (table("# recorded on Monday", mark=" "), {}),
     "title, padded": (table("Arm test of 5 March,,,,"), {}),
@@ -97,7 +101,8 @@ FOREIGN = {
     "TRC": ("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\nFrame#\tTime\tA\n1\t0.0\t1\n", "C3D"),
     "Qualisys ": ("FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n", "C3D"),
     "Qualisys": ("NO_OF_FRAMES\t2\nFREQUENCY\t100\nFrame\tTime\tA X\n1\t0\t5\n2\t1\t6\n", "C3D"),
-    "Vicon": ("Trajectories\n100\n,,Arm:a,,\nFrame,Sub Frame,X,Y,Z\n1,0,1,2,3\n", "C3D"),
+    " Vicon": ("Trajectories\n100\n,,Arm:a,,\nFrame,Sub Frame,X,Y,Z\n1,0,1,2,3\n", "C3D"),
+    "Vicon": ("TRAJECTORIES\n100,Hz\n,,a,,\nFrame,Sub Frame,X\n1,0,1\n", "C3D"),
     "Vicon ": ("\ufeffModel Outputs,,,\r\n100,,,\r\nFrame,Sub Frame,X\r\n1,0,1\r\n", "C3D"),
 }
 
@@ -135,6 +140,69 @@ def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
         tmp_path / "q.txt", LogOptions(None, 125.0, joints=1, signals={"actual": [0]})
     )
     np.testing.assert_array_equal(log.signals["actual"][:, 0], Q[:, 0])
+
+
+def pcd(viewpoint: str) -> str:
+    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\n"
+    return f"{head}VIEWPOINT {viewpoint}\nPOINTS 1\nDATA ascii\n1 2 3\n"
+
+
+LINKS = (
+    '<link name="base"/><link name="upper"/><link name="{0}"/><link name="jaw"/><link name="tip"/>'
+)
+JOINT = (
+    '<joint name="{}" type="revolute"><origin xyz="0 0 {}"/><parent link="{}"/><child link="{}"/>'
+    '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+)
+
+
+def urdf(link: str) -> str:
+    """An arm whose joint ``wrist`` moves the link after ``link``."""
+    places = [("shoulder", 0.1, "base", "upper"), ("elbow", 0.2, "upper", link)]
+    places += [("wrist", 0.3, link, "jaw"), ("tool", 0.4, "jaw", "tip")]
+    joints = "".join(JOINT.format(*place) for place in places)
+    joints = joints.replace('"tool" type="revolute"', '"tool" type="fixed"')
+    return f'<?xml version="1.0"?>\n<robot name="r">{LINKS.format(link)}{joints}</robot>'
+
+
+PAIRED = {"time": TIME, "q": Q, "q_target": Q}
+STAMPS = pd.to_datetime(1.7e9 + TIME, unit="s")
+COLUMNS = pd.DataFrame({f"{n}_{j}": PAIRED[n][:, j] for n in ("q", "q_target") for j in (0, 1)})
+BOTH = "joints 2; signals actual, target"
+UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
+    "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
+    "struct.mat": (
+        lambda file: savemat(file, {"rec": PAIRED}), f"0.472 s; samples 60; {BOTH}"),
+    "across.mat": (lambda file: savemat(file, PAIRED | {"q": Q.T}), "(transpose arrays"),
+    "objects.npz": (lambda file: np.savez(file, **PAIRED, about=np.array([{}], object)), BOTH),
+    "dates.npz": (lambda file: np.savez(file, **PAIRED | {"time": STAMPS.to_numpy()}), BOTH),
+    "dates.parquet": (lambda file: COLUMNS.assign(time=STAMPS).to_parquet(file), BOTH),
+    "index.parquet": (
+        lambda file: COLUMNS.set_index(TIME).rename_axis("t").to_parquet(file), BOTH),
+    "lists.parquet": (
+        lambda file: pd.DataFrame({n: [*one] for n, one in PAIRED.items()}).to_parquet(file), BOTH),
+    "echo.csv": (beside("", 1, "elbow").split("\n", 1)[1], "columns without numbers 1 (words)"),
+    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "has no number; fill it in"),
+    "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
+    "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "cx, cy; the file has cam0"),
+    "realsense.json": ('{"fx": 6.0, "fy": 6.0, "ppx": 3.5, "ppy": 2.5}', "has fx, fy, ppx"),
+    "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
+    "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
+    "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),
+    "viewpoint.pcd": (pcd("1000 0 -5 0 1 0 0"), "at 1e+03 0 -5, turned by 180° about 1 0 0"),
+    "bom.urdf": ("\ufeff" + urdf("hand"), "joints revolute (shoulder, elbow, wrist)"),
+    "floating.urdf": (urdf("a").replace("revolute", "floating", 1), "joints floating (sh"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_a_file_of_another_program_is_read_or_refused_with_what_to_do(tmp_path, name):
+    content, words = UNUSUAL[name]
+    if callable(content):
+        content(tmp_path / name)
+    else:
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert words in seen(tmp_path / name)
 
 
 @pytest.fixture
@@ -213,29 +281,12 @@ def test_a_file_of_the_cases_is_read_as_its_readme_says(case, number, name):
     assert ("!" in said) == any(stop in ONE_EACH[number, name] for stop in STOPS)
 
 
-LINKS = '<link name="base"/><link name="upper"/><link name="{0}"/><link name="jaw"/>'
-JOINT = (
-    '<joint name="{}" type="revolute"><origin xyz="0 0 {}"/><parent link="{}"/><child link="{}"/>'
-    '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
-)
-
-
-def shared_name_urdf(joint: str, link: str) -> str:
-    joints = JOINT.format("shoulder", 0.1, "base", "upper") + JOINT.format(
-        "elbow", 0.2, "upper", link
-    )
-    joints += JOINT.format(joint, 0.3, link, "jaw")
-    end = '<link name="tip"/><joint name="tip" type="fixed"><origin xyz="0 0 0.4"/>'
-    end += '<parent link="jaw"/><child link="tip"/></joint>'
-    return f'<robot name="r">{LINKS.format(link)}{joints}{end}</robot>'
-
-
 @pytest.mark.parametrize("link", ["wrist", "elbow", "universe", "hand"])
 @pytest.mark.parametrize("held", [False, True])
 def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
     tmp_path, link, held
 ):
-    (tmp_path / "r.urdf").write_text(shared_name_urdf("wrist", link))
+    (tmp_path / "r.urdf").write_text(urdf(link))
     joints = ["shoulder", "elbow"] if held else ["shoulder", "elbow", "wrist"]
     locked = {"wrist": 0.4} if held else {}
     chain = chain_of(Robot(str(tmp_path / "r.urdf"), joints, "tip", locked=locked, task=["x", "z"]))

@@ -1,5 +1,5 @@
-"""A format is one module: found by its place, read, inspected and proposed by what finds it; the
-example of each runs as its README has it.
+"""Formats found by their place and the examples of their READMEs; numbers in delimited text, tables
+of any program, commanded trajectories: one reading, or a refusal.
 """
 
 from __future__ import annotations
@@ -7,18 +7,25 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from motive_files import START, random_take
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import force, motion
-from pipeline.formats.format import Head, Kind, formats_in, matching, recognised
+from pipeline.formats.delimited import numbers_of, read_text
+from pipeline.formats.force.record import ForceLogOptions, read_force_table
+from pipeline.formats.format import Head, Kind, formats_in, recognised
+from pipeline.formats.joints.log import LogOptions
+from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.motion.motive import write_motive
+from pipeline.formats.number_sheet import Sheet, read_sheet
+from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
 from pipeline.recordings.motion_capture import read_take
 from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.kinds import DESCRIBE
@@ -90,36 +97,6 @@ def test_a_table_is_one_only_where_nothing_more_specific_begins_like_it(tmp_path
     assert recognised(Head.read(file), formats_in(formats)).name == "Motive CSV"
 
 
-@pytest.mark.parametrize("room", ["motion_capture", "force"])
-def test_a_stage_of_one_instrument_loads_no_library_of_another(room):
-    script = f"""
-import sys
-import pipeline.recordings.{room}
-from pipeline import formats
-from pipeline.formats.format import formats_in
-from pipeline.formats import force, motion
-formats_in({"force" if room == "force" else "motion"})
-print([name for name in ("cv2", "PIL", "rosbags", "ezc3d") if name in sys.modules])
-"""
-    printed = subprocess.run([sys.executable, "-c", script], capture_output=True, check=True)
-    assert re.fullmatch(rb"\[\]\s*", printed.stdout)
-
-
-def test_what_matches_comes_in_order(tmp_path):
-    for name in ("b2.csv", "b10.csv", "a.csv", "c.txt"):
-        (tmp_path / name).touch()
-    found = [path.name for path in matching(tmp_path, "*.csv", key="k")]
-    assert found == ["a.csv", "b10.csv", "b2.csv"]
-    assert matching(tmp_path, "absent/*", key="k") == []
-
-
-@pytest.mark.parametrize("pattern", ["/absolute/*.csv", ""])
-def test_a_pattern_that_is_none_is_refused_with_its_key(tmp_path, pattern):
-    with pytest.raises(ConfigError) as caught:
-        matching(tmp_path, pattern, key="dataset.depth.frames")
-    assert caught.value.evidence["key"] == "dataset.depth.frames"
-
-
 FOLDER = Path(formats.__file__).parent
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PAGES = {
@@ -145,3 +122,136 @@ def test_an_example_says_what_stands_there(folder, title, section, tmp_path, mon
     with contextlib.redirect_stdout(io.StringIO()) as said:
         exec(compile(code, f"{folder}: {title}", "exec"), {})
     assert said.getvalue().split() == printed.split()
+
+
+FILE, KEY = Path("log.csv"), "dataset.here"
+
+
+def sheet(folder: Path, text: str, **options: str) -> Sheet:
+    (folder / "log.txt").write_text(text)
+    return read_sheet(folder / "log.txt", key=KEY, **options)
+
+
+@pytest.mark.parametrize("form", ["%.6f", "%.15G", "%.17g"])
+def test_numbers_are_correctly_rounded_as_by_python(form):
+    generator = np.random.default_rng(1)
+    drawn = generator.normal(size=5000) * 10.0 ** generator.integers(-9, 9, 5000)
+    rows = [form % value for value in drawn]
+    result = numbers_of(rows, list(range(5000)), [0], file=FILE)
+    np.testing.assert_array_equal(result[:, 0], [float(row) for row in rows])
+
+
+WRONG = ["x", "1_0", "1 2", "0x1A", "True", "None", "NA", "-Infinity", "1e999", "1,5", "--1", '"1']
+WRONG += ["1e300", "-2E20", "7" * 5000]
+
+
+@pytest.mark.parametrize("cell", WRONG)
+def test_a_cell_that_is_no_finite_number_or_nothing_measures_is_refused_by_its_line(cell):
+    with pytest.raises(RecordingError) as caught:
+        numbers_of(["1;2", f"3;{cell}"], [4, 5], [0, 1], file=FILE, separator=";", gaps=True)
+    assert caught.value.evidence["line"] == 5 and len(str(caught.value)) < 200
+
+
+def test_cells_in_many_forms_are_numbers_and_missing_ones_are_nan_where_gaps_are_expected():
+    for cell in ("1.5", " 1.5", "1.5 ", "+1.5", '"1.5"', "15e-1", "0.15E+1"):
+        assert numbers_of([f"0,{cell}"], [1], [1], file=FILE).item() == 1.5
+    for cell in ("", " ", "NAN", "nan", "-nan(ind)", "1.#QNAN", '""'):
+        assert np.isnan(numbers_of([f"0,{cell}"], [1], [1], file=FILE, gaps=True)).all()
+        with pytest.raises(RecordingError, match="column 2 has no number"):
+            numbers_of([f"0,{cell}"], [1], [1], file=FILE)
+    assert numbers_of(["1,text,2", "3,,4"], [1, 2], [2, 0], file=FILE).tolist() == [[2, 1], [4, 3]]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_what_follows_the_last_line_end_is_kept_apart(tmp_path, end):
+    (tmp_path / "t.txt").write_bytes(f"\ufeffone{end}two{end}thr".encode())
+    text = read_text(tmp_path / "t.txt")
+    assert (text.lines, text.cut) == (["one", "two"], "thr")
+    (tmp_path / "t.txt").write_bytes(f"one{end}".encode())
+    assert read_text(tmp_path / "t.txt").cut is None
+
+
+ONE = ["1.5,2\n3,4\n", "1.5, 2\n3, 4\n", "1,5;2\n3;4\n", "1.5;2\n3;4\n", "1,5\t2\n3\t4\n"]
+ONE += ["  1,5   2\n\n 3 4\n", "# x y\n1.5 2\n3e0 4\n", '"x";"y"\n"1,5";"2"\n"3";"4"\n']
+ONE += ["a note\nx,y\n1.5,2\n3,4\n", "\xa0\nx,y\n1.5,2\n3,4\n"]
+
+
+@pytest.mark.parametrize("text", ONE)
+def test_a_table_that_allows_one_reading_is_read_so(tmp_path, text):
+    assert sheet(tmp_path, text).values([0, 1]).tolist() == [[1.5, 2], [3, 4]]
+    assert sheet(tmp_path, "x,y\n1,5\n3,4\n").values([0, 1]).tolist() == [[1, 5], [3, 4]]
+
+
+MORE = ["1,5,2\n3,5,4\n", "1;2.5\n3,5;4\n", "1,5\n3,4\n", "1.5;2\n1.234,5;3\n"]
+MORE += ["1,5;2\n1;5,2;3\n1,5,2\n"]
+
+
+@pytest.mark.parametrize("text", MORE)
+def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(tmp_path, text):
+    with pytest.raises(RecordingError) as caught:
+        sheet(tmp_path, text).values([0, 1])
+    assert caught.value.evidence.get("key") == KEY or caught.value.evidence["line"] == 2
+
+
+def test_options_settle_it_and_what_is_no_mark_is_refused(tmp_path):
+    for options, values in (
+        ({"separator": ","}, [[1, 5], [3, 4]]),
+        ({"separator": ";", "decimal": ","}, [[1.5], [3.4]]),
+    ):
+        result = sheet(tmp_path, "1,5\n3,4\n", **options)
+        assert result.values([*range(result.width)]).tolist() == values
+    for wrong in ({"separator": "|"}, {"decimal": "'"}, {"separator": ",", "decimal": ","}):
+        with pytest.raises(ConfigError, match=KEY):
+            sheet(tmp_path, "1,5\n", **wrong)
+
+
+@pytest.mark.parametrize(
+    ("end", "rows", "cut"), [("5,6\n", 3, 0), ("5,6", 2, 1), ("5\n", 2, 1), ("5\n6", 2, 2)]
+)
+def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(tmp_path, end, rows, cut):
+    result = sheet(tmp_path, "x,y\n1,2\n3,4\n" + end)
+    assert (len(result.rows), result.counts["cut_rows"], result.lines[0]) == (rows, cut, 2)
+
+
+def test_rows_that_lack_a_column_of_their_labels_are_refused_also_by_columns_numbers(tmp_path):
+    file = tmp_path / "log.csv"
+    rows = "".join(f"{k}.5,1.5,2.5\n" for k in range(12))
+    file.write_text("time,q1,q2,q3\n" + rows)
+    joints = LogOptions(joints=2, signals={"actual": [1, 2]})
+    forces = ForceLogOptions({"t": 0, "fx": 0, "fy": 1, "fz": 2}, force_unit="N", time_unit="s")
+    for read, options in ((read_joint_table, joints), (read_force_table, forces)):
+        with pytest.raises(RecordingError, match=r"3 cells under 4 labels.*'q3'") as refused:
+            read(file, options)
+        assert refused.value.evidence["line"] == 2
+    assert "3 cells under 4 labels" in inspect(file)[0].stops[0]
+    # the control: as many labels, and cells that a spreadsheet has padded
+    file.write_text("time;q1;q2;;\n" + rows.replace(",", ";").replace("\n", ";;\n"))
+    assert read_joint_table(file, joints).signals["actual"].shape == (12, 2)
+    assert inspect(file)[0].facts["columns"] == 3 and not inspect(file)[0].stops
+
+
+def trajectory(rows: int = 321) -> pd.DataFrame:
+    table = np.random.default_rng(1).normal(0, 0.5, (rows, 7))
+    table[:, 0] = np.round(np.arange(rows) / 30, 6)  # as six decimals print equal steps
+    return pd.DataFrame(table, columns=COLUMNS)
+
+
+def test_written_trajectories_read_back_bit_for_bit_in_any_order_of_columns(tmp_path):
+    file, families = tmp_path / "t.csv", trajectory().set_axis(FAMILIES, axis=1)
+    write_trajectory(file, families)
+    assert file.read_text().startswith("t,x,z,phi,vx,vz,vphi\n0.0,")
+    pd.testing.assert_frame_equal(read_trajectory(file), families, check_exact=True)
+    trajectory()[COLUMNS[::-1]].to_csv(file, index=False)
+    pd.testing.assert_frame_equal(read_trajectory(file), families, check_exact=True)
+
+
+def test_the_joints_may_stand_beside_the_pose_or_alone(tmp_path):
+    joints = {"q:a": np.linspace(0, 1, 9), "q:b": np.linspace(2, 3, 9)}
+    both, file = trajectory(9).set_axis(FAMILIES, axis=1).assign(**joints), tmp_path / "t.csv"
+    for written in (both, both[["t", "q:a", "q:b"]]):
+        write_trajectory(file, written.assign(other=1.0))
+        pd.testing.assert_frame_equal(read_trajectory(file), written, check_exact=True)
+    # beside the joints a pose is whole, or there is none
+    both.drop(columns="x:z").rename(columns={"x:x": "x", "x:phi": "phi"}).to_csv(file)
+    with pytest.raises(RecordingError, match="must name z"):
+        read_trajectory(file)

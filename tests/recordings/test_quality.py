@@ -1,14 +1,23 @@
-"""Counts are summed up by their unit, and a take beyond a stated limit is left out."""
+"""Raw files by part and recordings by name, counts by their unit: each is read, kept, left out or
+accounted for.
+"""
 
 from __future__ import annotations
+
+import hashlib
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from made_options import made, parameters
 
-from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Limits
+from pipeline.core import config, contracts
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.dataset import Dataset, Limits
+from pipeline.recordings.inventory import KEYS, by_part, listing, named_takes, take_name
 from pipeline.recordings.quality import (
+    account,
     beside_limits,
     metrics,
     quality_row,
@@ -17,6 +26,8 @@ from pipeline.recordings.quality import (
     side_by_side,
     summarised,
 )
+from pipeline.recordings.steps import held_against, truth_of
+from pipeline.stages import files
 
 CAMERA, LOG = "depth camera", "joint log"
 SHARES, CORRELATIONS = [0.2, 0.9, 0.4, 0.6], [0.999, 0.98, 0.97, 0.99]
@@ -110,3 +121,172 @@ def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
     # a single take that no limit leaves out is for others to judge
     one = measured("residual_rms", {"a": 1e-4})
     require_enough(beside_limits(one, {"residual_rms": 1e-3}))
+
+
+FILES = {
+    "motion": ("trajectory.csv", "optitrack/train_001.csv", "optitrack/test_001.csv"),
+    "depth": ("kinect/intrinsics.yaml", "kinect/test_001/depth.txt", "kinect/test_001/depth/0.png"),
+    "force": ("force/C1.csv", "force/C2.csv", "force/C3.csv"),
+}
+UNCLAIMED = "notes/setup.txt"
+
+
+@pytest.fixture
+def recordings(tmp_path, monkeypatch) -> Path:
+    """The raw files of a youBot session, and a note that no pattern of its datasheet names."""
+    dataset = config.compose_config(parameters(tmp_path)).dataset
+    monkeypatch.chdir(tmp_path)
+    folder = Path(dataset.recordings)
+    for name in (*(name for named in FILES.values() for name in named), UNCLAIMED):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    return folder
+
+
+@pytest.fixture
+def dataset(tmp_path) -> Dataset:
+    return config.compose_config(parameters(tmp_path)).dataset
+
+
+def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(recordings, dataset):
+    parts = by_part(listing(recordings), dataset)
+    assert [*parts] == [*KEYS]
+    for part, named in FILES.items():
+        assert set(parts[part]["file"]) == {*named, UNCLAIMED}
+    # without an instrument its files might be read with any
+    dataset.force = None
+    parts = by_part(listing(recordings), dataset)
+    for part in ("motion", "depth"):
+        assert set(parts[part]["file"]) == {*FILES[part], *FILES["force"], UNCLAIMED}
+    dataset.depth.takes = "/absolute/*"
+    with pytest.raises(ConfigError) as refused:
+        by_part(listing(recordings), dataset)
+    assert refused.value.evidence["key"] == "dataset.depth.takes"
+
+
+def test_an_edit_of_a_force_log_changes_the_list_of_the_force_alone(recordings, tmp_path):
+    (tmp_path / "data/config.yaml").parent.mkdir(exist_ok=True)
+    config.write_config(parameters(tmp_path))
+    stages = {"files": {"params": [{str(config.COMPOSED): ["dataset"]}]}}
+    (tmp_path / "dvc.yaml").write_text(f"stages: {stages}\n".replace("'", ""))
+
+    def written() -> dict[str, bytes]:
+        files.run()
+        return {file.stem: file.read_bytes() for file in files.OUT.iterdir()}
+
+    before = written()
+    assert {*before} == {*KEYS} and written() == before
+    for name, changed in (
+        ("force/C2.csv", {"force"}),
+        ("kinect/test_001/depth/0.png", {"depth"}),
+        ("optitrack/train_001.csv", {"motion"}),
+        (UNCLAIMED, {*KEYS}),  # the control
+    ):
+        (recordings / name).write_text("edited")
+        after = written()
+        assert {part for part in KEYS if after[part] != before[part]} == changed
+        before = after
+
+
+def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recordings, tmp_path):
+    before = listing(recordings).set_index("file")
+    (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
+    after = listing(recordings).set_index("file")
+    assert list(before.index[(before != after).any(axis=1)]) == [UNCLAIMED]
+    assert list(before.index) == [path.as_posix() for path in sorted(map(Path, before.index))]
+    assert (before["bytes"] == after["bytes"]).all()
+    content = (recordings / UNCLAIMED).read_bytes()
+    found = len(content), hashlib.sha256(content).hexdigest()
+    assert tuple(after.loc[UNCLAIMED, ["bytes", "sha256"]]) == found
+    for folder in (tmp_path / "data/nothing", tmp_path / "nowhere"):
+        (tmp_path / "data/nothing").mkdir(exist_ok=True)
+        with pytest.raises(RecordingError, match="no recordings") as refused:
+            listing(folder)
+        assert refused.value.evidence["file"] == folder
+
+
+RAW = Path("recordings")
+
+
+@pytest.mark.parametrize(
+    ("pattern", "path", "name"),
+    [
+        ("optitrack/train_*.csv", "optitrack/train_1.csv", "train_1"),
+        ("Movement_*/csv_files", "Movement_3/csv_files", "Movement_3"),
+        ("Movement_*/csv_files/*.csv", "Movement_3/csv_files/a.csv", "Movement_3_csv_files_a"),
+        ("day_[12]/run_?.npz", "day_2/run_1.npz", "day_2_run_1"),
+        ("**/log.csv", "a/b/log.csv", "a_b"),
+        ("logs/only.csv", "logs/only.csv", "only"),
+    ],
+)
+def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(pattern, path, name):
+    assert take_name(RAW / path, RAW, pattern) == name
+
+
+def test_files_of_one_name_in_several_folders_are_all_there_and_a_collision_is_refused(tmp_path):
+    for place in ("m_1/csv/a.csv", "m_1/csv/b.csv", "m_2/csv/a.csv", "m_2/csv/b.csv"):
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).touch()
+    named = named_takes(tmp_path, "m_*/csv/*.csv", key="k")
+    assert [*named] == ["m_1_csv_a", "m_1_csv_b", "m_2_csv_a", "m_2_csv_b"]
+    assert named["m_2_csv_a"] == tmp_path / "m_2/csv/a.csv"
+    assert [*named_takes(tmp_path, "m_*/csv", key="k")] == ["m_1", "m_2"]
+    (tmp_path / "m_1/csv/a.txt").touch()
+    with pytest.raises(RecordingError, match=r"'m_1_csv_a', the other is m_1/csv/a.csv") as refused:
+        named_takes(tmp_path, "m_*/csv/*", key="k")
+    assert refused.value.evidence == {"file": tmp_path / "m_1/csv/a.txt", "key": "k"}
+    with pytest.raises(ConfigError, match="must be a relative path"):
+        named_takes(tmp_path, "/m_*", key="k")
+
+
+NAMES = ["a/1.csv", "a/2.csv", "LICENSE", "old/3.csv", "old/4.csv"]
+FOUND = [pd.DataFrame({"file": files}) for files in (NAMES, [*NAMES[2:], "depth/0.png"])]
+
+
+def test_each_step_says_what_it_found_kept_and_left_out():
+    rows = [
+        quality_row(take, "training", "joint log", *row)
+        for take, held in {
+            "a": [("repetitions", 2), ("excursions_cut_off", 1), ("excursions_other_motion", 3)],
+            "b": [("repetitions", 0), ("excursions_cut_off", 1), ("excursions_other_motion", 0)],
+            "a_1": [("disturbance", 7.0, "robust standard deviations")],
+            "a_2": [("disturbance", 0.5, "robust standard deviations")],
+        }.items()
+        for row in held
+    ]
+    quality = pd.DataFrame(rows)
+    table = account(FOUND, quality, beside_limits(quality, {"disturbance": 6.0}))
+    assert table.to_numpy().tolist() == [
+        ["files", "all", 6, 3, "LICENSE, old (2)"],
+        ["motions", "a", 6, 2, "cut off 1, other motion 3"],
+        ["motions", "b", 1, 0, "cut off 1"],
+        ["takes", "training", 2, 1, "a_1 (disturbance 7 beyond 6)"],
+    ]
+    # the control: without the limit nothing is left out
+    stays = account(FOUND, quality, beside_limits(quality, {}))
+    assert stays.iloc[-1].tolist() == ["takes", "training", 2, 2, ""]
+    # of many places that nothing reads the first are named
+    many = pd.DataFrame({"file": [f"{i:02}/x" for i in range(11)]})
+    row = account([many, many], quality, beside_limits(quality, {})).iloc[0].tolist()
+    assert row == ["files", "all", 11, 0, "00, 01, 02, 03, 04, 05, 06, 07, and in 3 more places"]
+
+
+TRUE = pd.DataFrame({"take": ["a"], "part": ["test"], "k": [0], "t": [0.0], "q:arm": [0.5]})
+
+
+@pytest.mark.parametrize(
+    ("measurement", "synthetic", "true"),
+    [("tip", True, True), ("tip", False, False), ("encoders", True, False), ("depth", True, False)],
+)
+def test_only_by_the_tip_and_only_where_there_is_a_truth(
+    tmp_path, monkeypatch, measurement, synthetic, true
+):
+    monkeypatch.chdir(tmp_path)
+    dataset = made(Dataset, recordings="raw/t/recordings", measurement=measurement)
+    assert truth_of(dataset) == Path("raw/t/truth")
+    if synthetic:
+        Path("raw/t/truth").mkdir(parents=True)
+        contracts.write(TRUE, "true_joints", truth_of(dataset))
+    measured = TRUE.assign(**{"q:arm": 0.4})
+    table, is_true = held_against(measured, dataset)
+    assert is_true == true and table["q:arm"].tolist() == [0.5 if true else 0.4]

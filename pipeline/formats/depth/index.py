@@ -46,6 +46,8 @@ def read_index(file: Path) -> DepthIndex:
         message = ""
         if not NUMBER.fullmatch(stamp) or not name or not np.isfinite(float(stamp)):
             message = f"{line[:80]!r} is no finite time in s, a blank and the name of a frame"
+        elif len(words := name[0].split()) > 2 and NUMBER.fullmatch(words[1]):
+            message = "the line pairs two images; write the time and the name of the depth frame"
         elif time and float(stamp) <= time[-1]:
             message = "the time does not increase"
         if message:

@@ -18,7 +18,7 @@ import yaml
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import read_text
-from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.format import Format, Head, Kind, read_alone
 
 MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
 MATRIX += ("K", "k", "intrinsic_matrix")
@@ -38,8 +38,11 @@ REAL = re.compile(
     r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=[eE]))([eE][-+]?[0-9]+)?$|[-+]?\.(nan|inf)$"
 )
 NO_CALIBRATION = "this is no calibration in OpenCV's YAML or XML, YAML or JSON, or it is truncated"
+# also of calibrations in another form, which the reader refuses by their keys
 CALIBRATED = re.compile(
-    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION))})\b"?\s*[:>\s]', re.MULTILINE
+    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION, "ppx"))})\b"?\s*[:>\s]'
+    r'|"Intrinsics"|^\s+intrinsics: \[',
+    re.MULTILINE,
 )
 
 
@@ -108,11 +111,10 @@ def read_intrinsics(
 
     ``matrix`` and ``distortion`` name the keys where they are not the usual ones, or where the file
     holds several. Only JSON may leave the distortion out, for a camera without. Of the messages of
-    a CameraInfo that ROS prints, all must be equal but for their headers. Raises RecordingError for
-    a file of none of the formats, a key that is not there or not the only one (naming those that
-    are), values that are no camera's, a distortion model that is not OpenCV's, and another size.
+    a CameraInfo that ROS prints, all must be equal but for their headers.
     """
-    values, is_json = _values(file)
+    # a library may end on damaged text, or take any time
+    values, is_json = read_alone(_values, Path(file), file=file, advice="export it again")
     for names in SIZE:  # where it is not given, it is the file's
         stated = [values.get(name) for name in names]
         width, height = (a or b for a, b in zip((width, height), stated, strict=True))
@@ -141,7 +143,8 @@ def read_intrinsics(
         fx, fy, cx, cy = (_numbers(values[name], 1, file, name).item() for name in FOCAL)
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     else:
-        message = f"no camera matrix under a usual name; {there}: name its key in camera_matrix"
+        message = f"no camera matrix under a usual name, nor fx, fy, cx, cy; {there}: name its key "
+        message += "in camera_matrix, or write these four outside of any other key"
         raise RecordingError(message, file=file)
     if bent is None and (not is_json or any(BENT.fullmatch(name) for name in values)):
         message = f"there are no distortionCoefficients; {there}: name their key in distortion, or "

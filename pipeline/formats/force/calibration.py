@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import Format, Kind, file_content, is_xml
+from pipeline.formats.format import Format, Kind, decoded, file_content, is_xml
 from pipeline.formats.units import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
@@ -36,10 +36,11 @@ def read_calibration(file: Path) -> Calibration:
     calibration, an axis without six gauges or a rating, and a basic transform of unknown effect.
     """
     try:
-        elements = [*ElementTree.fromstring(file_content(file)).iter()]
+        # as text, since programs save it in another encoding than its first line states
+        elements = [*ElementTree.fromstring(decoded(file_content(file)) or "").iter()]
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
-        message = f"this is no XML in UTF-8 ({error}); copy it again"
+        message = f"this is no XML ({error}); copy it again"
         raise RecordingError(message, file=file, **line) from None
     serial = next((one.attrib["Serial"] for one in elements if "Serial" in one.attrib), "")
     stated = [one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}]

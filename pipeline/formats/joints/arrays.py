@@ -97,10 +97,6 @@ class NamedArrays:
 def read_arrays(file: Path, options: LogOptions) -> JointLog:
     """Return the signals of ``options`` in ``file``, by default the measured and the commanded
     angles by their names.
-
-    Raises RecordingError for a damaged file; with the array and row (from 0), for another shape
-    than (N, joints), numbers that are not finite and times that do not increase; with the option
-    that settles it for a name that is not there or not the only one.
     """
     head = Head.read(file)
     if head.content.startswith(HDF5):
@@ -118,6 +114,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     if {*length.values()} != {len(time)}:
         rows = ", ".join(f"{count} of {name}" for name, count in length.items())
         message = f"{len(time)} times for {rows} angles; save a row of joints for each time"
+        message += " (transpose arrays that have a row for each joint)"
         raise RecordingError(message, file=file, array=clock)
     log = JointLog(time, signals, {})
     return increasing(log, file, lambda row: {"array": clock, "row": row})
@@ -138,9 +135,15 @@ def _npz(file: Path) -> Held:
 
 
 def _plain(value: object) -> np.ndarray:
-    """Return ``value`` where it is an array of plain numbers, else an array of the shape ()."""
-    plain = isinstance(value, np.ndarray) and value.dtype.kind in "fiu"
-    return value if plain else np.empty(())
+    """Return ``value`` where it is an array of plain numbers, dates and times in s (since 1970),
+    lists of one length as rows; else an array of the shape ().
+    """
+    kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
+    if kind == "O" and value.ndim == 1 and len({np.shape(row) for row in value}) == 1:
+        return _plain(np.stack(value)) if np.shape(value[0]) else np.empty(())
+    if kind in ("m", "M"):
+        return (value - np.zeros(1, value.dtype)) / np.timedelta64(1, "s")
+    return value if kind and kind in "fiu" else np.empty(())
 
 
 def _mat(file: Path) -> Held:
@@ -169,8 +172,8 @@ def _parquet(file: Path) -> Held:
     table.validate()
     if len({*table.column_names}) < len(table.column_names):
         raise RecordingError("two of its columns have one name; rename one of them", file=file)
-    columns = {name: table[name].to_numpy() for name in table.column_names}
-    held = {name: values for name, values in columns.items() if values.dtype.kind in "fiu"}
+    columns = {name: _plain(table[name].to_numpy()) for name in table.column_names}
+    held = {name: values for name, values in columns.items() if values.ndim}
     for name, group in columns_by_name([*held]).items():
         if name not in held and len(group) > 1:
             held[name] = np.column_stack([held[label] for label in group])

@@ -25,6 +25,7 @@ from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, requ
 from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
 from pipeline.formats.joints import bag as joint_bag
 from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY
+from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.finding import ROBOT, Finding
 from pipeline.tools.inspect.joints import joint_log, table
 
@@ -37,6 +38,7 @@ MARKS = {
     b"\x93NUMPY": "a single array: save it with its times in one .npz",
     b"PK": "an archive without arrays of NumPy first: unpack it, or export a spreadsheet as CSV",
     b"\x1f\x8b": "a packed file: unpack it",
+    b"(\xb5/\xfd": "a packed file: unpack it",
 }
 
 
@@ -76,6 +78,8 @@ def _unrecognised(finding: Finding, head: Head) -> Finding:
         reason = MARKS[mark]
     elif head.text is None:
         reason = "binary data of no known format: export as in pipeline/formats/README.md"
+    elif head.suffix in TREES:
+        reason = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
     elif head.suffix in (".csv", ".tsv") or (cells and min(map(len, cells)) > 2):
         reason = "labels or words without rows of numbers below: record or export it again"
     else:

@@ -1,17 +1,157 @@
-"""Frames of a depth sequence: point clouds of every form of PCD and PLY, indexes and numbered
+"""Frames of a depth sequence: images and what their values mean, point clouds, indexes, numbered
 names. What is refused of files: tests/formats/test_refusals.py.
 """
 
 from __future__ import annotations
 
+import tracemalloc
+import zlib
+from functools import partial
+
+import cv2
 import numpy as np
 import pytest
-from depth_files import CLOUDS, PCDS, positions, records
+from depth_files import CLOUDS, PCDS, SHAPE, frame, png, positions, records, tiff
 from written_logs import refusal
 
-from pipeline.core.errors import RecordingError
+from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.options.instruments import Depth
+from pipeline.core.validation import validated
 from pipeline.formats.depth.cloud import UNTURNED, read_cloud
+from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth, write_depth
 from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index, write_index
+
+SMALL = frame(shape=(12, 16))
+
+
+REAL = [
+    ("depth_millimetres.png", 2702, 0.1304, 1000),
+    ("depth_tum_scale5000.png", 46655, 0.1919, 5000),
+]
+
+
+@pytest.mark.parametrize(("name", "largest", "zeros", "units"), REAL)
+def test_frames_of_real_sensors_keep_all_sixteen_bits(shared, name, largest, zeros, units):
+    raw = read_depth(shared / "samples/kinect" / name, shape=(480, 640)).pixels
+    assert (raw.dtype, raw.shape, raw.max()) == (np.uint16, (480, 640), largest)
+    assert abs((raw == 0).mean() - zeros) < 1e-4
+    depth = metres(RawDepth(raw), Encoding("plain", units))
+    assert depth.dtype == np.float32 and (np.isnan(depth) == (raw == 0)).all()
+    np.testing.assert_allclose(np.nanmax(depth), largest / units, rtol=1e-6)
+
+
+def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path):
+    extremes = frame()
+    extremes[0, :4] = 0, 1, 65534, 65535
+    for file in (tmp_path / "1.png", tmp_path / "2.png"):
+        write_depth(file, extremes)
+    np.testing.assert_array_equal(read_depth(tmp_path / "1.png", shape=SHAPE).pixels, extremes)
+    assert (tmp_path / "1.png").read_bytes() == (tmp_path / "2.png").read_bytes()
+    with pytest.raises(TypeError):
+        write_depth(tmp_path / "d.png", SMALL.astype(np.int32))
+
+
+def encoded(ending: str, image: np.ndarray) -> bytes:
+    return cv2.imencode(ending, image)[1].tobytes()
+
+
+@pytest.mark.parametrize("side", [12_000, 60_000, 2**31 - 1])
+def test_an_image_that_would_unfold_into_gigabytes_is_refused_before_it_does(tmp_path, side):
+    file = tmp_path / "d.png"
+    width = min(side, 60_000)
+    file.write_bytes(png(zlib.compress(bytes(2 * width + 1), 9), width, side))
+    tracemalloc.start()
+    refusal(partial(read_depth, shape=SHAPE), file)
+    assert tracemalloc.get_traced_memory()[1] < 20e6
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("compression", ["raw", "tiff_lzw", "tiff_adobe_deflate"])
+@pytest.mark.parametrize("kind", [np.uint16, np.float32])
+def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
+    image = SMALL.astype(kind)
+    (tmp_path / "d.tif").write_bytes(tiff(image, "depth scale=0.25", compression=compression))
+    raw = read_depth(tmp_path / "d.tif", shape=SMALL.shape)
+    assert (raw.pixels.dtype, raw.description) == (kind, "depth scale=0.25")
+    np.testing.assert_array_equal(raw.pixels, image)
+    depth = metres(raw, Encoding("plain", 1000, scale_key="scale"))
+    np.testing.assert_allclose(depth[image > 0], image[image > 0] * 0.25e-3, rtol=1e-6)
+
+
+ROWS = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
+PGM = b"P5\n# a comment\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "values"),
+    [
+        (png(ROWS, 16, 12), SMALL),
+        (PGM, SMALL),
+        (encoded(".tif", SMALL / 3.0), (SMALL / 3.0).astype(np.float32)),
+    ],
+)
+def test_a_whole_image_of_another_program_is_decoded(tmp_path, content, values):
+    (tmp_path / "d").write_bytes(content)
+    pixels = read_depth(tmp_path / "d", shape=(12, 16)).pixels
+    assert pixels.dtype == values.dtype
+    np.testing.assert_array_equal(pixels, values)
+
+
+def test_a_scale_of_a_description_is_one_positive_number():
+    encoding, raw = Encoding("plain", 1000, scale_key="scale"), np.full((2, 2), 500, np.uint16)
+    for text in ("scale=2", "scale: 2.0", '{"scale": 2}', "unit scale 2 (mm)"):
+        assert (metres(RawDepth(raw, text), encoding) == 1).all()
+    for text in ("", "scale=x", "rescale=2", "scale=1 scale=2", "scale=-1", "scale=1e999"):
+        with pytest.raises(RecordingError, match="'scale'"):
+            metres(RawDepth(raw, text), encoding)
+
+
+def test_rotated_bits_and_disparities_become_depth():
+    millimetres = np.array([[0, 1, 1234, 8191]], np.uint16)
+    stored = (millimetres << 3) | (millimetres >> 13)
+    depth = metres(RawDepth(stored), Encoding("rotated_bits", 1000))
+    np.testing.assert_allclose(depth[0], [np.nan, 0.001, 1.234, 8.191], rtol=1e-6)
+    with pytest.raises(RecordingError, match="float32"):
+        metres(RawDepth(np.ones((2, 2), np.float32)), Encoding("rotated_bits", 1000))
+    disparity = np.array([[0, 500, 1000, 1092, 1093, 2047]], np.uint16)
+    encoding = Encoding("disparity", 1, disparity=(351.3, 1092.5))
+    depth = metres(RawDepth(disparity.byteswap()), encoding)
+    np.testing.assert_allclose(depth[0, 1:4], 351.3 / (1092.5 - disparity[0, 1:4]), rtol=1e-6)
+    assert np.isnan(depth[0, [0, 4, 5]]).all()
+    # bytes that were not swapped are no disparities of eleven bits
+    with pytest.raises(RecordingError, match="11-bit"):
+        metres(RawDepth(disparity), encoding)
+
+
+def test_zero_nan_infinite_negative_and_saturated_values_are_no_depth():
+    floats = np.array([[0, np.nan, np.inf, -1, 0.5, 7.9, 8, 9]], np.float32)
+    depth = metres(RawDepth(floats), Encoding("plain", 1, saturation=8))
+    assert np.flatnonzero(np.isfinite(depth)).tolist() == [4, 5]
+    counts = np.array([[0, 1, 65534, 65535]], np.uint16)
+    for saturation, there in ((65535, [1, 2]), (None, [1, 2, 3])):
+        depth = metres(RawDepth(counts), Encoding("plain", 1000, saturation=saturation))
+        assert np.flatnonzero(np.isfinite(depth)).tolist() == there
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({"encoding": "mm"}, "encoding"),
+        ({"units_per_metre": 0}, "units_per_metre"),
+        ({"encoding": "disparity"}, "disparity"),
+        ({"disparity": [1.0, 2.0]}, "disparity"),
+    ],
+)
+def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(options, key):
+    workspace = dict.fromkeys(("half_depth", "girth", "column_half_width", "column_top"), 0.1)
+    workspace |= {"floor": 0.0, "min_pixels": 1, "max_points": 9}
+    sound = {"takes": "*", "encoding": "plain", "units_per_metre": 1000.0, "rate": 30.0}
+    sound |= {"camera": {"position": [0.0] * 3, "rpy": [0.0] * 3}}
+    sound |= {"workspace": workspace, "search": 0.1}
+    assert validated(Depth, sound).disparity is None
+    with pytest.raises(ConfigError) as caught:
+        validated(Depth, sound | options, "dataset.depth")
+    assert caught.value.evidence["key"] == f"dataset.depth.{key}"
 
 
 @pytest.mark.parametrize("name", CLOUDS)

@@ -1,5 +1,5 @@
 """C3D takes as several programs write them: points, units, labels, missing samples and what else is
-in the file, and what is refused.
+in the file, and what is refused; the rate of a take by its times.
 """
 
 from __future__ import annotations
@@ -12,14 +12,12 @@ from pathlib import Path
 import ezc3d
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from written_logs import refusal
 
 from pipeline.core.bounds import Reading, within
-from pipeline.core.errors import RecordingError
 from pipeline.formats.motion import c3d as c3d_format
 from pipeline.formats.motion.c3d import read_c3d
+from pipeline.formats.motion.take import rate_from_times
 from pipeline.tools.inspect.command import as_table, inspect
 
 AB = ["Arm:a", "Arm:b"]
@@ -224,15 +222,19 @@ def test_a_file_that_is_beyond_a_bound_names_it(tmp_path, monkeypatch, bounds, b
     assert error.evidence["bound"] == f"dataset.reading.{bound}"
 
 
-@pytest.mark.slow
-@settings(derandomize=True, max_examples=15, deadline=None)
-@given(cut=st.floats(0, 1, exclude_max=True))
-def test_a_file_cut_at_any_byte_is_refused_or_whole(tmp_path_factory, cut):
-    file = write(tmp_path_factory.mktemp("cut"), AB, points())
-    whole, content = read_c3d(file), file.read_bytes()
-    file.write_bytes(content[: int(cut * len(content))])
-    try:
-        result = read_c3d(file)
-    except RecordingError:
-        return
-    assert all((result.markers[name] == whole.markers[name]).all() for name in whole.markers)
+@pytest.mark.parametrize(
+    ("frames", "rate", "decimals", "known"),
+    [(slice(500, 900), rate, 3, rate) for rate in (100, 120, 240, 360)]
+    + [
+        (slice(0), 1000, 6, 1000),
+        (slice(0), 120, 2, 120),  # rounded by more than half a frame
+        (slice(0), 59.94, 15, 59.94),
+        (slice(5, None), 59.94, 15, 60),  # in five frames nobody can tell
+        (slice(1, None), 100, 3, None),
+    ],
+)
+def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate, decimals, known):
+    frame = np.delete(np.arange(72210, 74210), frames)
+    found = rate_from_times(frame, np.round(frame / rate, decimals))
+    assert found == (known if known is None else pytest.approx(known, abs=1e-9))
+    assert rate_from_times(frame, np.zeros(len(frame))) is None

@@ -1,16 +1,29 @@
-"""Columnar takes of Motive: written, and read whatever their version."""
+"""Takes of Motive in both grammars: written, read whatever their version, refused by their line."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from motive_files import MARKER, POSE, START, columns, columns_file, random_take
+from motive_files import (
+    DEFINITION,
+    MARKER,
+    POSE,
+    START,
+    TRACKED,
+    body_row,
+    columns,
+    columns_file,
+    in_metres,
+    random_take,
+    rows_file,
+    seen_row,
+)
 from scipy.spatial.transform import Rotation
 from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.formats.motion.take import rate_from_times, settle_unit
+from pipeline.formats.motion.take import settle_unit
 
 
 def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_path):
@@ -30,21 +43,6 @@ def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_pa
         np.testing.assert_allclose(found, put, rtol=0, atol=0.501e-6)
     names = ("missing_samples", "missing_poses", "time_mismatches")
     assert [result.counts[name] for name in names] == [10, 1, 0]
-
-
-def test_a_written_take_has_the_instruments_rows_and_the_same_bytes_when_rewritten(tmp_path):
-    first, second = tmp_path / "1.csv", tmp_path / "2.csv"
-    write_motive(first, random_take(), start=START)
-    write_motive(second, read_motive(first), start=START)
-    content = first.read_bytes()
-    assert content == second.read_bytes()
-    lines = content.split(b"\r\n")
-    assert content.count(b"\n") == len(lines) - 1 == 7 + 321
-    assert lines[0].startswith(b"Format Version,1.23,Take Name,Take 1,Take Notes,,Capture Frame Ra")
-    assert lines[0].endswith(b"Quaternion,Length Units,Meters,Coordinate Space,Global")
-    starts = [b"", b",Type,Rigid Body,", b",Name,Base,", b',ID,"A10",', b",,Rotation,"]
-    starts += [b"Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,X,Y,Z,", b"0,0.000000,", b"1,0.010000,"]
-    assert all(line.startswith(start) for line, start in zip(lines[1:], starts, strict=False))
 
 
 def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
@@ -214,24 +212,6 @@ def test_raw_markers_are_preferred_shared_names_keep_their_ids_and_bones_are_ski
     assert "bones alone" in refusal(read_motive, file).message
 
 
-@pytest.mark.parametrize(
-    ("frames", "rate", "decimals", "known"),
-    [(slice(500, 900), rate, 3, rate) for rate in (100, 120, 240, 360)]
-    + [
-        (slice(0), 1000, 6, 1000),
-        (slice(0), 120, 2, 120),  # rounded by more than half a frame
-        (slice(0), 59.94, 15, 59.94),
-        (slice(5, None), 59.94, 15, 60),  # in five frames nobody can tell
-        (slice(1, None), 100, 3, None),
-    ],
-)
-def test_a_rate_that_no_header_states_is_that_of_the_printed_times(frames, rate, decimals, known):
-    frame = np.delete(np.arange(72210, 74210), frames)
-    found = rate_from_times(frame, np.round(frame / rate, decimals))
-    assert found == (known if known is None else pytest.approx(known, abs=1e-9))
-    assert rate_from_times(frame, np.zeros(len(frame))) is None
-
-
 ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
 
 
@@ -284,3 +264,80 @@ def test_a_column_that_the_rows_lack_is_named_with_its_number(tmp_path):
         error = refusal(read_motive, columns_file(tmp_path, two + rows))
         assert words in error.message
         assert (error.evidence["line"], error.evidence["column"]) == (8, column)
+
+
+def lines_of_take(frames: int) -> list[str]:
+    rows = [[seen_row(k), body_row(k, f"{k},0,1", "NAN,NAN,NAN")] for k in range(frames)]
+    return [DEFINITION, *(row for pair in rows for row in pair)]
+
+
+def test_version_1_1_gives_measured_markers_poses_and_strays_in_the_unit_that_is_asked_for(shared):
+    file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
+    assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"  # it states none
+    result = in_metres(file)
+    assert (result.version, result.rate, result.unit, len(result.frame)) == ("1.1", 120.0, "m", 548)
+    names = [f"Rigid Body 1-Marker {i}" for i in range(1, 6)]
+    assert [name for name in result.markers if not name.startswith("Unl")] == names
+    body = result.bodies["Rigid Body 1"]
+    for found, printed in (
+        (result.markers[names[0]][0], [0.02566679, 0.90468109, 0.67789614]),
+        (result.markers[names[3]][0], [np.nan] * 3),
+        (body.position[0], [-0.01044001, 0.90504020, 0.70895135]),
+        (body.quaternion[0], [0.43526953, -0.81957161, 0.15150657, 0.34042403]),
+        (result.markers["Unlabeled 2"][266], [-0.08343393, 0.72060782, 0.66178828]),
+        (body.position[266], [np.nan] * 3),
+        # though its solved place still stands in the file
+        (result.markers[names[1]][266], [np.nan] * 3),
+        (result.time[-1], 547 / 120),
+    ):
+        np.testing.assert_array_equal(found, printed)
+    counts = [result.counts[name] for name in ("stray_ids", "stray_samples", "missing_poses")]
+    assert counts == [6, 55, 20]
+    smaller = read_motive(file, "mm").markers[names[0]]
+    np.testing.assert_allclose(smaller, result.markers[names[0]] / 1000)
+
+
+def test_the_solved_pose_carries_the_defined_markers_to_where_they_were_measured(shared):
+    file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
+    line = next(line for line in file.read_text().splitlines() if line.startswith("rigidbody"))
+    places = np.array(line.split(",")[4:], dtype=float).reshape(5, 3)
+    result = in_metres(file)
+    body = result.bodies["Rigid Body 1"]
+    tracked = np.isfinite(body.position[:, 0])
+    turn = Rotation.from_quat(body.quaternion[tracked])
+    # the fifth marker moved 22 mm after its body was defined
+    for i, place in enumerate(places[:4], 1):
+        lever = result.markers[f"Rigid Body 1-Marker {i}"][tracked] - body.position[tracked]
+        assert np.nanmedian(np.linalg.norm(lever - turn.apply(place), axis=1)) < 2e-3
+        # the control
+        assert np.nanmedian(np.linalg.norm(lever - turn.inv().apply(place), axis=1)) > 2e-2
+
+
+def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_path):
+    head = "righthanded\ninfo,framecount,3\ninfo,trackablecount,1\n"
+    rows = ['trackable,"Arm",7,2,0.1,0,0,-0.1,0,0']
+    for k, t in enumerate((0.0211, 0.0252, 0.0291)):
+        rows += [
+            f"frame,{k},{t},1,{TRACKED.format(k)},2,{k},0,1,0,5,5,5,0",
+            f'trackable,{k},{t},"Arm",7,0,2,9,9,9,9,9,9,{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
+        ]
+    result = in_metres(rows_file(tmp_path, *rows, head=head))
+    assert (result.version, result.rate) == ("1.0", 250.0)  # the cameras' own times are irregular
+    np.testing.assert_allclose(result.time, [0, 0.004, 0.008], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(result.markers["Arm-Marker 1"], [[0, 0, 1], [1, 0, 1], [2, 0, 1]])
+    assert np.isnan(result.markers["Arm-Marker 2"]).all()
+    np.testing.assert_array_equal(result.markers["Unlabeled 1"], [[5, 5, 5]] * 3)
+    names = ("announced_frames", "found_frames", "stray_samples")
+    assert [result.counts[name] for name in names] == [3, 3, 3]
+
+
+def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_counted(tmp_path):
+    lines = lines_of_take(3)
+    plain = in_metres(rows_file(tmp_path, *lines))
+    padded = [lines[0] + ",,", "", *lines[1:3], ",,,,", lines[3], lines[3]]
+    padded += [line + ",,," for line in lines[4:]]
+    head = '\ufeffcomment,"== \'"\nrighthanded\ninfo,version,1.1\n'
+    result = in_metres(rows_file(tmp_path, *padded, head=head))
+    for name in plain.markers:
+        np.testing.assert_array_equal(result.markers[name], plain.markers[name])
+    assert (result.counts["blank_rows"], result.counts["repeated_rows"]) == (2, 1)
