@@ -107,15 +107,14 @@ def test_without_the_environment_one_line_names_the_command_that_makes_it():
 
 
 @pytest.mark.parametrize(
-    ("output", "code", "message"),
+    ("words", "unbuffered", "output", "code", "message"),
     [
-        ("| true", 0, ""),  # of the shell, whose last command succeeds
-        ("> /dev/full", 1, "standard output: No space left on device"),
-        (">&-", 0, ""),
+        ("--help", "", "| true", 0, ""),  # of the shell, whose last command succeeds
+        ("--help", "", ">&-", 0, ""),
+        ("--help", "1", "> /dev/full", 1, "standard output: No space left on device"),
+        ("inspect params.yaml", "", "> /dev/full", 1, "standard output: No space left on device"),
     ],
 )
-@pytest.mark.parametrize("words", ["--help", "inspect data/raw/ur5/dataset.yaml"])
-@pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_output_that_cannot_be_written_ends_without_a_traceback(
     output, code, message, words, unbuffered
 ):

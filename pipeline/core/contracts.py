@@ -80,9 +80,7 @@ class Column(NamedTuple):
 
 @cache
 def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
-    """Return the columns by name of every table of ``file``; a name with ``*`` or ``#`` stands for
-    a family.
-    """
+    """Return the columns by name of every table of ``file``; ``*`` and ``#`` name a family."""
     return {
         name: {column: Column.parsed(text) for column, text in lines.items()}
         for name, lines in read_yaml(file).items()

@@ -1,4 +1,4 @@
-"""``python -m pipeline crate``: the dataset card, and a Process Run Crate of how each file of the
+"""``python -m pipeline crate``: dataset card, and a Process Run Crate of how each file of the
 reports was made.
 
 RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) with the profile https://w3id.org/ro/wfrun/process/0.5.

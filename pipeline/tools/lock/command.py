@@ -1,5 +1,5 @@
-"""``python -m pipeline lock``: the stages of every dvc.lock in the order of its dvc.yaml, without
-those that are gone.
+"""``python -m pipeline lock``: stages of every dvc.lock in the order of its dvc.yaml, without those
+that are gone.
 
 DVC appends a stage when it first runs: after a run that was ended midway git would show a change.
 """

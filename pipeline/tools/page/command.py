@@ -1,5 +1,5 @@
-"""``python -m pipeline page [studies]``: one HTML page of the report and the model card, or of the
-studies, that needs no other file: styles and figures are in it.
+"""``python -m pipeline page [studies]``: HTML page of the report and the model card, or of the
+studies, with styles and figures inside.
 """
 
 from __future__ import annotations
