@@ -161,8 +161,8 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
         print(purpose(HERE / f"{place.replace('.', '/')}.py"))
         raise SystemExit(0)
     run = import_module(f"pipeline.{place}").run
-    if len(signature(run).parameters) != len(words):
-        takes = "takes one item" if signature(run).parameters else "takes no item"
+    if len(items := signature(run).parameters) != len(words):
+        takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
         raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
 

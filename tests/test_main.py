@@ -51,9 +51,12 @@ def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, c
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["fit"], "error: fit takes one item, got none\n"),
+        (["fit"], "error: fit takes one item (model), got none\n"),
         (["track", "wishart"], "error: track takes no item, got wishart\n"),
-        (["fit", "wishart", "gaussian"], "error: fit takes one item, got wishart gaussian\n"),
+        (
+            ["fit", "wishart", "gaussian"],
+            "error: fit takes one item (model), got wishart gaussian\n",
+        ),
     ],
 )
 def test_the_wrong_number_of_items_is_refused(monkeypatch, capsys, words, message):

@@ -48,7 +48,8 @@ def run(file: Path, model: Path | None = None) -> None:
         files = sorted(EXPORTS.glob(f"{name}_*.json"))
         if len(files) != 1:
             there_are = ", ".join(map(str, files)) or f"none of {name} in {EXPORTS}"
-            message = f"name one exported model by --model; there is {there_are}; export writes one"
+            message = f"name one exported model by --model; there is {there_are}; "
+            message += "`python -m pipeline export MODEL` writes one"
             raise ConfigError(message, key="--model")
         model = files[0]
     law, file, out = load(model), file.resolve(), OUT.resolve()
@@ -129,7 +130,7 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     fitted to ``fitted`` of the takes it is compared with.
     """
     count = int(verdict.others.sum())
-    known = f", {fitted} of them those the model was fitted to" if fitted else ""
+    known = f", {fitted} of which the model was fitted to" if fitted else ""
     joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
     t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
     head = f"{take} does NOT behave as the {count} takes it is compared with"

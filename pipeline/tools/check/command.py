@@ -4,6 +4,7 @@ two files, its robot and its recordings.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from copy import deepcopy
@@ -38,8 +39,12 @@ def run(name: str | None = None) -> None:
     for number, fault in enumerate(found, start=1):
         print(f"{number}. {fault}")
     if found:
-        message = f"{len(found)} to be mended, in {datasheet.path_of(name)} or {option_file} where"
-        raise ConfigError(f"{message} no other file is named")
+        places = [os.path.relpath(file) for file in (datasheet.path_of(name), option_file)]
+        message = (
+            f"{len(found)} to be mended in {' or '.join(places)}, or in the file that is named"
+        )
+        message += f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
+        raise ConfigError(message)
     print(f"check: nothing is wrong with {name}")
 
 

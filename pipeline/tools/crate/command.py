@@ -50,6 +50,7 @@ def run() -> None:
     recordings = {"path": f"data/raw/{name}"} | dict(about)
     crate = describe(read_yaml(Path("CITATION.cff")), recordings, stages, files)
     write_text(json.dumps(crate, indent=1, ensure_ascii=False, sort_keys=True) + "\n", CRATE)
+    print(f"crate: wrote {reports / 'dataset_card.md'} and {CRATE}")
 
 
 def _locked(file: Path) -> dict[str, dict]:

@@ -76,8 +76,8 @@ def run(
         write_trajectory(place / JOINTS, table)
         _draw(planned, margin, t, robot.joints, UNITS[objective], place / PICTURE)
     print(
-        f"{out}: {len(poses) - 1} steps; summed {objective} of the covariance "
-        f"{planned.cost.sum():.6g}; least singular value {planned.clearance.min():.4g} m"
+        f"plan: {len(poses) - 1} steps; sum of {UNITS[objective]} {planned.cost.sum():.6g}; least "
+        f"singular value {planned.clearance.min():.4g} m; wrote {out / JOINTS} and {out / PICTURE}"
     )
 
 
