@@ -140,6 +140,12 @@ def planned(output: str) -> dict[str, str]:
     )
 
 
+def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
+    """Run every stage of the plan of ``dvc repro`` in one process; their names and output."""
+    stages = planned(succeeds("dvc", "repro", "--force", "--dry", *targets, cwd=folder))
+    return [*stages], succeeds("python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder)
+
+
 def reruns(folder: Path, configure: bool = True) -> set[str]:
     """The stages that ``dvc repro`` would run after an edit, at most, once ``configure`` has run:
     whose dependencies have changed, and all that follow them.

@@ -19,8 +19,8 @@ from project_copy import (
     copy_reproduced,
     edit_text,
     error_line,
+    in_one_process,
     outputs,
-    planned,
     reruns,
     run,
     set_parameters,
@@ -41,12 +41,6 @@ SHOWN = {"score", "figures", "publish", "report", "page"}
 def copy(reproduced: Path, tmp_path: Path) -> Path:
     """The reproduced project to edit, with what its stages wrote and their cache."""
     return copy_reproduced(reproduced, tmp_path / "copy")
-
-
-def in_one_process(folder: Path) -> tuple[list[str], str]:
-    """Run every stage of the plan of ``dvc repro`` in one process; their names and output."""
-    stages = planned(succeeds("dvc", "repro", "--force", "--dry", cwd=folder))
-    return [*stages], succeeds("python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
