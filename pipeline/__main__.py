@@ -30,8 +30,9 @@ stages   {stages}
 studies  {studies}
 tools    {tools}
 
-`dvc repro` runs the stages in order, `dvc repro -P` the studies too; ITEM is the model of a stage
-that runs once a model. NAME --help describes a stage, a study or a tool."""
+`dvc repro` runs the stages in order, `dvc repro -P` the studies too. ITEM is the model of fit and
+filter, the part of ingest (motion, depth, force) and the dataset of record.
+NAME --help describes a stage, a study or a tool."""
 NO_ENVIRONMENT = (
     "the project's environment is missing here: `make env` makes it, `. .venv/bin/activate` "
     "enters it"
@@ -140,9 +141,7 @@ def _discard_output() -> None:
 
 
 def _chosen(name: str, words: list[str]) -> Callable[[], None]:
-    """Return the call that runs ``name`` with the ``words`` behind it; SystemExit for no such
-    name.
-    """
+    """Return the call that runs ``name`` with ``words``; SystemExit for no such name."""
     folder = name.replace("-", "_")
     if folder in (tools := _named("tools/*/command.py")):
         return tool_call(folder, words)
@@ -162,8 +161,8 @@ def _chosen(name: str, words: list[str]) -> Callable[[], None]:
         print(purpose(HERE / f"{place.replace('.', '/')}.py"))
         raise SystemExit(0)
     run = import_module(f"pipeline.{place}").run
-    if len(signature(run).parameters) != len(words):
-        takes = "takes one item" if signature(run).parameters else "takes no item"
+    if len(items := signature(run).parameters) != len(words):
+        takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
         raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
 
@@ -173,10 +172,9 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
     ARGUMENTS describe: name or flags → options of ``add_argument``.
     """
     tool = import_module(f"pipeline.tools.{folder}.command")
-    parser = argparse.ArgumentParser(
-        prog=f"python -m pipeline {folder.replace('_', '-')}",
-        description=tool.__doc__.partition(": ")[2],
-    )
+    described, _, more = tool.__doc__.partition(": ")[2].partition("\n\n")
+    name = f"python -m pipeline {folder.replace('_', '-')}"
+    parser = argparse.ArgumentParser(prog=name, description=described, epilog=more)
     for name, options in tool.ARGUMENTS.items():
         parser.add_argument(name, **options)
     return partial(tool.run, **vars(parser.parse_args(words)))

@@ -16,9 +16,6 @@ from pipeline.formats.depth.image import decode_depth, encode_depth
 
 Files = Mapping[str, bytes]  # path below the folder of the recordings → content
 ROW = re.compile(rb'[ \t"]*[-+]?[\d.]')  # how a row of numbers begins, and no header
-CELL = re.compile(rb'[^,;\s"]+')
-# no numbers, but read as numbers by some library
-WORDS = (b"#N/A", b"1e999", b"0x1F", b"1_000", b"--", b"inf", b"1.2.3", b"1e", b"\xbd")
 
 
 def chosen(files: Files, pattern: str, number: float, rng: np.random.Generator) -> list[str]:
@@ -63,31 +60,6 @@ def swapped_rows(content, number, rng):
     for i in some(rows[:-1:2], number, rng):
         lines[i], lines[i + 1] = lines[i + 1], lines[i]
     return b"".join(lines)
-
-
-def decimal_commas(content, severity, rng):
-    lines, rows = lines_of(content)
-    for i in rows:
-        lines[i] = lines[i].replace(b".", b",")
-    return b"".join(lines)
-
-
-def words_for_numbers(content, number, rng):
-    for _ in range(int(number)):
-        lines, rows = lines_of(content)
-        i = rows[rng.integers(len(rows))]
-        cells = list(CELL.finditer(lines[i]))
-        cell = cells[rng.integers(1, len(cells))]
-        word = WORDS[rng.integers(len(WORDS))]
-        lines[i] = lines[i][: cell.start()] + word + lines[i][cell.end() :]
-        content = b"".join(lines)
-    return content
-
-
-def zeroed_block(content, number, rng):
-    start = int(rng.integers(max(1, len(content) - int(number))))
-    end = min(start + int(number), len(content))
-    return content[:start] + bytes(end - start) + content[end:]
 
 
 def foreign_bytes(content, number, rng):

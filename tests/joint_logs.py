@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
+from omegaconf import OmegaConf
 from written_logs import write_joint_log
 
-from pipeline.core import contracts
+from pipeline.core import config, contracts
 from pipeline.formats.joints.log import JointLog
 
 ROOT = Path(__file__).parents[1]
@@ -56,3 +59,22 @@ def write_movement(
 
 ENDS = {"start": HOME[1:4].tolist(), "end": AWAY[1:4].tolist()}
 MADE_UP = {"movements": "move_*", **ENDS, "rest": 20}
+
+
+@pytest.fixture
+def log_project(tmp_path, monkeypatch) -> Callable[..., None]:
+    """An empty project in which stages can run, and a way to choose its dataset."""
+    folder = tmp_path / "project"
+    folder.mkdir()
+    for name in ("pipeline", "dvc.yaml"):
+        (folder / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(folder)
+
+    def chosen(dataset: str, recordings: Path, **overrides) -> None:
+        params = OmegaConf.load(ROOT / "params.yaml")
+        overrides = {"dataset": {"recordings": str(recordings)} | overrides}
+        params.update({"dataset": dataset, "scale": "smoke", "overrides": overrides})
+        OmegaConf.save(params, folder / "params.yaml")
+        config.write_config(Path("params.yaml"))
+
+    return chosen

@@ -18,6 +18,15 @@ UNWRITTEN = ("reports/claims.yaml",)
 # one process: so little work takes less time than starting workers
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
 GIT = ["git", "-c", "init.defaultBranch=main"]
+# half the time of a run is that of starting a process for each stage
+EVERY_COMMAND = """
+import shlex, sys
+from pipeline.__main__ import main
+
+for words in map(shlex.split, sys.argv[1:]):
+    sys.argv = ["pipeline", *words]
+    assert main() == 0, words
+"""
 IDENTITY = {
     f"GIT_{who}_{what}": "test@example.org"
     for who in ("AUTHOR", "COMMITTER")
@@ -129,6 +138,12 @@ def planned(output: str) -> dict[str, str]:
     return dict(
         re.findall(r"^Running stage '(.+)':\n> python -m pipeline (.+)$", output, re.MULTILINE)
     )
+
+
+def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
+    """Run every stage of the plan of ``dvc repro`` in one process; their names and output."""
+    stages = planned(succeeds("dvc", "repro", "--force", "--dry", *targets, cwd=folder))
+    return [*stages], succeeds("python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder)
 
 
 def reruns(folder: Path, configure: bool = True) -> set[str]:

@@ -51,9 +51,12 @@ def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, c
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["fit"], "error: fit takes one item, got none\n"),
+        (["fit"], "error: fit takes one item (model), got none\n"),
         (["track", "wishart"], "error: track takes no item, got wishart\n"),
-        (["fit", "wishart", "gaussian"], "error: fit takes one item, got wishart gaussian\n"),
+        (
+            ["fit", "wishart", "gaussian"],
+            "error: fit takes one item (model), got wishart gaussian\n",
+        ),
     ],
 )
 def test_the_wrong_number_of_items_is_refused(monkeypatch, capsys, words, message):
@@ -107,15 +110,14 @@ def test_without_the_environment_one_line_names_the_command_that_makes_it():
 
 
 @pytest.mark.parametrize(
-    ("output", "code", "message"),
+    ("words", "unbuffered", "output", "code", "message"),
     [
-        ("| true", 0, ""),  # of the shell, whose last command succeeds
-        ("> /dev/full", 1, "standard output: No space left on device"),
-        (">&-", 0, ""),
+        ("--help", "", "| true", 0, ""),  # of the shell, whose last command succeeds
+        ("--help", "", ">&-", 0, ""),
+        ("--help", "1", "> /dev/full", 1, "standard output: No space left on device"),
+        ("inspect params.yaml", "", "> /dev/full", 1, "standard output: No space left on device"),
     ],
 )
-@pytest.mark.parametrize("words", ["--help", "inspect data/raw/ur5/dataset.yaml"])
-@pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_output_that_cannot_be_written_ends_without_a_traceback(
     output, code, message, words, unbuffered
 ):

@@ -1,5 +1,6 @@
-"""Modules are short, results depend on no global randomness and on no date, committed files name no
-place on one machine and no registry, and the citation agrees with the package.
+"""Imports run one way and a heavy library has one wrapper, as pipeline/IMPORTS.yaml says; every
+definition is used; results depend on no global randomness and no date; committed files name no
+place on one machine and no registry; the citation agrees with the package.
 """
 
 from __future__ import annotations
@@ -8,10 +9,164 @@ import ast
 import re
 import subprocess
 import tomllib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 
 import pytest
 import yaml
-from source_code import MODULES, ROOT, imports, tree
+from source_code import MODULES, ROOT, imports, package, pipeline_imports, tree
+
+TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
+PACKAGES, EXCEPTIONS, WRAPPERS = TABLE["packages"], TABLE["exceptions"], TABLE["wrappers"]
+UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's packages never import
+
+
+def roots(module: str, top: bool = False) -> set[str]:
+    """The libraries and packages that ``module`` imports."""
+    return {name.split(".")[0] for name in imports(module, top)}
+
+
+def within(module: str, entries: list[str]) -> bool:
+    """True where a module of the pipeline is, or lies in, one of ``entries`` of the table."""
+    return any(f"{module}.".startswith(f"pipeline.{entry}.") for entry in entries)
+
+
+def allowed(module: str) -> list[str]:
+    """The entries that ``module`` may import."""
+    own = package(module)
+    entries = [own, "core", *PACKAGES[own]["imports"]]
+    if "packages" in entries:
+        entries += [name for name in PACKAGES if name not in UPPER]
+    return entries + EXCEPTIONS.get(module.removeprefix("pipeline."), [])
+
+
+@pytest.mark.parametrize("part", sorted(PACKAGES))
+def test_imports_run_one_way(part):
+    for module in (name for name in MODULES if package(name) == part):
+        names = pipeline_imports(module)
+        assert names <= MODULES.keys(), module
+        assert {name for name in names if not within(name, allowed(module))} == set(), module
+
+
+def test_the_table_has_every_package_and_no_other_and_no_circle():
+    assert {package(module) for module in MODULES} == {*PACKAGES, "__init__"}
+    below: set[str] = set()
+    for name, entry in PACKAGES.items():  # the order of the table is the order of the layers
+        assert set(entry["imports"]) - {"packages"} <= below, name
+        below.add(name)
+    assert not any(UPPER & set(PACKAGES[name]["imports"]) for name in set(PACKAGES) - UPPER)
+    # the control: an import against the order is none that the table allows
+    assert not within("pipeline.studies.filters.stage", allowed("pipeline.arm.chain"))
+
+
+def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
+    for module in (name for name in MODULES if package(name) == "stages"):
+        others = {package(name) for name in pipeline_imports(module)}
+        assert "stages" not in others, module
+        assert "laboratory" not in others or module == "pipeline.stages.record", module
+    # a recorded dataset needs nothing of the laboratory to be configured
+    assert not any("laboratory" in name for name in imports("pipeline.core.config", top=True))
+
+
+@pytest.mark.parametrize("library", WRAPPERS)
+def test_a_library_enters_through_its_wrapper(library):
+    users = [module for module in MODULES if library in roots(module)]
+    assert users, f"nothing imports {library}: take it out of the table"
+    assert [module for module in users if not within(module, WRAPPERS[library])] == []
+
+
+@pytest.mark.parametrize("library", TABLE["late"])
+def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(library):
+    packages = [module for module in MODULES if package(module) not in {"studies", "tools"}]
+    assert [module for module in packages if library in imports(module, top=True)] == []
+    assert any(library in imports(module) for module in packages), "nothing does: take it out"
+
+
+TESTS_ALONE = "serves tests alone"  # in the docstring of a theorem of pipeline.randommatrix
+Definition = ast.FunctionDef | ast.ClassDef
+Use = tuple[str, tuple[str, ...]]  # a name, and the module and definitions around it
+
+
+def definitions(module: str) -> Iterator[tuple[tuple[str, ...], Definition]]:
+    """Functions, classes, and methods of classes without a base, which could call them."""
+    for node in tree(module).body:
+        if isinstance(node, Definition):
+            yield (module, node.name), node
+        if isinstance(node, ast.ClassDef) and not node.bases:
+            members = (member for member in node.body if isinstance(member, ast.FunctionDef))
+            yield from (((module, node.name, member.name), member) for member in members)
+
+
+def uses(module: str) -> Iterator[Use]:
+    """Every name and attribute that ``module`` reads; every text where it imports by name."""
+    texts = "import_module" in ast.unparse(tree(module))
+
+    def walk(node: ast.AST, user: tuple[str, ...]) -> Iterator[Use]:
+        if isinstance(node, Definition) and len(user) < 3:
+            user = (*user, node.name)
+        if isinstance(node, ast.Name | ast.Attribute):
+            yield node.id if isinstance(node, ast.Name) else node.attr, user
+        elif texts and isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value, user
+        for child in ast.iter_child_nodes(node):
+            yield from walk(child, user)
+
+    return walk(tree(module), (module,))
+
+
+def outside_python() -> Iterator[Use]:
+    """Every word of the templates, and of the YAML files by which a study finds functions."""
+    studies = (ROOT / "pipeline/studies").rglob("*.yaml")
+    for file in (*(ROOT / "pipeline").rglob("templates/*"), *studies):
+        text = file.read_text(encoding="utf-8")
+        for name in (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_"))):
+            yield name, (str(file),)
+
+
+def unused(modules: Iterable[str], others: Iterable[Use] = ()) -> list[str]:
+    """Definitions of ``modules`` whose name occurs in no other code that is used."""
+    found = {place for module in modules for place, node in definitions(module)
+             if not exempt(place, node)}  # fmt: skip
+    users: dict[str, list[tuple[str, ...]]] = defaultdict(list)
+    for name, user in (*others, *(use for module in modules for use in uses(module))):
+        users[name].append(user)
+    lost: set[tuple[str, ...]] = set()
+
+    def in_unused_code(user: tuple[str, ...], place: tuple[str, ...]) -> bool:
+        return any(user[: len(body)] == body for body in (place, *lost))
+
+    while more := {
+        place
+        for place in found - lost
+        if all(in_unused_code(user, place) for user in users[place[-1]])
+    }:
+        lost |= more
+    return sorted(".".join(place) for place in lost)
+
+
+def exempt(place: tuple[str, ...], node: Definition) -> bool:
+    """True where Python or pydantic calls the definition, or a theorem serves tests and says so."""
+    theorem = package(place[0]) == "randommatrix"
+    return (
+        place[-1].startswith("__")
+        or any("_validator" in ast.unparse(one) for one in node.decorator_list)
+        or (theorem and TESTS_ALONE in " ".join((ast.get_docstring(node) or "").split()))
+    )
+
+
+def test_every_function_is_used():
+    assert unused(MODULES, outside_python()) == []
+
+
+def test_a_function_that_only_an_unused_one_calls_is_unused(monkeypatch):
+    source = (
+        "def used(): ...\ndef inner(): inner()\ndef outer(): inner()\nclass Kept:\n"
+        "    def method(self): ...\n    def dead(self): self.dead()\nKept().method(used())\n"
+    )
+    module = "pipeline.arm.example"
+    monkeypatch.setattr(f"{__name__}.tree", {module: ast.parse(source)}.get)
+    assert unused([module]) == [f"{module}.{name}" for name in ("Kept.dead", "inner", "outer")]
+
 
 LINES = 350
 # durations decide where trials run, and nothing else

@@ -25,9 +25,7 @@ MIB = 1 << 20
 
 @options(frozen=True)
 class Reading:
-    """Most that one file of recordings may be and take; beyond, it is refused with the name of the
-    bound.
-    """
+    """Greatest size, time and memory of one file of recordings; a refusal names the bound."""
 
     file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
     part_mib: Bound = 64  # of what is unfolded at once: a frame, an array, a chunk of a bag
@@ -55,9 +53,7 @@ def within(reading: Reading, function: Callable, *arguments: object) -> Any:
 
 
 def require(bound: str, amount: float, what: str, file: Path) -> None:
-    """Raise RecordingError, with the option that raises the ``bound``, where ``file`` has a greater
-    ``amount`` of ``what``.
-    """
+    """Raise RecordingError naming the ``bound`` that is below the ``amount`` of ``what``."""
     if amount > (most := getattr(bounds(), bound)):
         found = f"{amount:.6g} {what} are more than the {most} that are read"
         option = f"dataset.reading.{bound}"
@@ -65,9 +61,7 @@ def require(bound: str, amount: float, what: str, file: Path) -> None:
 
 
 def read_whole(file: Path) -> bytes:
-    """Return all bytes of ``file``; RecordingError where they are more than ``file_mib``, OSError
-    where it cannot be read.
-    """
+    """Return all bytes of ``file``; RecordingError above ``file_mib``, OSError if unreadable."""
     with Path(file).open("rb") as stream:
         require("file_mib", stream.seek(0, 2) / MIB, "MiB", file)
         stream.seek(0)

@@ -73,9 +73,7 @@ INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 
 
 def compiled(function: Callable) -> Callable:
-    """Decorator: numba's ``njit`` for a function that Python calls, compiled at its first call or
-    loaded from the cache.
-    """
+    """Decorator: ``njit`` for a function that Python calls, with a cache."""
     return numba.njit(cache=True, **OPTIONS)(function)
 
 
@@ -87,7 +85,5 @@ def inner(function: Callable) -> Callable:
 
 
 def inlined(function: Callable) -> Callable:
-    """Decorator: an inner function that LLVM puts in the place of every call, so that loops around
-    it are vectorised.
-    """
+    """Decorator: an inner function inlined by LLVM, so that loops around it are vectorised."""
     return numba.njit(forceinline=True, **INNER)(function)

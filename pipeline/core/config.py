@@ -71,9 +71,7 @@ def option_names(group: str) -> list[str]:
 
 
 def compose_config(params_file: Path) -> Config:
-    """Return the validated configuration that ``params_file`` selects; ConfigError with all
-    faults, each with its key, its file and what is allowed.
-    """
+    """Return the validated configuration of ``params_file``; ConfigError with all faults."""
     params = _params(params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
     option_file = CONF / "dataset" / f"{params.dataset}.yaml"
@@ -187,9 +185,7 @@ def dataset_values(option_file: Path) -> dict[str, Any]:
 
 
 def write_config(params_file: Path, file: Path = COMPOSED) -> None:
-    """Compose and write ``file`` (committed: its difference shows what an edit of the parameters
-    meant).
-    """
+    """Compose and write ``file``, which git holds: a difference shows what an edit meant."""
     from omegaconf import OmegaConf
 
     text = OmegaConf.to_yaml(OmegaConf.create(asdict(compose_config(params_file))))

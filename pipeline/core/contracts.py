@@ -80,9 +80,7 @@ class Column(NamedTuple):
 
 @cache
 def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
-    """Return the columns by name of every table of ``file``; a name with ``*`` or ``#`` stands for
-    a family.
-    """
+    """Return the columns by name of every table of ``file``; ``*`` and ``#`` name a family."""
     return {
         name: {column: Column.parsed(text) for column, text in lines.items()}
         for name, lines in read_yaml(file).items()
@@ -139,7 +137,7 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
     """Read and check ``folder/name.parquet``; ContractError names the file where it is missing."""
     file = Path(folder) / f"{name}.parquet"
     if not file.is_file():
-        absent = "the dataset lacks the instrument for it, or its stage has not run"
+        absent = "the dataset lacks its instrument, or its stage has not run; run `dvc repro`"
         raise ContractError(f"there is no table {name!r}: {absent}", file=file)
     from pyarrow.parquet import ParquetFile
 

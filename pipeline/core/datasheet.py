@@ -42,9 +42,7 @@ def path_of(dataset: str) -> Path:
 
 
 def read(file: Path) -> Datasheet:
-    """Read the datasheet in ``file``; ConfigError where it cannot be read or ``about`` is
-    incomplete.
-    """
+    """Read a datasheet; ConfigError where it is unreadable or ``about`` is incomplete."""
     values = read_yaml(file)
     about = values.pop("about", None)
     if about is None:

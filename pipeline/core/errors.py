@@ -4,9 +4,7 @@ from __future__ import annotations
 
 
 class PipelineError(Exception):
-    """A refusal that names what was found and what to do; evidence (file, line, take, step, key…)
-    by keyword.
-    """
+    """Refusal with its evidence by keyword: file, line, take, step, key …"""
 
     def __init__(self, message: str, **evidence: object) -> None:
         self.message = message
@@ -44,6 +42,4 @@ class DegenerateFilterError(PipelineError):
 
 
 class ComputeError(PipelineError):
-    """Workers that cannot be reached, have been lost, or might not give the same bytes as this
-    machine.
-    """
+    """Workers that cannot be reached, are lost, or might give other bytes than this machine."""

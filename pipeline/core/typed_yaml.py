@@ -34,9 +34,7 @@ Loader.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+012345678
 
 
 def read_yaml(file: Path) -> dict[str, Any]:
-    """Return the keys and values of ``file``, {} where it is empty; ConfigError where it cannot be
-    read or holds none.
-    """
+    """Return keys and values of ``file``, {} if it is empty; ConfigError for any other file."""
     try:
         with Path(file).open("rb") as stream:
             content = stream.read(MOST_BYTES + 1)

@@ -1,5 +1,5 @@
-"""articulate: depth frames → joint angles, by the paper's least-squares articulation (Eq. KinObj),
-and how far these are off the motion capture's.
+"""articulate: joint angles of the depth frames by the paper's least-squares articulation (Eq.
+KinObj), and their errors from the motion capture's.
 """
 
 from __future__ import annotations
@@ -41,9 +41,7 @@ def run() -> None:
 def _view(
     name: str, angles: pd.DataFrame, rows: pd.DataFrame, arm: Arm
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The arm's points and the fitted nodes of the first take's first frame, or of the frame with
-    EE farthest from O1.
-    """
+    """Points and nodes of the first take's first frame, or of that with EE farthest from O1."""
     take = angles[angles["take"] == rows["take"].iloc[0]]
     origin = arm.chain.origin
     reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])

@@ -1,4 +1,4 @@
-"""choose: the dataset that params.yaml names → data/dataset.txt, where there is one of that name.
+"""choose: name of the dataset that params.yaml chooses, in data/dataset.txt.
 
 A stage of its own, as DVC would meet a file that is not there before `configure` could say which
 datasets are.
@@ -16,9 +16,7 @@ PARAMS, CHOSEN = Path("params.yaml"), Path("data/dataset.txt")
 
 
 def run() -> None:
-    """Write the name; ConfigError naming the datasets that there are, or how to begin one, where
-    its files are not.
-    """
+    """Write the name; ConfigError with the known datasets where its files are missing."""
     name, names = read_yaml(PARAMS).get("dataset"), config.option_names("dataset")
     if name not in names:
         message = (

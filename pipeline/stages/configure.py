@@ -1,4 +1,4 @@
-"""configure: params.yaml and pipeline/conf → data/config.yaml, validated."""
+"""configure: validated configuration of params.yaml and pipeline/conf, in data/config.yaml."""
 
 from __future__ import annotations
 

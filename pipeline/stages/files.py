@@ -1,5 +1,5 @@
-"""files: the raw files of the dataset → which of them the motion, the depth and the force read, so
-that a file that changes reruns its own part alone.
+"""files: raw files that the motion, the depth and the force read, so that a changed file reruns its
+own part alone.
 """
 
 from __future__ import annotations

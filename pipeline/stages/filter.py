@@ -1,5 +1,5 @@
-"""filter@model: sequential importance sampling of every test take under one motion model (Sec.
-"RMT-based particle filtering").
+"""filter@model: particle filter of every test take by one motion model (Sec. "RMT-based particle
+filtering").
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")
 
 
 def run(model: str) -> None:
-    """Posterior mean, covariance and effective sample size of every test take, in an open loop and,
-    where the model has been fitted in one, in a closed loop.
-    """
+    """Write posterior and effective sample size of every test take, in open and closed loop."""
     settings = config.sections("filter", item=model)
     takes, options, metrics = list(enumerate(measured_takes(settings.dataset))), settings.filter, {}
     with contracts.replacing(OUT / model) as folder:

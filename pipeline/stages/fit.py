@@ -1,4 +1,4 @@
-"""fit@model: the parameters of one motion model from the process noise of the training takes, and
+"""fit@model: parameters of one motion model from the process noise of the training takes, and
 realisations of it along the commanded motion.
 """
 
@@ -87,9 +87,7 @@ def _estimate(
 def _compared(
     model: str, recorded: Recorded, options: Options, estimate: Estimate | None, settings
 ) -> dict[str, float]:
-    """The estimates of every estimator with their uncertainty, and the numbers of their fits; one
-    that is refused is left out, and its reason printed.
-    """
+    """Estimates of every estimator with uncertainty; the reason of a refused one is printed."""
     metrics = {}
     for pattern, each in kinds.compared(options).items():
         own, reason = (estimate, "") if each == options else _estimate(recorded, each)
@@ -110,9 +108,7 @@ def _compared(
 def _closed_loop(
     model: str, recorded: Recorded, options: Options, estimate: Estimate, settings, folder: Path
 ) -> dict[str, float]:
-    """Write the closed loop's parameters below ``folder``; κ and K with standard errors and 95 %
-    intervals, and the parameters that go with them.
-    """
+    """Write the closed loop's parameters; return κ and K with standard errors and intervals."""
     closed, refused = closed_loop_of(recorded, options, estimate)
     if refused:
         print(f"fit: {model} has no closed loop: {refused}")
@@ -173,9 +169,7 @@ def _uncertainty(
 
 
 def _likelihood(recorded: Recorded, estimate: Estimate | None) -> dict[str, float]:
-    """The measurement noise that is added to every step, and how likely the training takes are with
-    it.
-    """
+    """Measurement noise of every step, and the training takes' log-likelihood with it."""
     try:
         std = np.sqrt(np.diag(recorded.measurement))
     except ModelDomainError as error:
@@ -192,9 +186,7 @@ def _likelihood(recorded: Recorded, estimate: Estimate | None) -> dict[str, floa
 def _realise(
     model: str, fitted: MotionModel, recorded: Recorded, settings, folder: Path
 ) -> dict[str, float]:
-    """As many realisations as the simulation's options say, from the training takes' poses in turn,
-    and their moments.
-    """
+    """Write realisations from the training takes' poses in turn, and their moments."""
     options, joints = settings.simulation, contracts.read("joints", TRACK)
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     _, q = contracts.stacked(joints[joints.part == "training"], "q")

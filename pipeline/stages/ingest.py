@@ -1,5 +1,5 @@
-"""ingest@part: raw logs of the motion, the depth camera or the force transducer → typed tables in
-SI units, with a quality record.
+"""ingest@part: tables in SI units of the raw logs of one part (motion, depth or force), with counts
+of every fault.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""predict: the next pose of held-out takes as every model says it, and as plain baselines do; where
-the models were fitted; the plain models fitted to all motions, and every model's score on motions
-that it was not fitted to.
+"""predict: scores of every model and plain baseline for the next pose of held-out takes, and of the
+models on motions that they were not fitted to.
 """
 
 from __future__ import annotations
@@ -69,9 +68,7 @@ def run() -> None:
 
 
 def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
-    """Write the tables of :func:`pipeline.models.other_motions.other_motions` over all motions of
-    the dataset's logs.
-    """
+    """Write the tables of ``other_motions`` over all motions of the dataset's logs."""
     dataset, models = settings.dataset, with_control(settings.models).items()
     motions = logged_motions(dataset) if dataset.joint_log else []
     try:

@@ -1,4 +1,4 @@
-"""publish: tables, numbers, figures and evidence of the run → the reports that git holds.
+"""publish: copies of the run's tables, numbers, figures and evidence in the reports that git holds.
 
 A stage of its own: DVC restores a stage from its run cache only if all its outputs are in the
 cache, and what git holds is not.
@@ -16,9 +16,7 @@ CAPTIONS = "captions.json"
 
 
 def run() -> None:
-    """Copy the results of the stages score and figures into ``reports/DATASET``, and the evidence
-    of the run into ``reports/datasets``.
-    """
+    """Copy results to ``reports/DATASET`` and the evidence to ``reports/datasets``."""
     name = config.sections("publish").dataset.name
     reports = REPORTS / name
     for source in (SCORE / "tables", SCORE / "metrics", FIGURES):

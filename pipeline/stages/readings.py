@@ -1,5 +1,5 @@
-"""readings: the claims decided again under every other reading of "LU or QR" (Eq. LUDecom), on the
-same takes and with equal random numbers.
+"""readings: claims decided again under every other reading of "LU or QR" (Eq. LUDecom), on the same
+takes and with equal random numbers.
 """
 
 from __future__ import annotations

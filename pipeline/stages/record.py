@@ -1,5 +1,5 @@
-"""record@dataset: the synthetic laboratory → raw files in the formats that the real instruments
-write, and the truth that scoring may open.
+"""record@dataset: raw files of the synthetic laboratory in the formats of the real instruments, and
+the truth, which score alone opens.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""report: verdicts on the paper's claims for every dataset that has a run, the paper's numbers,
-figures and errata, the model card, and the places of its equations in the code.
+"""report: verdicts on the paper's claims for every dataset that has a run, errata, model card, and
+places of the paper's equations in the code.
 """
 
 from __future__ import annotations

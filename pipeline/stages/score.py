@@ -1,5 +1,5 @@
-"""score: recordings against models, as the tables behind the figures and the numbers the paper
-states; all numbers of the run in one file, so that datasets stand side by side.
+"""score: tables behind the figures and all numbers of the run, recordings compared with every
+model.
 """
 
 from __future__ import annotations
@@ -159,9 +159,7 @@ def _score_motion(
 def _modelled(
     models: list[str], steady: np.ndarray, settings
 ) -> tuple[dict[str, curves.ModelledNoise], dict[str, pd.DataFrame]]:
-    """The noise at the recorded level of every model that has one, and the test of whether it is
-    followed; why the others have none is printed.
-    """
+    """Noise of every model at the recorded level, and the test that the recordings follow it."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     modelled, following = {}, {}
     for model in models:
@@ -252,9 +250,7 @@ def _quality(tables: Path) -> dict[str, float]:
 def _kinect(
     joints: pd.DataFrame, training: np.ndarray, names: list[str], settings
 ) -> dict[str, float]:
-    """The scores of the depth camera's noise, where there is one, and how its errors depend on the
-    state.
-    """
+    """Scores of the depth camera's noise, and the dependence of its errors on the state."""
     if not contracts.exists("kinect_noise", ARTICULATE):
         return {}
     noise = contracts.read("kinect_noise", ARTICULATE)

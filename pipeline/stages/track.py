@@ -1,5 +1,5 @@
-"""track: markers (or the controller's own log) → measured joint angles, the ground truth of
-everything that follows, and what the motion does beyond the commanded steps (Eq. OmgReal).
+"""track: measured joint angles by the markers or the controller's log, and the process noise of the
+training takes (Eq. OmgReal).
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ MOTION = INGEST / "motion"
 
 
 def run() -> None:
-    """Joint angles of every take within the limits, what was repaired to get them, how good every
-    take is, and the process noise of the training takes.
-    """
+    """Write joint angles, repairs and limits of every take, and the training takes' noise."""
     settings = config.sections("track")
     dataset = settings.dataset
     with contracts.replacing(OUT) as folder:

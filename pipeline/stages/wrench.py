@@ -1,5 +1,5 @@
-"""wrench: the numerical study of the matrix model, and the force of the cooperating robots,
-measured against modelled.
+"""wrench: numerical study of the matrix model of the wrench, and the measured force of the
+cooperating robots beside the modelled one.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def test_the_bits_are_those_of_a_processor_that_multiplies_and_adds_in_two_instr
             check=True,
         ).stdout
 
-    assert len({bits(NUMBA_CPU_NAME=name) for name in ("x86-64-v2", "x86-64-v3", "host")}) == 1
+    assert len({bits(NUMBA_CPU_NAME=name) for name in ("x86-64-v2", "host")}) == 1
 
 
 @pytest.mark.parametrize("count", [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3])
@@ -179,27 +179,22 @@ def test_the_hash_depends_on_every_source_and_on_its_path(package):
 
 @pytest.mark.slow
 def test_compiled_code_is_loaded_until_a_constant_in_another_file_is_edited(package):
-    place = str(package / "pipeline/__pycache__/pipeline-")
-    first, again = run(package), run(package)
-    assert first[:2] == (2.0, 0) and again[:2] == (2.0, 1)
-    assert first[2].startswith(place)
-    (package / "pipeline/inner.py").write_text(INNER.format(constant=3.0))
-    assert run(package)[:2] == (3.0, 0)
-    (package / "pipeline/inner.py").write_text(INNER.format(constant=2.0))
-    # numba looks at the time of the function's own file alone, which is as it was
-    assert run(package)[:2] == (2.0, 1)
-
-
-@pytest.mark.slow
-def test_folders_of_earlier_sources_are_removed_but_for_the_newest(package):
     base = package / "pipeline/__pycache__"
     for number in range(6):
         folder = base / f"pipeline-{number}"
         folder.mkdir(parents=True)
         os.utime(folder, (number, number))
-    run(package)
+    first, again = run(package), run(package)
+    assert first[:2] == (2.0, 0) and again[:2] == (2.0, 1)
+    assert first[2].startswith(str(base / "pipeline-"))
+    # folders of earlier sources are removed but for the newest
     left = sorted(folder.name for folder in base.glob("pipeline-?"))
     assert left == ["pipeline-3", "pipeline-4", "pipeline-5"]
+    (package / "pipeline/inner.py").write_text(INNER.format(constant=3.0))
+    assert run(package)[:2] == (3.0, 0)
+    (package / "pipeline/inner.py").write_text(INNER.format(constant=2.0))
+    # numba looks at the time of the function's own file alone, which is as it was
+    assert run(package)[:2] == (2.0, 1)
 
 
 @pytest.mark.slow

@@ -20,6 +20,8 @@ from pipeline.core.validation import options
 from pipeline.models.kinds import kinds, options_type
 
 ROOT = Path(__file__).parents[2]
+PARTS = "robot motion trajectory mocap depth force laboratory".split()
+NOTHING = "{" + ", ".join(f"{part}: null" for part in PARTS) + "}"
 
 
 @pytest.fixture
@@ -45,13 +47,11 @@ def test_every_option_composes(compose, number):
 @pytest.mark.parametrize(
     ("choices", "words"),
     [
-        *(({group: "nonsense"}, ", ".join(config.option_names(group))) for group in config.GROUPS),
+        ({"filter": "nonsense"}, ", ".join(config.option_names("filter"))),
         ({"models": "[]"}, "models: list should have at least 1 item"),
-        ({"models": "additive"}, "models: input should be a valid list, got 'additive'"),
         ({"models": "[additive, additive]"}, "additive occurs twice"),
         ({"models": "[additive, laplace]"}, "no option 'laplace'; there are additive"),
         ({"seed": "abc"}, "seed: input should be a valid integer.*got 'abc'"),
-        ({"seed": "-1"}, "seed: .*greater than or equal to 0, got -1"),
         ({"seed": None}, "no value for seed"),
         ({"sede": "1"}, "unknown key 'sede'; there are dataset, .*; did you mean seed"),
         ({"overrides": "3"}, "overrides: must hold keys and values"),
@@ -69,21 +69,15 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
     [
         ("filter.partcles", "5", "unknown key 'partcles'; .*; did you mean particles"),
         ("filter.particles", "0", "greater than or equal to 1, got 0"),
-        ("filter.particles", "1.5", "valid integer"),
         ("filter.scheme", "systemtic", "'systematic', .* did you mean systematic"),
-        ("filter", "3", "must hold keys and values"),
         ("dataset.motion", "null", "without a robot and its motion"),
-        ("dataset.robot.joints", "3", "valid list"),
+        ("dataset", NOTHING, "a dataset has a robot or a force transducer"),
         ("dataset.robot.task", "[x, phi]", "by commanded x and z; keep both rows"),
         ("dataset.mocap.markers", "{link1: {a: [x, 0, 0]}}", "valid number.*got 'x'"),
-        ("dataset.mocap.nonsense", "1", "unknown key 'nonsense'; there are training, test"),
         ("dataset.force.configurations.C9", "{file: C9.csv}", "no value for dataset.force"),
-        ("dataset.laboratory", "3", "must hold keys and values"),
         ("dataset.laboratory.nonsense", "3", "unknown key 'nonsense'; there are trajectory"),
-        ("dataset.laboratory.dynamics.clearance", "wide", "valid number"),
         ("dataset.laboratory.mocap", "{noise_std: -1.0}", "noise_std.*greater than or equal to 0"),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
-        ("models.wishart.estimator", "bayes", "should be"),
         ("models.wishart.left", "[[1.0]]", "given"),
         ("models.scaled", "{kind: scaled, structure: full}", "no model scaled is chosen"),
     ],
@@ -119,9 +113,7 @@ def test_an_override_changes_its_value_and_nothing_else(compose):
     assert compose(overrides="{scale: {particles: 77}}").filter.particles == 77
 
 
-@pytest.mark.parametrize(
-    "text", ["- a\n", "seed: [\n", "seed: 1\nseed: 2\n", "\xff", "seed: ???\n", None]
-)
+@pytest.mark.parametrize("text", ["- a\n", "seed: ???\n", None])
 def test_a_file_that_is_not_keys_and_values_is_refused_with_its_name(tmp_path, text):
     file = tmp_path / "params.yaml"
     if text is not None:

@@ -63,10 +63,7 @@ def test_values_of_both_files_stand_in_the_configuration(sheet, tmp_path):
         ("about.licence", "???", "fill in about.licence: "),
         ("about", None, "needs about"),
         ("about.page", "1", "'page'"),
-        ("depth.width", "wide", "width"),
-        ("mocap.unit", "yd", "unit"),
         ("depth.clock_offset", "early", "clock_offset"),
-        ("force.log.max_faulty", "few", "max_faulty"),
         ("mocap.markrs", {}, "did you mean markers"),
     ],
 )
@@ -91,11 +88,8 @@ def test_a_value_to_fill_in_is_named_with_its_file_or_filled_by_an_override(
     assert refused.evidence == {"key": "mocap.gate", "file": option_file}
 
 
-@pytest.mark.parametrize("text", [None, "- a\n", "a: [\n", "a: 1\na: 2\n"])
-def test_a_datasheet_that_is_not_keys_and_values_is_refused(sheet, tmp_path, text):
+def test_a_datasheet_that_is_missing_is_refused(sheet, tmp_path):
     sheet.unlink()
-    if text is not None:
-        sheet.write_text(text)
     assert refusal(tmp_path).evidence["file"] == sheet
 
 

@@ -57,10 +57,12 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     good = table(name, place)
     for column, kind in declaration(place, name).items():
         if kind.gaps:
-            good[column] = [1.0, np.nan, np.nan, 1.0]
+            good[column] = [1.0, np.nan, -np.inf if kind.kind == "log" else np.nan, 1.0]
     contracts.write(good, name, tmp_path, FILES[place])
     pd.testing.assert_frame_equal(contracts.read(name, tmp_path, FILES[place]), good)
     assert contracts.exists(name, tmp_path)
+    optional = [column for column, kind in declaration(place, name).items() if kind.optional]
+    contracts.write(good.drop(columns=optional), name, tmp_path, FILES[place])
     required = [
         column for column, kind in declared(FILES[place])[name].items() if not kind.optional
     ]
@@ -98,7 +100,8 @@ def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatc
 
 @pytest.mark.parametrize(
     ("column", "value"),
-    [("k", -1), ("q:tip", np.inf), ("take", None), ("part", "rehearsal"), ("surplus", 1.0)],
+    # nor does a pair of joints pass for a joint
+    [("k", -1), ("q:tip", np.inf), ("take", None), ("part", "rehearsal"), ("q:base:tip", 1.0)],
 )
 def test_a_table_that_another_program_wrote_is_checked_on_reading(column, value, tmp_path):
     good = table("joints")
@@ -107,16 +110,6 @@ def test_a_table_that_another_program_wrote_is_checked_on_reading(column, value,
     with pytest.raises(ContractError, match="breaks its contract") as refused:
         contracts.read("joints", tmp_path)
     assert refused.value.evidence["column"] == column
-
-
-def test_minus_infinity_and_optional_columns_are_let_through_where_they_are_declared(tmp_path):
-    contracts.write(table("predictions").assign(mean=-np.inf), "predictions", tmp_path)
-    assert np.isneginf(contracts.read("predictions", tmp_path)["mean"]).all()
-    contracts.write(table("force_moments").drop(columns="fz"), "force_moments", tmp_path)
-    assert "fz" not in contracts.read("force_moments", tmp_path)
-    for surplus in ("w:tip", "q:base:tip"):  # nor does a pair of joints pass for a joint
-        with pytest.raises(ContractError, match=f"is not declared.*{surplus}"):
-            contracts.write(table("joints").assign(**{surplus: 1.0}), "joints", tmp_path)
 
 
 def test_the_same_table_gives_the_same_bytes_whatever_its_index_and_the_order_of_its_columns(

@@ -61,9 +61,6 @@ TEXT = {  # of any log: severities
     "dropped_rows": (1, 10),
     "doubled_rows": (1, 10),
     "swapped_rows": (1, 10),
-    "decimal_commas": (1, 1),
-    "words_for_numbers": (1, 10),
-    "zeroed_block": (1, 4096),
 }
 REFUSALS = {name: ((REFUSED,), ()) for name in TEXT}
 # of each log: what differs from a refusal

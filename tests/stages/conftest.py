@@ -4,24 +4,37 @@ repeats its motions.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from joint_logs import MADE_UP, ROOT, ingested
+from joint_logs import MADE_UP, ingested, log_project
 from known_law import write_project
 from omegaconf import OmegaConf
 
 from pipeline.core import config
 from pipeline.stages import ingest
 
+__all__ = ["log_project"]
+
+
+@pytest.fixture(scope="session")
+def known_project(tmp_path_factory) -> Path:
+    """A project of recordings drawn from a known model; read only."""
+    folder = tmp_path_factory.mktemp("known")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        write_project(folder)
+    return folder
+
 
 @pytest.fixture
-def project(tmp_path, monkeypatch):
-    """The chain, joint angles and commanded steps of the recordings in the current directory."""
+def project(known_project, tmp_path, monkeypatch) -> None:
+    """A copy of it as the current directory."""
+    shutil.copytree(known_project, tmp_path, symlinks=True, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    return write_project(tmp_path)
 
 
 @pytest.fixture
@@ -32,25 +45,6 @@ def choose() -> Callable[..., None]:
         params = OmegaConf.load("params.yaml")
         params.update(changes)
         OmegaConf.save(params, "params.yaml")
-        config.write_config(Path("params.yaml"))
-
-    return chosen
-
-
-@pytest.fixture
-def log_project(tmp_path, monkeypatch) -> Callable[..., None]:
-    """An empty project in which stages can run, and a way to choose its dataset."""
-    folder = tmp_path / "project"
-    folder.mkdir()
-    for name in ("pipeline", "dvc.yaml"):
-        (folder / name).symlink_to(ROOT / name)
-    monkeypatch.chdir(folder)
-
-    def chosen(dataset: str, recordings: Path, **overrides) -> None:
-        params = OmegaConf.load(ROOT / "params.yaml")
-        overrides = {"dataset": {"recordings": str(recordings)} | overrides}
-        params.update({"dataset": dataset, "scale": "smoke", "overrides": overrides})
-        OmegaConf.save(params, folder / "params.yaml")
         config.write_config(Path("params.yaml"))
 
     return chosen

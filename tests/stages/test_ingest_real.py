@@ -17,7 +17,7 @@ from pipeline.arm.model import load_arm
 from pipeline.core import contracts, datasheet
 from pipeline.core.columns import members, values
 from pipeline.core.errors import RecordingError, SingularJacobianError
-from pipeline.recordings.repetitions import align, excursions, find_repetitions
+from pipeline.recordings.repetitions import excursions
 from pipeline.stages import ingest, track
 from pipeline.tools.inspect.command import inspect
 
@@ -38,34 +38,6 @@ def ur5() -> Path:
 
 def movement(ur5: Path, number: int) -> list[np.ndarray]:
     return read_movement(next(ur5.glob(f"Movement_No{number}_*")), FILES, joints=6, rate=125.0)[0]
-
-
-def test_movement_5_is_four_ways_out_and_three_back_and_one_cut_off(ur5):
-    _, target, speed = movement(ur5, 5)
-    runs = excursions(target, speed)
-    firsts = [376, 750, 1124, 1498, 1872, 2247, 2621]
-    assert [(run.first, run.steps) for run in runs if run.whole] == [(k, 302) for k in firsts]
-    assert [run.first for run in runs if not run.whole] == [2995]
-    ends = np.array([target[run.last, 2] - target[run.first - 1, 2] for run in runs if run.whole])
-    assert (ends > 1).sum() == 4 and (ends < -1).sum() == 3
-
-
-def test_the_first_motion_of_the_four_rounds_is_one_command_in_spite_of_a_row(ur5):
-    result = {}
-    for number in (6, 7):
-        _, target, speed = movement(ur5, number)
-        ends = (FIRST_MOTION["start"], FIRST_MOTION["end"])
-        runs = find_repetitions(target, speed, [0, 1, 2, 3], *ends, steps=633, rest=35)
-        result[number] = [(target, run) for run in runs.runs]
-    assert [len(runs) for runs in result.values()] == [3, 1]
-    assert [run.steps for runs in result.values() for _, run in runs] == [633, 633, 633, 632]
-    target, run = result[6][0]
-    reference = target[run.first : run.first + 634, 1:4]
-    for target, run in result[6] + result[7]:
-        first = align(target[:, 1:4], run.first, reference)
-        assert np.abs(target[first : first + 634, 1:4] - reference).max() < 1.4e-4
-    # by its first row, the last take would be 8 mrad off
-    assert np.abs(target[run.first : run.first + 634, 1:4] - reference).max() > 5e-3
 
 
 def spread_of(noise: np.ndarray) -> np.ndarray:
@@ -132,18 +104,6 @@ def test_all_six_joints_and_the_pose_in_space(ur5, log_project):
     # joint 1 is at rest, the others move: as was found on this and other movements of the robot
     spread = spread_of(w)
     assert spread[0] < 24e-6 and np.all((spread[1:] > 40e-6) & (spread[1:] < 145e-6))
-
-
-def test_the_real_repetitions_are_found_without_the_commanded_speeds(ur5, log_project):
-    log_project("ur5_planar", ur5)
-    ingest.run("motion")
-    names, q = ingested()
-    # the angle creeps and settles at rest by up to 10 mrad/s
-    log_project("ur5_planar", ur5, joint_log={"speed": None, "rest_speed": 1e-2})
-    ingest.run("motion")
-    result = ingested()
-    assert result[0] == names and quality("speed_from_angles", "Movement") == 1
-    np.testing.assert_array_equal(result[1][:, :-1], q[:, 1:])
 
 
 def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_project):
@@ -230,13 +190,6 @@ def test_each_trap_is_refused_where_no_option_settles_it(lwr4, log_project, unse
     with pytest.raises(RecordingError, match=words):
         ingest.run("motion")
     assert not list(Path("data/ingest").iterdir())
-
-
-def test_a_delay_that_is_off_by_rows_is_reported_as_the_arm_s_lag(lwr4, log_project):
-    log_project("lwr4", lwr4, joint_log={"target_delay": 1.4})
-    ingest.run("motion")
-    lags = [1e3 * quality("lag_behind_command", take) for take in TAKES]
-    np.testing.assert_allclose(lags, [5.4, 5.4, 12.1, 12.1], atol=0.3)
 
 
 def test_the_logs_of_seven_joints_go_from_raw_files_to_process_noise(lwr4, log_project):

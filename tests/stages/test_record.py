@@ -27,14 +27,27 @@ def choose(**overrides) -> None:
     config.write_config(Path("params.yaml"))
 
 
-@pytest.fixture
-def project(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory) -> Path:
+    """A project whose laboratory has recorded the arm; read only."""
+    folder = tmp_path_factory.mktemp("recorded")
     for name in ("pipeline", "dvc.yaml"):
-        Path(name).symlink_to(ROOT / name)
-    Path("data/raw/lwr4_lab").mkdir(parents=True)
-    shutil.copy(ROOT / "data/raw/lwr4_lab/dvc.yaml", "data/raw/lwr4_lab")
-    choose()
+        (folder / name).symlink_to(ROOT / name)
+    for name in ("lwr4_lab", "youbot"):
+        (folder / "data/raw" / name).mkdir(parents=True)
+        shutil.copy(ROOT / f"data/raw/{name}/dvc.yaml", folder / f"data/raw/{name}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        choose()
+        record.run("lwr4_lab")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def project(recorded, tmp_path, monkeypatch) -> None:
+    """A copy of it as the current folder."""
+    shutil.copytree(recorded, tmp_path / "project", symlinks=True)
+    monkeypatch.chdir(tmp_path / "project")
 
 
 def tracked() -> np.ndarray:
@@ -46,9 +59,7 @@ def tracked() -> np.ndarray:
     return (values(measured, "q") - values(true, "q")).reshape(-1, 321, 7)
 
 
-@pytest.mark.slow
-def test_angles_are_measured_as_well_as_their_noise_lets_them(project):
-    record.run("lwr4_lab")
+def test_angles_are_measured_as_well_as_their_noise_lets_them():
     errors = tracked()
     assert errors.shape == (5, 321, 7)
     # the arm rests for 0.3 s at the start: what changes then is the noise of the bodies
@@ -67,18 +78,16 @@ def test_angles_are_measured_as_well_as_their_noise_lets_them(project):
 
 
 @pytest.mark.slow
-def test_the_same_seed_records_the_same_files_and_a_perfect_arm_is_measured_to_their_digits(
-    project,
-):
+def test_the_same_seed_records_the_same_files_and_a_perfect_arm_is_measured_to_their_digits():
+    files = {file: file.read_bytes() for file in RECORDINGS.rglob("*.csv")}
+    record.run("lwr4_lab")
+    assert files == {file: file.read_bytes() for file in RECORDINGS.rglob("*.csv")}
+    assert len(files) == 11
     names = {"dynamics": ["length_std", "encoder_offset_std", "jitter_std"]}
     names["mocap"] = ["noise_std", "placement_std"]
     perfect = {part: dict.fromkeys(own, 0.0) for part, own in names.items()}
     choose(dataset={"laboratory": perfect})
-    files = []
-    for _ in range(2):
-        record.run("lwr4_lab")
-        files.append({file: file.read_bytes() for file in RECORDINGS.rglob("*.csv")})
-    assert files[0] == files[1] and len(files[0]) == 11
+    record.run("lwr4_lab")
     # Motive prints micrometres
     assert np.abs(tracked()).max() < 5e-5
 
@@ -92,18 +101,15 @@ def test_the_same_seed_records_the_same_files_and_a_perfect_arm_is_measured_to_t
         ({"base": {"position": [0.35, 0.72, -0.31]}}, RecordingError, "no posture of the arm has"),
     ],
 )
-def test_what_does_not_fit_the_arm_is_refused_with_one_message(project, mocap, error, words):
-    if "markers" not in mocap:
-        record.run("lwr4_lab")
+def test_what_does_not_fit_the_arm_is_refused_with_one_message(mocap, error, words):
     choose(dataset={"mocap": mocap})
     with pytest.raises(error, match=words):
         record.run("lwr4_lab") if "markers" in mocap else tracked()
 
 
-def test_recordings_of_a_dataset_that_is_not_analysed_stay_as_they_are(project, capsys):
+def test_recordings_of_a_dataset_that_is_not_analysed_stay_as_they_are(capsys):
     kept = Path("data/raw/youbot/recordings/kept")
     kept.parent.mkdir(parents=True)
     kept.touch()
-    shutil.copy(ROOT / "data/raw/youbot/dvc.yaml", "data/raw/youbot")
     record.run("youbot")
     assert kept.exists() and "set dataset: youbot" in capsys.readouterr().out

@@ -29,32 +29,43 @@ YOUBOT, CLAIMS = Path("reports/datasets/youbot.json"), Path("reports/claims.yaml
 COPIED = (CLAIMS, YOUBOT, "reports/youbot/captions.json", "data/raw/youbot/dataset.yaml")
 
 
-@pytest.fixture(autouse=True)
-def project(tmp_path, monkeypatch):
-    """The committed evidence of the youBot and the captions, with a freshly composed
-    configuration.
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory) -> Path:
+    """A folder of the committed evidence of the youBot and the captions, with a freshly composed
+    configuration, in which the stage has run; read only.
     """
-    (tmp_path / "pipeline").symlink_to(ROOT / "pipeline")
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "pipeline").symlink_to(ROOT / "pipeline")
     for name in (*COPIED, "dvc.yaml", "params.yaml", "README.md"):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(ROOT / name, tmp_path / name)
-    monkeypatch.chdir(tmp_path)
-    config.write_config(Path("params.yaml"))
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / name)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        config.write_config(Path("params.yaml"))
+        report.run()
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def project(reported, tmp_path, monkeypatch) -> None:
+    """A copy of it, to edit, as the current folder."""
+    folder = tmp_path / "project"
+    shutil.copytree(reported, folder, symlinks=True)
+    monkeypatch.chdir(folder)
 
 
 def written() -> list[bytes]:
     return [Path(name).read_bytes() for name in WRITTEN]
 
 
-def reported() -> dict:
+def decided() -> dict:
     """The claims.json and, by id, the verdicts of each claim by dataset."""
-    report.run()
     data = json.loads(Path("reports/youbot/claims.json").read_text())
     return data | {"by_id": {claim["id"]: claim["datasets"] for claim in data["claims"]}}
 
 
 def test_every_claim_has_its_verdict_in_both_forms():
-    data = reported()
+    data = decided()
     assert [(d["dataset"], d["recordings"]) for d in data["datasets"]] == [("youbot", "synthetic")]
     stated = config.read_yaml(CLAIMS)["claims"]
     assert [claim["id"] for claim in data["claims"]] == [claim["id"] for claim in stated]
@@ -65,45 +76,65 @@ def test_every_claim_has_its_verdict_in_both_forms():
     assert len(page.splitlines()) <= 160 and len(page.split()) <= 3000
     # no verdict on a robot comes of recordings that no robot made
     others = [claim["datasets"] for claim in data["claims"] if claim["about"] != "method"]
-    decided = {own["youbot"]["verdict"] for own in others if "youbot" in own}
-    assert not decided & {"reproduced", "not reproduced"}
+    verdicts = {own["youbot"]["verdict"] for own in others if "youbot" in own}
+    assert not verdicts & {"reproduced", "not reproduced"}
     assert "# Errata" in Path("reports/youbot/errata.md").read_text()
     assert "| Eq. 14 (NormStd) |" in Path("reports/equations.md").read_text()
     assert len(json.loads(Path("reports/youbot/summary.json").read_text())) <= 8
 
 
-def test_the_results_in_the_readme_are_those_of_the_default_dataset_on_the_papers_scale():
-    before = Path("README.md").read_text()
-    report.run()
-    after = Path("README.md").read_text()
+def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
+    page = Path("reports/youbot/report.md").read_text()
+    links = {link.partition("#")[0] for link in re.findall(r"\]\((.*?)\)", page)}
+    here = (ROOT / "reports/youbot", Path("reports/youbot"))
+    missing = {link for link in links if not any((place / link).exists() for place in here)}
+    # the pages of the studies are written by a pipeline of their own
+    assert {link for link in missing if not link.startswith("../studies/")} == set()
+    anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
+    errata = Path("reports/youbot/errata.md").read_text()
+    assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)
+
+
+def test_the_results_in_the_readme_are_those_of_the_papers_scale_and_equal_runs_give_equal_bytes():
+    before, after = (ROOT / "README.md").read_text(), Path("README.md").read_text()
     assert "hold / fail" in BLOCK.search(after)[0]
     assert BLOCK.sub("", after) == BLOCK.sub("", before)
-    run = replace(read_run(YOUBOT), scale="smoke")
-    YOUBOT.write_text(run.to_json())
-    Path("README.md").write_text(before)
+    first, run = written(), read_run(YOUBOT)
+    Path("README.md").write_text(edited := BLOCK.sub("", before))
+    YOUBOT.write_text(replace(run, scale="smoke").to_json())
     report.run()
-    assert Path("README.md").read_text() == before
+    assert Path("README.md").read_text() == edited
+    Path("README.md").write_text(before)
+    YOUBOT.write_bytes((ROOT / YOUBOT).read_bytes())
+    report.run()
+    assert written() == first and Path("README.md").read_text() == after
 
 
 @pytest.mark.slow
-def test_the_same_numbers_give_the_same_bytes_and_an_altered_one_does_not():
-    report.run()
-    first = written()
-    report.run()
-    assert written() == first
-    run = read_run(YOUBOT)
+def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen():
+    first, run = written(), read_run(YOUBOT)
+    # a dataset named as the paper's own decides what is said of its robot
+    names = "recordings_of_the_paper: []", "recordings_of_the_paper: [youbot]"
+    CLAIMS.write_text(CLAIMS.read_text().replace(*names))
     run.metrics["motion"]["wishart_greatest_mean_error_rad"] /= 2
     run.metrics["fit_wishart"]["sigma_b_paper"] /= 2
     YOUBOT.write_text(run.to_json())
+    joints = ["joint_2", "joint_3", "joint_4"]
+    metrics = {f"recorded_std_{name}_variation": 1.0 for name in joints}
+    metrics |= {f"recorded_std_{name}_variation_of_constant_noise": 0.5 for name in joints}
+    changes = {"dataset": "ur5", "synthetic": False, "joints": joints, "tables": {}}
+    other = replace(run, metrics={"motion": metrics}, **changes)
+    YOUBOT.with_name("ur5.json").write_text(other.to_json())
     report.run()
     assert all(before != after for before, after in zip(first[:3], written(), strict=False))
-
-
-def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot():
-    names = "recordings_of_the_paper: []", "recordings_of_the_paper: [youbot]"
-    CLAIMS.write_text(CLAIMS.read_text().replace(*names))
-    verdict = reported()["by_id"]["sigma-omega"]["youbot"]["verdict"]
+    data = decided()
+    of = [(each["dataset"], each["recordings"]) for each in data["datasets"]]
+    assert [name for name, _ in of] == ["youbot", "ur5"] and of[1][1] == "real"
+    verdict = data["by_id"]["sigma-omega"]["youbot"]["verdict"]
     assert verdict in ("reproduced", "not reproduced")
+    assert data["by_id"]["u"]["ur5"]["verdict"] == "no evidence in this dataset"
+    assert data["by_id"]["noise-is-dynamic"]["ur5"]["verdict"] == "reproduced"
+    assert "| UR5, real |" in Path("reports/youbot/report.md").read_text()
 
 
 @pytest.mark.parametrize(
@@ -115,28 +146,11 @@ def test_a_dataset_named_as_the_papers_own_decides_what_is_said_of_its_robot():
     ],
 )
 def test_malformed_claims_are_refused_and_what_stood_is_left(old, new):
-    for name in WRITTEN:  # of an earlier run
-        Path(name).write_text("earlier")
     before = written()
     CLAIMS.write_text(CLAIMS.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError):
         report.run()
     assert written() == before
-
-
-def test_the_verdicts_of_another_dataset_stand_beside_those_of_the_run():
-    joints = ["joint_2", "joint_3", "joint_4"]
-    metrics = {f"recorded_std_{name}_variation": 1.0 for name in joints}
-    metrics |= {f"recorded_std_{name}_variation_of_constant_noise": 0.5 for name in joints}
-    changes = {"dataset": "ur5", "synthetic": False, "joints": joints, "tables": {}}
-    other = replace(read_run(YOUBOT), metrics={"motion": metrics}, **changes)
-    YOUBOT.with_name("ur5.json").write_text(other.to_json())
-    data = reported()
-    of = [(run["dataset"], run["recordings"]) for run in data["datasets"]]
-    assert of == [("youbot", "synthetic"), ("ur5", "real")]
-    assert data["by_id"]["u"]["ur5"]["verdict"] == "no evidence in this dataset"
-    assert data["by_id"]["noise-is-dynamic"]["ur5"]["verdict"] == "reproduced"
-    assert "| youBot, synthetic | UR5, real |" in Path("reports/youbot/report.md").read_text()
 
 
 def test_evidence_that_is_missing_or_damaged_is_refused_by_name():
@@ -147,16 +161,3 @@ def test_evidence_that_is_missing_or_damaged_is_refused_by_name():
     YOUBOT.unlink()
     with pytest.raises(ContractError, match="no evidence of the dataset youbot"):
         report.run()
-
-
-def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
-    report.run()
-    page = Path("reports/youbot/report.md").read_text()
-    links = {link.partition("#")[0] for link in re.findall(r"\]\((.*?)\)", page)}
-    here = (ROOT / "reports/youbot", Path("reports/youbot"))
-    missing = {link for link in links if not any((place / link).exists() for place in here)}
-    # the pages of the studies are written by a pipeline of their own
-    assert {link for link in missing if not link.startswith("../studies/")} == set()
-    anchors = set(re.findall(r"errata\.md#([\w-]+)", page))
-    errata = Path("reports/youbot/errata.md").read_text()
-    assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)

@@ -1,5 +1,5 @@
-"""The stage: takes beyond a limit are left out of all that follows and named, and those within it
-are as they were.
+"""The stage track: takes beyond a limit are left out of all that follows and named, and those
+within it are as they were.
 """
 
 from __future__ import annotations
@@ -15,73 +15,70 @@ from omegaconf import OmegaConf
 from pipeline.core import contracts
 from pipeline.stages import articulate, track
 
-pytestmark = pytest.mark.slow
+MARKERS = Path("data/ingest/motion/markers.parquet")
+FRAMES = Path("data/ingest/depth/frames.parquet")
 
 
-@pytest.fixture
-def project(reproduced, tmp_path, monkeypatch):
-    """A reproduced project to edit, as the current folder."""
-    folder = tmp_path / "project"
-    shutil.copytree(
-        reproduced, folder, symlinks=True, ignore=shutil.ignore_patterns("cache", ".git")
-    )
-    for file in folder.rglob("*"):  # what DVC linked from its cache is read-only
-        if file.is_file():
-            file.chmod(0o644)
-    monkeypatch.chdir(folder)
-
-
-def read(name: str, stage: str) -> pd.DataFrame:
+def read(name: str, stage: str = "track") -> pd.DataFrame:
     return contracts.read(name, Path("data") / stage)
 
 
-def test_the_limits_of_the_youbot_leave_out_none_of_its_takes(project):
-    takes = read("takes", "track")
+def set_option(key: str, value: object) -> None:
+    options = OmegaConf.load("data/config.yaml")
+    OmegaConf.update(options, key, value, merge=False)
+    OmegaConf.save(options, "data/config.yaml")
+
+
+@pytest.mark.slow
+def test_takes_beyond_a_limit_are_left_out_and_named_and_the_others_stay(
+    reproduced, tmp_path, monkeypatch, capsys
+):
+    for name in ("pipeline", "dvc.yaml"):
+        (tmp_path / name).symlink_to(reproduced / name)
+    later = shutil.ignore_patterns("raw", "fit", "filter", "figures")
+    shutil.copytree(reproduced / "data", tmp_path / "data", ignore=later)
+    for file in tmp_path.glob("data/**/*"):  # what DVC linked from its cache is read-only
+        if file.is_file():
+            file.chmod(0o644)
+    monkeypatch.chdir(tmp_path)
+    # the limits of the youBot leave out none of its takes
+    takes, before, sound = read("takes"), read("joints"), pd.read_parquet(MARKERS)
     assert not takes["left_out"].any() and takes["limit"].notna().any()
-    quality = read("quality", "track")
+    quality = read("quality")
     left_out = quality.loc[quality["quantity"] == "left_out", "value"]
     assert (left_out == 0).sum() == takes["take"].nunique()
 
-
-def test_a_gap_and_a_bad_clock_leave_two_takes_out_of_all_that_follows(project, capsys):
-    before = read("joints", "track")
-    file = Path("data/ingest/motion/markers.parquet")
-    markers = pd.read_parquet(file)
-    hidden = (markers["take"] == "train_001") & (markers["link"] > 0)  # one alone is solved
+    markers = sound.copy()
+    # of two links, as one alone is solved
+    hidden = (markers["take"] == "train_001") & (markers["link"] > 0)
     markers.loc[hidden & markers["k"].between(50, 90), ["x", "y", "z"]] = np.nan
-    markers.to_parquet(file, index=False)
+    markers.to_parquet(MARKERS, index=False)
     # the camera's clock loses seven in a hundred, where the estimate to first order still tells
-    file = Path("data/ingest/depth/frames.parquet")
-    frames = pd.read_parquet(file)
+    in_time, frames = FRAMES.read_bytes(), pd.read_parquet(FRAMES)
     frames.loc[frames["take"] == "test_001", "t"] *= 0.93
-    frames.to_parquet(file, index=False)
+    frames.to_parquet(FRAMES, index=False)
     track.run()
     said = capsys.readouterr().out
     for words in ("2 of ", "train_001 (", "longest_gap 41 beyond 20)", "test_001 (clock_drift 0."):
         assert words in said
     stay = before[~before["take"].isin(["train_001", "test_001"])].reset_index(drop=True)
-    pd.testing.assert_frame_equal(read("joints", "track"), stay)
-    assert set(read("takes", "track").query("left_out")["take"]) == {"train_001", "test_001"}
+    pd.testing.assert_frame_equal(read("joints"), stay)
+    assert set(read("takes").query("left_out")["take"]) == {"train_001", "test_001"}
     # of three test takes the noise at the ends of the motion needs more frames
-    config = OmegaConf.load("data/config.yaml")
-    config.articulation.noise_window = 4
-    OmegaConf.save(config, "data/config.yaml")
+    set_option("articulation.noise_window", 4)
     articulate.run()
     kept = set(stay.loc[stay["part"] == "test", "take"])
     assert set(read("angles", "articulate")["take"]) == kept
 
-
-def test_a_take_that_tracks_badly_is_left_out_by_its_residual(project):
-    markers = read("markers", "ingest/motion")
-    file, rng = Path("data/ingest/motion/markers.parquet"), np.random.default_rng(5)
+    # one that tracks badly is left out by its residual, and stays where there is no limit
+    markers, rng = sound.copy(), np.random.default_rng(5)
     shaken = (markers["take"] == "train_002") & (markers["link"] > 0)
     markers.loc[shaken, ["x", "y", "z"]] += rng.normal(0, 1.5e-3, (shaken.sum(), 3))
-    markers.to_parquet(file, index=False)
+    markers.to_parquet(MARKERS, index=False)
+    FRAMES.write_bytes(in_time)
     track.run()
-    assert set(read("takes", "track").query("beyond")["measure"]) == {"residual_rms"}
-    assert set(read("takes", "track").query("left_out")["take"]) == {"train_002"}
-    config = OmegaConf.load("data/config.yaml")
-    config.dataset.limits = {}
-    OmegaConf.save(config, "data/config.yaml")
+    assert set(read("takes").query("beyond")["measure"]) == {"residual_rms"}
+    assert set(read("takes").query("left_out")["take"]) == {"train_002"}
+    set_option("dataset.limits", {})
     track.run()
-    assert "train_002" in set(read("joints", "track")["take"])
+    assert "train_002" in set(read("joints")["take"])

@@ -1,17 +1,28 @@
-"""check prints everything that is wrong with a dataset at once, and nothing where nothing is."""
+"""check prints everything that is wrong with a dataset at once, else nothing; inspect tells if
+the command in a joint log belongs to the measured angles, and which option settles it if
+not; new-dataset suggests that value.
+"""
 
 from __future__ import annotations
 
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from motive_files import START, random_take
 from source_code import ROOT
+from written_logs import write_joint_log
 
 from pipeline.__main__ import tool_call
 from pipeline.core.errors import ConfigError
+from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
+from pipeline.tools.inspect.command import as_table, inspect
+from pipeline.tools.inspect.finding import Finding
+from pipeline.tools.new_dataset.command import dataset_texts
+from pipeline.tools.new_dataset.layout import layout, shared_pattern
+from pipeline.tools.new_dataset.values import suggested_values
 
 JOINTS = "joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]"
 SHEET = f"""\
@@ -119,3 +130,102 @@ def test_every_movement_that_cannot_be_read_is_named(files, capsys, logs):
         edit(logs / name / "q_actual.csv", "0.300000", "0.3x")
     message = refused(capsys, 1)
     assert "No1_slow" in message and "; and 1 more, as " in message and "No2_slow" in message
+
+
+TIME = np.arange(1000) * 0.008
+UNITS = {"time_unit": "s", "angle_unit": "rad"}  # suggested, as no archive states them
+
+
+def angles(t: np.ndarray) -> np.ndarray:
+    """Angles in rad of three joints that repeat a motion without rest."""
+    return np.stack([np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)], axis=1)
+
+
+def write_tables(folder: Path, **rows: np.ndarray) -> None:
+    folder.mkdir(exist_ok=True)
+    for name, values in rows.items():
+        write_joint_log(folder / f"{name}.csv", JointLog(TIME, {"actual": values}, {}))
+
+
+def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
+    jitter = np.random.default_rng(1).normal(0, 3e-4, len(TIME))
+    for number, early in ((1, 0.8), (2, 0.96)):
+        commanded = np.pi / 180 * angles(TIME + early)
+        arrays = {"positions": angles(TIME), "target_positions": commanded}
+        np.savez(tmp_path / f"run_{number}.npz", times=1.5e9 + TIME + jitter, **arrays)
+    findings = inspect(tmp_path)
+    assert [finding.format for finding in findings] == ["NumPy archive of joints"] * 2
+    settled = {"clock": "rows", "target_factor": "57.29577951308232", "rest": "0"} | UNITS
+    for finding, delay in zip(findings, ("0.8", "0.96"), strict=True):
+        assert finding.suggested == settled | {"target_delay": delay}
+        assert {option.rpartition(".")[2] for _, option in finding.open} == {*finding.suggested}
+        # recordings that are settled differently each have a line
+        line = f"suggested is {delay}: dataset.joint_log.target_delay"
+        assert as_table(findings, tmp_path).count(line) == 1
+    recorded = layout(findings, tmp_path)
+    proposed = dataset_texts("lab", recorded, tmp_path)[0]
+    assert "joints: ??? # 3 joints; names of the logged joints" in proposed
+    assert "target_delay: ??? # the command differs from the measured angles by" in proposed
+    suggested, _ = suggested_values(recorded, tmp_path, {})
+    assert suggested["joint_log.target_delay"] == "{run_1: 0.8, run_2: 0.96}"
+    assert suggested["joint_log.clock"] == "rows"
+
+
+@pytest.mark.parametrize(
+    ("progress", "command", "motions", "gaps", "settled"),
+    [
+        (np.sin(TIME), "missed by 0 of the motion", "0 whole", {}, {"rest": "0"}),
+        (np.clip(TIME - 4, 0, None) ** 2, "missed by 0", "0 whole", {"motions_cut_off": 1}, {}),
+        (np.zeros_like(TIME), "at rest, missed by 0 rad", "0 whole", {}, {}),
+    ],
+    ids=["never rests", "cut off", "at rest"],
+)
+def test_motions_and_lag_of_a_plain_archive(tmp_path, progress, command, motions, gaps, settled):
+    q = np.array([0.3, -1.0, 0.8]) + progress[:, None] * [1.0, 0.5, -0.7]
+    np.savez(tmp_path / "run.npz", times=TIME, positions=q, target_positions=q)
+    (finding,) = inspect(tmp_path / "run.npz")
+    assert finding.facts["command"].startswith(command)
+    assert (finding.facts["motions"], finding.gaps) == (motions, gaps)
+    assert finding.suggested == settled | UNITS
+
+
+@pytest.mark.parametrize(
+    ("arrays", "option"),
+    [({"q": angles(TIME)}, "signals"), ({"q": angles(TIME), "q_target": angles(TIME)}, "time")],
+)
+def test_an_archive_whose_names_do_not_say_what_they_are_asks_for_them(tmp_path, arrays, option):
+    np.savez(tmp_path / "run.npz", **arrays)
+    (finding,) = inspect(tmp_path / "run.npz")
+    assert [asked for _, asked in finding.open] == [f"dataset.joint_log.{option}"]
+    assert not finding.stops
+
+
+def test_tables_of_a_folder_are_told_apart_by_their_names_and_compared(tmp_path):
+    moved = angles(TIME)
+    write_tables(tmp_path, q_actual=moved, q_target=moved[:, [0, 2, 1]], qd_target=moved, x=moved)
+    held: dict[str, Finding] = {finding.file.stem: finding for finding in inspect(tmp_path)}
+    roles = {name: finding.facts.get("role") for name, finding in held.items()}
+    assert roles == {"q_actual": "actual", "q_target": "target", "qd_target": "speed", "x": None}
+    assert "signals" in held["q_target"].suggested, "the order of the columns"
+    assert not held["q_actual"].suggested and not held["qd_target"].suggested
+
+
+def test_the_step_of_another_table_in_the_folder_is_not_the_joint_logs(tmp_path):
+    rows = np.random.default_rng(1).normal(size=(len(TIME), 6))
+    for number in (1, 2):
+        folder = tmp_path / f"move_{number}"
+        write_tables(folder, q_actual=rows, q_target=rows)
+        table = np.column_stack([4 * TIME / 0.008, rows])
+        np.savetxt(folder / "a_force.csv", table, "%.4f", ",")
+    recorded = layout(inspect(tmp_path), tmp_path)
+    assert "movements: move_*" in dataset_texts("lab", recorded, tmp_path)[0]
+    assert "joint_log.time_unit" not in suggested_values(recorded, tmp_path, {})[0]
+    for number in (1, 2):
+        (tmp_path / f"move_{number}/a_force.csv").unlink()
+    recorded = layout(inspect(tmp_path), tmp_path)
+    assert suggested_values(recorded, tmp_path, {})[0]["joint_log.time_unit"] == "s"
+
+
+def test_names_share_one_pattern():
+    assert shared_pattern(["No5_slow_plain", "No6_slow_verify"]) == "No*_slow_*"
+    assert shared_pattern(["a_slow", "a_slow_short"]) == "a_slow*"

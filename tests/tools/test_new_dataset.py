@@ -26,7 +26,6 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.new_dataset.command import open_dataset
-from pipeline.tools.new_dataset.values import KEYS
 
 FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
 
@@ -281,14 +280,6 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     assert written()[0]["joint_log"]["time_unit"] == "s" and written()[1]["motion"]["rate"] == 100
 
 
-@pytest.mark.slow
-def test_an_empty_answer_takes_the_suggestion_or_leaves_the_value_open(root, logs, monkeypatch):
-    monkeypatch.setattr(builtins, "input", lambda prompt: "")
-    run("lab", "--from", logs, "--set", f"robot.urdf={urdf()}", "--set", "robot.tool=flange")
-    run("lab", "--ask")
-    assert unfilled() == {"about.subject", "about.source", *KEYS}
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -305,9 +296,7 @@ def test_an_option_or_name_that_does_not_fit_writes_nothing(root, logs, words, s
     assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
 
 
-@pytest.mark.parametrize(
-    "there", ["data/raw/lab/dataset.yaml", "conf/dataset/lab.yaml", "data/raw/lab/dvc.yaml"]
-)
+@pytest.mark.parametrize("there", ["conf/dataset/lab.yaml", "data/raw/lab/dvc.yaml"])
 def test_nothing_is_overwritten(root, logs, there):
     (root / there).parent.mkdir(parents=True, exist_ok=True)
     (root / there).write_text("mine\n")

@@ -1,8 +1,11 @@
-"""A plan is a trajectory that the project reads; what cannot be planned leaves nothing behind."""
+"""A plan is a trajectory that the project reads; what cannot be planned leaves nothing behind. A
+take in Rerun has its skeleton where the arm's kinematics put it, and the file holds every track.
+"""
 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,12 +14,17 @@ import pytest
 from PIL import Image
 from planned_arms import ARMS, LAWS, chain, joint_path
 from scipy.spatial.transform import Rotation
+from source_code import ROOT
 
 from pipeline.__main__ import tool_call
+from pipeline.arm.model import arm_of
 from pipeline.core import config
 from pipeline.core.errors import PipelineError
+from pipeline.core.options.dataset import Robot
 from pipeline.formats.trajectory import read_trajectory
 from pipeline.tools.plan.command import read_path
+from pipeline.tools.view import command
+from pipeline.tools.view.command import Track, ViewedTake, skeletons, write_recording
 
 STEPS = 20
 
@@ -56,7 +64,8 @@ def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work
     assert arm.within_limits(q).all()
     assert np.all(np.abs(np.diff(q, axis=0)) <= arm.max_speed / 10 * 1.001)
     assert Image.open(work / "out/plan.png").size[0] > 1000
-    assert "out: 20 steps; summed trace of the covariance" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "plan: 20 steps; sum of tr Cov (rad²) " in said and "wrote out/joints.csv" in said
     # a plan may take the place of a plan, and its own joints are a path
     run(["data/fit/wishart", "out/joints.csv", "out", "--points", "30"])
 
@@ -115,3 +124,60 @@ def test_joints_in_any_order_stand_for_their_poses_and_others_are_refused(tmp_pa
     file.write_text(file.read_text().replace("arm_joint_2", "wrist"))
     with pytest.raises(PipelineError, match="those of the arm arm_joint_2, arm_joint_3"):
         read_path(file, arm, robot)
+
+
+JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
+YOUBOT = Robot(
+    urdf=str(ROOT / "pipeline/arm/youbot.urdf"),
+    joints=JOINTS,
+    tool="arm_tool",
+    plane=True,
+    locked={"arm_joint_1": 2.9, "arm_joint_5": 2.9},
+)
+
+
+@pytest.fixture
+def poses() -> np.ndarray:
+    return np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
+
+
+def test_the_skeleton_of_a_planar_arm_is_that_of_its_closed_form(poses):
+    arm = arm_of(YOUBOT)
+    nodes = skeletons(YOUBOT, poses)
+    np.testing.assert_array_equal(nodes[:, 0], 0.0)
+    plane = arm.to_plane(nodes[:, 1:])
+    np.testing.assert_allclose(plane[..., 1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(plane[..., [0, 2]], arm.chain.points(poses), atol=1e-12)
+
+
+def test_without_the_viewer_the_command_names_what_installs_it(monkeypatch, tmp_path):
+    monkeypatch.setattr(command, "ENVIRONMENT", tmp_path)
+    monkeypatch.setitem(command.sys.modules, "rerun", None)
+    with pytest.raises(PipelineError, match="run `make view`"):
+        command._rerun()
+
+
+@pytest.mark.slow
+def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, poses, tmp_path):
+    monkeypatch.setattr(command, "ENVIRONMENT", ROOT / ".venv-view")
+    monkeypatch.setattr(command.sys, "path", [*command.sys.path])
+    try:
+        rerun = command._rerun()
+    except PipelineError:
+        pytest.skip("rerun-sdk is absent; `make test-all` installs it in .venv-view")
+    t = 0.1 * np.arange(20)
+    filtered = {"wishart": Track(t, poses + 0.1, np.full_like(poses, 0.2))}
+    clouds = [(0.5, np.ones((7, 3)))]
+    take = ViewedTake("test 1", YOUBOT, JOINTS, Track(t, poses), filtered, clouds)
+    file = tmp_path / "take.rrd"
+    write_recording(rerun, take, file)
+    from rerun.chunk import RrdReader
+
+    chunks = RrdReader(file).stream().to_chunks()
+    rows = Counter()
+    for chunk in chunks:
+        rows[chunk.entity_path] += 0 if chunk.is_static else chunk.num_rows
+    lines = ["measured/mean", *(f"wishart/{line}" for line in ("mean", "upper", "lower"))]
+    expected = {f"/angles/{joint}/{line}": 20 for joint in JOINTS for line in lines}
+    expected |= {"/scene/measured": 20, "/scene/wishart": 20, "/scene/cloud": 1}
+    assert {path: rows[path] for path in expected} == expected

@@ -1,5 +1,5 @@
-"""The smallest module of each kind that CONTRIBUTING.md names works under a new name, without an
-edit of any other file.
+"""What CONTRIBUTING.md promises: the smallest module of each kind works under a new name without an
+edit of any other file; the way of a take names what exists; the audit finds an edited constant.
 """
 
 from __future__ import annotations
@@ -9,9 +9,21 @@ import shutil
 from pathlib import Path
 
 import pytest
-from project_copy import ROOT, copy_project, set_parameters, succeeds
+from omegaconf import OmegaConf
+from project_copy import (
+    GIT,
+    ROOT,
+    copy_project,
+    copy_reproduced,
+    error_line,
+    run,
+    set_parameters,
+    succeeds,
+)
 
+from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
+from pipeline.tools.audit.command import clone_commit
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 KINDS = {"model": "models", "figure": "figures", "format": "formats", "study": "studies"}
@@ -92,3 +104,49 @@ def test_the_way_of_a_take_names_files_and_functions_that_exist():
     assert {"read_take", "read_motive", "follower", "process_noise", "draw"} <= functions
     tables = read_yaml(ROOT / "pipeline/core/tables.yaml")
     assert {*re.findall(r"`([a-z_]+)`", way)} - functions - {*tables} == {"joint_std"}
+
+
+STAGES = ("choose", "configure", "files", "ingest", "wrench")
+
+
+def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
+    with pytest.raises(PipelineError, match="needs a repository with a commit"):
+        clone_commit(tmp_path, tmp_path / "audit")
+    project = tmp_path / "project"
+    sheet = project / "data/raw/arm/dataset.yaml"
+    sheet.parent.mkdir(parents=True)
+    sheet.write_text("recordings: ../logs/arm\n")
+    (tmp_path / "logs/arm").mkdir(parents=True)
+    succeeds(*GIT, "init", "-q", cwd=project)
+    succeeds(*GIT, "add", ".", cwd=project)
+    succeeds(*GIT, "commit", "-qm", "arm", cwd=project)
+    with pytest.raises(PipelineError, match=r"dvc\.lock is not committed"):
+        clone_commit(project, tmp_path / "audit")
+    (project / "dvc.lock").write_text("schema: '2.0'\nstages: {}\n")
+    succeeds(*GIT, "add", ".", cwd=project)
+    succeeds(*GIT, "commit", "-qm", "lock", cwd=project)
+    assert (clone_commit(project, tmp_path / "audit") / "../logs/arm").is_dir()
+
+
+@pytest.mark.slow
+def test_a_constant_that_was_edited_without_a_run_is_found(reproduced, tmp_path):
+    folder = copy_reproduced(reproduced, tmp_path / "altered")
+    stages = OmegaConf.to_container(OmegaConf.load(folder / "dvc.yaml"))["stages"]
+    stages = {name: stages[name] for name in STAGES}
+    stages["ingest"]["matrix"] = {"part": ["force"]}
+    OmegaConf.save({"stages": stages}, folder / "dvc.yaml")
+    for other in [*folder.glob("pipeline/**/dvc.yaml"), *folder.glob("data/raw/*/dvc.yaml")]:
+        if other.parent.name != "youbot":
+            other.unlink()
+
+    # draws of the model for every measured sample of the force
+    file = folder / "pipeline/wrench/measured_force.py"
+    edited, found = re.subn(r"(?m)^DRAWS = 10\b", "DRAWS = 9", file.read_text())
+    assert found == 1
+    file.write_text(edited)
+    succeeds(*GIT, "commit", "-qam", "edited", cwd=folder)
+    done = run("python", "-m", "pipeline", "audit", str(tmp_path / "edited"), cwd=folder)
+    # and everything else is equal to the commit
+    changed = {line[3:] for line in done.stdout.splitlines() if line.startswith(" M ")}
+    assert changed == {"dvc.lock"}, done.stderr
+    assert "differ from the commit" in error_line(done)

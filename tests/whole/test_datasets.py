@@ -1,5 +1,6 @@
 """From a laboratory's files to its results: the commands of data/raw/README.md on exports of the
-synthetic laboratory and on the logs of real robots; and a new take assessed against a fit.
+synthetic laboratory and on the logs of a real robot; forces without a robot; and a new take
+assessed against a fit.
 """
 
 from __future__ import annotations
@@ -8,22 +9,32 @@ import json
 import os
 import re
 import shlex
+import shutil
+from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 from project_copy import (
+    EVERY_COMMAND,
     ROOT,
     SMOKE,
     copy_project,
     copy_reproduced,
     edit_text,
     error_line,
+    in_one_process,
     planned,
     run,
     set_parameters,
     succeeds,
 )
+
+from pipeline.core import config, contracts
+from pipeline.verdicts.decision import NO_EVIDENCE
+from pipeline.verdicts.run import read_run
 
 pytestmark = pytest.mark.slow
 
@@ -37,18 +48,11 @@ INFERRED = {
     "force.configurations.C1.file",
 }
 RECORDINGS = ROOT.parent / "shared/recordings"
-# what nobody but the researcher knows, the number of the motion, and the models of a run
-REAL = {
-    "ur5": (
-        {"robot.urdf": "pipeline/arm/ur5.urdf", "robot.tool": "flange"},
-        "[additive, wishart]",
-    ),
-    "lwr4": ({}, "[additive]"),
-}
 
 
-def pipeline(folder: Path, *words: object) -> str:
-    return succeeds("python", "-m", "pipeline", *map(str, words), cwd=folder)
+def pipeline(folder: Path, *commands: str) -> str:
+    """Run the ``commands`` in one process; return what they print."""
+    return succeeds("python", "-c", EVERY_COMMAND, *commands, cwd=folder)
 
 
 def documented(project: Path) -> list[list[str]]:
@@ -91,7 +95,8 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_
     # what files tell was found: nobody had to say it
     assert not INFERRED & fill_in(project)
     succeeds(*check, cwd=project)
-    succeeds(*reproduce, "publish", cwd=project)
+    stages, _ = in_one_process(project, "publish")
+    succeeds("dvc", "commit", "--force", *stages, cwd=project)
     drawn = {file.stem for file in (project / "reports/lab/figures").glob("*.svg")}
     assert {"joint_std", "articulation", "filter_errors", "wrench_error_histograms"} <= drawn
     assert OmegaConf.load(project / "data/config.yaml").dataset.name == "lab"
@@ -106,21 +111,17 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_
     assert {*plan} == {inventory, "ingest@motion", "predict", "score", "report"}
 
 
-@pytest.mark.parametrize("robot", REAL)
-def test_logs_of_a_real_robot_become_a_model_card(robot, tmp_path):
-    if not (RECORDINGS / robot).is_dir():
+def test_logs_of_a_real_robot_become_a_model_card(tmp_path):
+    if not (RECORDINGS / "lwr4").is_dir():
         pytest.skip("the recordings of the real robots are not here")
-    folder, (known, models) = tmp_path / "project", REAL[robot]
+    folder = tmp_path / "project"
     copy_project(folder)
-    set_parameters(folder, **SMOKE | {"dataset": "lab", "models": models})
-    exports = os.path.relpath(RECORDINGS / robot, folder)
-    known = known | {"about.subject": "an arm", "about.source": "its logs"}
-    given = [word for key, value in known.items() for word in ("--set", f"{key}={value}")]
-    pipeline(folder, "inspect", exports)
-    # the table of motions, by which the number is chosen
-    pipeline(folder, "new-dataset", "lab", "--from", exports, *given, "--suggested")
-    pipeline(folder, "new-dataset", "lab", "--motion", "1")
-    pipeline(folder, "check")
+    set_parameters(folder, **SMOKE | {"dataset": "lab", "models": "[additive]"})
+    exports = os.path.relpath(RECORDINGS / "lwr4", folder)
+    # what nobody but the researcher knows, and the number of the motion in the printed table
+    given = "--set 'about.subject=an arm' --set 'about.source=its logs' --suggested"
+    pipeline(folder, f"inspect {exports}", f"new-dataset lab --from {exports} {given}")
+    pipeline(folder, "new-dataset lab --motion 1", "check")
     succeeds("dvc", "repro", "report", cwd=folder)
     dataset = OmegaConf.load(folder / "data/config.yaml").dataset
     assert dataset.name == "lab" and len(dataset.joint_log.start) == len(dataset.robot.joints)
@@ -128,29 +129,80 @@ def test_logs_of_a_real_robot_become_a_model_card(robot, tmp_path):
     assert "lab" in card and "additive" in card
 
 
-def recorded(folder: Path, sway: list[float], seed: int) -> Path:
-    """A copy of the project whose laboratory has recorded an arm that sways by ``sway``."""
-    copy_project(folder)
-    # no depth frames are read
-    overrides = f"{{dataset: {{depth: null, laboratory: {{dynamics: {{sway_std: {sway}}}}}}}}}"
-    chosen = {"scale": "smoke", "compute": "serial", "models": "[additive]"}
-    set_parameters(folder, **chosen, seed=seed, overrides=overrides)
-    for words in ("choose", "configure", "record youbot"):
-        pipeline(folder, *words.split())
-    return folder
-
-
 def test_a_new_take_is_told_from_one_of_an_arm_that_sways_three_times_as_far(tmp_path):
-    sway = [0.0003, 0.0017, 0.0332]
-    project = recorded(tmp_path / "project", sway, 2017)
-    for stage in ("files", "ingest motion", "ingest depth", "track", "fit additive"):
-        pipeline(project, *stage.split())
-    pipeline(project, "export", "additive")
+    project = tmp_path / "project"
+    copy_project(project)
+    takes = project / "data/raw/youbot/recordings/optitrack"
+    chosen = {"scale": "smoke", "compute": "serial", "models": "[additive]"}
+
+    def recorded(factor: float, seed: int, *then: str) -> str:
+        """Record an arm that sways by so much; no depth frames are read."""
+        sway = [factor * each for each in (0.0003, 0.0017, 0.0332)]
+        overrides = f"{{dataset: {{depth: null, laboratory: {{dynamics: {{sway_std: {sway}}}}}}}}}"
+        set_parameters(project, **chosen, seed=seed, overrides=overrides)
+        return pipeline(project, "choose", "configure", "record youbot", *then)
+
     # sessions of their own, whose sensors and arm are drawn anew
     for name, factor in (("usual", 1), ("other", 3)):
-        session = recorded(tmp_path / name, [factor * each for each in sway], 5)
-        take = session / "data/raw/youbot/recordings/optitrack/test_001.csv"
-        said = pipeline(project, "assess", take.rename(tmp_path / f"{name}.csv"))
-        verdict = "behaves" if name == "usual" else "does NOT behave"
+        recorded(factor, 5)
+        (takes / "test_001.csv").rename(tmp_path / f"{name}.csv")
+    stages = ("files", "ingest motion", "ingest depth", "track", "fit additive", "export additive")
+    recorded(1, 2017, *stages)
+    for name, verdict in (("usual", "behaves"), ("other", "does NOT behave")):
+        said = pipeline(project, f"assess '{tmp_path / name}.csv'")
         assert f"{name} {verdict} as the 16 takes" in said
     assert (project / "data/assess/usual.png").stat().st_size > 10_000
+
+
+FORCES_ALONE = ["record towing", *(f"ingest {part}" for part in ("motion", "depth", "force"))]
+FORCES_ALONE += ["track", "articulate", "fit additive", "filter additive", "fit gaussian"]
+FORCES_ALONE += ["filter gaussian", "predict", "wrench", "readings", "score", "figures", "publish"]
+FORCES_ALONE += ["report"]
+PARAMS = """dataset: towing
+models: [additive, gaussian]
+filter: systematic
+articulation: least_squares
+simulation: one_step
+wrench: paper
+scale: smoke
+compute: serial
+seed: 5
+overrides: {}
+"""
+
+
+def test_forces_alone_go_through_every_stage_and_are_scored_on_all_rows(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("pipeline", "dvc.yaml", "reports/claims.yaml"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).symlink_to(ROOT / name)
+    raw = Path("data/raw/towing")
+    raw.mkdir(parents=True)
+    shutil.copy(ROOT / raw / "dvc.yaml", raw)
+    Path("params.yaml").write_text(PARAMS)
+    config.write_config(Path("params.yaml"))
+    for stage in FORCES_ALONE:
+        name, _, item = stage.partition(" ")
+        import_module(f"pipeline.stages.{name}").run(*filter(None, [item]))
+    recorded = [file.name for file in (raw / "recordings/force").iterdir()]
+    assert sorted(recorded) == ["T3.csv", "T4.csv", "T6.csv"]
+    forces = contracts.read("force", Path("data/ingest/force"))
+    assert list(forces)[2:] == ["fx", "fy", "fz", "mx", "my", "mz"]
+    run = read_run(Path("reports/datasets/towing.json"))
+    assert run.synthetic and run.joints == [] == list(run.task)
+    moments = run.tables["force_moments"].set_index(["configuration", "source"])
+    for name in ("T3", "T4", "T6"):
+        measured, modelled = (moments.loc[(name, s)] for s in ("measured", "modelled"))
+        rows = ["fx", "fy", "fz", "mx", "my", "mz"]
+        size = np.sqrt([measured[f"var_{row}"] for row in rows])
+        # a record of some seconds has few independent samples
+        assert np.all(np.abs(measured[rows] - modelled[rows]) < 2 * size), name
+    sigma = run.tables["sigma_s"].set_index(["system_class", "form"])
+    assert sigma.loc[("T6", "full")].notna().all()
+    assert pd.isna(sigma.loc[("study", "full"), "s66"].iloc[0])
+    drawn = json.loads(Path("reports/towing/captions.json").read_text())
+    assert {"wrench_planes", "wrench_marginals"} < set(drawn) and "wrench_density" not in drawn
+    decided = json.loads(Path("reports/towing/claims.json").read_text())["claims"]
+    verdicts = [c["datasets"]["towing"] for c in decided if "towing" in c["datasets"]]
+    of_joints = [verdict["verdict"] for verdict in verdicts if not verdict["cases"]]
+    assert of_joints and {*of_joints} == {NO_EVIDENCE}

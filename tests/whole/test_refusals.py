@@ -130,19 +130,12 @@ def parameters(model: str, **values: object) -> Callable[[], None]:
     return lambda: file.write_text(json.dumps(json.loads(file.read_text()) | values))
 
 
-HEADER = 7  # lines of a take before its rows
 # of two links: where one alone is hidden, the others determine the pose
 GAP = "take == 'train_001' and link >= 2 and 50 <= k <= 90"
 CASES = {  # damage, command of the stage, and words of its message
     "a missing take": (without_tests, "ingest motion", "optitrack/test_*.csv"),
     "a truncated take": (
         bytes_of("optitrack/train_003.csv", lambda b: b[:-40]), "ingest motion", "train_003.csv"),
-    "a header and no data": (
-        bytes_of("optitrack/train_002.csv", lambda b: b"\r\n".join(b.split(b"\r\n")[:HEADER])),
-        "ingest motion", "train_002.csv"),
-    "a take of the wrong length": (
-        bytes_of("optitrack/train_001.csv", lambda b: b"\r\n".join(b.split(b"\r\n")[:-20])),
-        "ingest motion", "train_001.csv", "321"),
     "a value that is no number": (
         bytes_of("optitrack/train_001.csv", cell(30, 4, b"inf")),
         "ingest motion", "train_001.csv", "31"),
@@ -150,10 +143,6 @@ CASES = {  # damage, command of the stage, and words of its message
         bytes_of("kinect/test_001/depth/0007.png", lambda b: b[:500]), "ingest depth", "0007.png"),
     "a missing frame": (
         (RAW / "kinect/test_001/depth/0005.png").unlink, "ingest depth", "0005.png"),
-    "a trajectory that is not finite": (
-        bytes_of("trajectory.csv", cell(12, 0, b"nan")), "ingest motion", "trajectory.csv", "13"),
-    "a force log without its header": (
-        bytes_of("force/C2.csv", lambda b: b.partition(b"\n")[2]), "ingest force", "C2.csv"),
     "no recordings": (lambda: shutil.rmtree(RAW), "files", str(RAW)),
     "depth without motion capture": (
         option(mocap=None), "ingest depth", "dataset.depth", "motion capture"),

@@ -13,13 +13,14 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 from project_copy import (
+    EVERY_COMMAND,
     GIT,
     ROOT,
     copy_reproduced,
     edit_text,
     error_line,
+    in_one_process,
     outputs,
-    planned,
     reruns,
     run,
     set_parameters,
@@ -34,27 +35,12 @@ NEED_DEPTH_OR_FORCE = {
 }
 MODELS = ("additive", "wishart", "gaussian")
 SHOWN = {"score", "figures", "publish", "report", "page"}
-# half the time of a run is that of starting a process for each stage
-EVERY_STAGE = """
-import sys
-from pipeline.__main__ import main
-
-for words in map(str.split, sys.argv[1:]):
-    sys.argv = ["pipeline", *words]
-    assert main() == 0, words
-"""
 
 
 @pytest.fixture
 def copy(reproduced: Path, tmp_path: Path) -> Path:
     """The reproduced project to edit, with what its stages wrote and their cache."""
     return copy_reproduced(reproduced, tmp_path / "copy")
-
-
-def in_one_process(folder: Path) -> tuple[list[str], str]:
-    """Run every stage of the plan of ``dvc repro`` in one process; their names and output."""
-    stages = planned(succeeds("dvc", "repro", "--force", "--dry", cwd=folder))
-    return [*stages], succeeds("python", "-c", EVERY_STAGE, *stages.values(), cwd=folder)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -99,7 +85,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
     # the control: another seed gives other numbers
     wrench = contents(copy / "data/wrench")
     set_parameters(copy, seed=1)
-    succeeds("python", "-c", EVERY_STAGE, "configure", "wrench", cwd=copy)
+    succeeds("python", "-c", EVERY_COMMAND, "configure", "wrench", cwd=copy)
     again = contents(copy / "data/wrench")
     assert wrench.keys() == again.keys() and not wrench.items() & again.items()
 
@@ -143,7 +129,9 @@ def test_an_edit_of_an_option_or_of_a_recording_reruns_only_what_depends_on_it(c
     sound = parameters.read_text()
     parameters.write_text(sound + "# a remark\n")
     assert reruns(copy) == set()
-    set_parameters(copy, wrench="paper", overrides="{wrench: {grid: 21}}")
+    set_parameters(copy, compute="dask")  # nor does the place of the trials change any result
+    assert reruns(copy) == set()
+    set_parameters(copy, compute="serial", wrench="paper", overrides="{wrench: {grid: 21}}")
     assert reruns(copy) == {"wrench"} | SHOWN
     set_parameters(copy, models="[additive, gaussian]", overrides="{}")
     assert reruns(copy) == {"predict", "readings"} | SHOWN

@@ -1,4 +1,4 @@
-"""Runs that are killed, spread over a cluster or queued: the results are those of a run left alone,
+"""Runs that are killed or queued: the results are those of a run left alone,
 or what pipeline/core/compute/README.md documents.
 """
 
@@ -26,7 +26,6 @@ from project_copy import (
     copy_project,
     copy_reproduced,
     outputs,
-    reruns,
     run,
     set_parameters,
     succeeds,
@@ -45,7 +44,6 @@ MOMENTS = (
     "data/track/joints.parquet",
     "data/.articulate.partial",
 )
-SPREAD = ("data/raw/youbot/dvc.yaml:record", "articulate", "filter@wishart")
 PATIENCE = 120  # s; a worker that has nothing to do ends by itself sooner
 LONGEST = 400  # s that the two experiments may take
 # what was set, and what came of it
@@ -107,25 +105,6 @@ def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_
         entries = stages_of(project).items()
         locks.append([entry for entry in entries if entry[0] in (*KILLED, LAST)])
     assert locks[0] == locks[1] and len(locks[1]) == 7
-
-
-def test_stages_write_the_same_bytes_on_a_cluster_and_the_choice_of_it_invalidates_none(
-    reproduced, tmp_path
-):
-    folder = copy_reproduced(reproduced, tmp_path / "copy")
-
-    def hashes() -> list[str]:
-        places = [stage.rpartition("/dvc.yaml:") for stage in SPREAD]
-        stages = [stages_of(folder, place)[name] for place, _, name in places]
-        return [out["md5"] for stage in stages for out in stage["outs"]]
-
-    before = hashes()
-    set_parameters(folder, compute="dask", overrides="{compute: {workers: 2}}")
-    assert reruns(folder) == set()
-    for stage in SPREAD:
-        said = succeeds("dvc", "repro", "--force", "--single-item", stage, cwd=folder)
-        assert "2 worker(s) of tcp://127.0.0.1:" in said
-    assert hashes() == before
 
 
 def documented() -> list[list[str]]:

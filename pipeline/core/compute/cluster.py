@@ -88,9 +88,7 @@ class _Client(Client):
 
 @contextmanager
 def connected(compute: Compute) -> Iterator[Client]:
-    """A client of the cluster that ``compute`` names, or that is started for it; ComputeError where
-    no scheduler answers.
-    """
+    """Client of the cluster of ``compute``, or of one started here; ComputeError without one."""
     for logger in ("distributed", "distributed.client"):  # ComputeError tells of lost connections
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     address, timeout = compute.dask.address, compute.dask.timeout

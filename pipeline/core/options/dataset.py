@@ -55,9 +55,7 @@ class Motion:
 
 @options()
 class Limits:
-    """Most that a take may have of a measure of the table ``takes``; a take beyond any is left out.
-    Null: no limit.
-    """
+    """Greatest value of each measure of the table ``takes`` for a take to stay; null: no limit."""
 
     missing_share: Limit = None  # of the samples of the labelled markers
     # frames in a row without joint angles, up to mocap.max_gap; null: a take beyond that is refused

@@ -4,6 +4,8 @@ with the recordings that a model was fitted to.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,9 +15,11 @@ from matplotlib.figure import Figure
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import style
 from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
+from pipeline.models.exported import ExportedModel
 from pipeline.models.model import Commands
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
@@ -26,10 +30,11 @@ from pipeline.statistics.takes import percentile_interval
 from pipeline.tools.assess.judge import FEWEST, Innovations, TakeVerdict, filtered, judge
 
 HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/assess")
+CHARACTERIZED = Path("data/characterize")  # runs of characterize, a folder a dataset
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 ENOUGH = 20  # takes that were not fitted, from which on they are the reference alone
 GREATEST = 8.0  # standard deviations at which a part is darkest
-MODEL = f"exported model (default: the only one of the dataset in {EXPORTS})"
+MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
 ARGUMENTS = {
     "file": {"type": Path, "metavar": "FILE", "help": "recording, as the dataset's others are"},
     "--model": {"type": Path, "metavar": "FILE", "help": MODEL},
@@ -38,18 +43,41 @@ ARGUMENTS = {
 
 def run(file: Path, model: Path | None = None) -> None:
     """Filter each take in the recording by the exported model, print the verdict and draw it."""
-    settings = config.sections("assess", HERE / "reads.yaml")
-    dataset = settings.dataset
-    files = sorted(EXPORTS.glob(f"{dataset.name}_*.json"))
-    if model is None and len(files) != 1:
-        there_are = ", ".join(map(str, files)) or f"none of {dataset.name} in {EXPORTS}"
-        message = f"name one exported model by --model; there is {there_are}; export writes one"
-        raise ConfigError(message, key="--model")
-    export = model or files[0]
-    law = load(export)
-    if law.record["dataset"] != dataset.name:
-        message = f"the model is one of {law.record['dataset']}, not of the run's {dataset.name}"
-        raise ConfigError(message, file=export)
+    if model is None:
+        name = config.sections("assess", HERE / "reads.yaml").dataset.name
+        files = sorted(EXPORTS.glob(f"{name}_*.json"))
+        if len(files) != 1:
+            there_are = ", ".join(map(str, files)) or f"none of {name} in {EXPORTS}"
+            message = f"name one exported model by --model; there is {there_are}; "
+            message += "`python -m pipeline export MODEL` writes one"
+            raise ConfigError(message, key="--model")
+        model = files[0]
+    law, file, out = load(model), file.resolve(), OUT.resolve()
+    with chdir(run_folder(law.record["dataset"], model)):
+        out.mkdir(parents=True, exist_ok=True)
+        for name, text, figure in _assessed(file, law, model.name):
+            print(text)
+            style.save(figure, out, name)
+            print(f"assess: drawn in {OUT / name}.png")
+
+
+def run_folder(dataset: str, model: Path) -> Path:
+    """Return the folder in which the stages ran on ``dataset``, here or by characterize.
+
+    Raises ConfigError where there is no such run.
+    """
+    for folder in (Path(), CHARACTERIZED / dataset):
+        composed = folder / config.COMPOSED
+        if composed.is_file() and read_yaml(composed)["dataset"]["name"] == dataset:
+            return folder
+    message = f"the model is one of {dataset}, and neither params.yaml's dataset nor a run in "
+    message += f"{CHARACTERIZED} is; run `dvc repro` on it, or characterize"
+    raise ConfigError(message, file=model)
+
+
+def _assessed(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str, str, Figure]]:
+    """Name, verdict in words and picture of each take in the recording."""
+    dataset = config.sections("assess", HERE / "reads.yaml").dataset
     names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
     chosen = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
@@ -61,15 +89,13 @@ def run(file: Path, model: Path | None = None) -> None:
     steps = commanded_steps(contracts.read("trajectory", MOTION), rate)
     commands = path.commands(share) if share > 0 else Commands(steps, path.path, 0.0)
     found = filtered(law, commands, poses)
-    OUT.mkdir(parents=True, exist_ok=True)
     for number, name in enumerate(takes, len(own)):
         # a take of the dataset is compared with the others
         others = np.array([*(each != name for each in own), *[False] * len(takes)])
         verdict = judge(found, number, others, joints, rate)
         among = int(np.sum(fitted[chosen] & others[: len(own)]))
-        print(assessment(name, export.name, among, verdict))
-        style.save(_draw(name, verdict, found, number), OUT, name)
-        print(f"assess: drawn in {OUT / name}.png")
+        text = assessment(name, export, among, verdict)
+        yield name, text, _draw(name, verdict, found, number)
 
 
 def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
@@ -104,7 +130,7 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     fitted to ``fitted`` of the takes it is compared with.
     """
     count = int(verdict.others.sum())
-    known = f", {fitted} of them those the model was fitted to" if fitted else ""
+    known = f", {fitted} of which the model was fitted to" if fitted else ""
     joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
     t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
     head = f"{take} does NOT behave as the {count} takes it is compared with"

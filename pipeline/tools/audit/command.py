@@ -1,5 +1,5 @@
-"""``python -m pipeline audit FOLDER``: runs every stage of the last commit again in a clone and
-compares all committed files.
+"""``python -m pipeline audit FOLDER``: comparison of all committed files with those of a new run of
+every stage, in a clone of the last commit.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""``python -m pipeline characterize FOLDER --urdf FILE``: from recordings to the model card and the
-exported model in one run.
+"""``python -m pipeline characterize FOLDER --urdf FILE``: model card and exported model of the
+recordings in a folder, in one run.
 
 The dataset's two files are written as by new-dataset and stay; the stages run in
 data/characterize/NAME, beside the results of params.yaml's own dataset.
@@ -40,14 +40,15 @@ WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.lo
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
 TAILS, TO_EXPORT = "## Tails and coverage\n", re.compile(r"To have it: .*\n*")
+SCALE = "size of the computation (default paper; smoke is quick, its intervals mean nothing)"
 ARGUMENTS = {
     "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
     "--urdf": {"type": Path, "metavar": "FILE", "help": "URDF of the arm (default: in FOLDER)"},
     "--name": {"help": "name of the dataset (default: from FOLDER)"},
     "--ask": ASK,
     "--set": SET,
-    "--motion": MOTION | {"help": "motion that is analysed, by its number (default 1)"},
-    "--scale": {"default": "paper", "help": "paper (default) or smoke"},
+    "--motion": MOTION | {"help": f"{MOTION['help']} (default 1)"},
+    "--scale": {"default": "paper", "help": SCALE},
     "--model": {"help": "model to export (default: the recommended one)"},
 }
 
@@ -55,13 +56,13 @@ ARGUMENTS = {
 def run(
     folder: Path, *, name: str | None, scale: str, model: str | None, set: list[str], **options: Any
 ) -> None:
-    """Write the dataset where there is none of that name, run the stages, and write card and
-    export; ``options`` are those of :func:`_dataset`.
-    """
+    """Write the dataset if there is none of that name, run the stages, write card and export."""
     if not folder.is_dir():
         raise ConfigError("there is no such folder of recordings", file=folder)
     if model is not None:
         require_name(model)
+    if scale not in (scales := config.option_names("scale")):
+        raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     _dataset(name, folder, answers(set), **options)
     with _project(name, folder.resolve(), scale) as root:
@@ -90,7 +91,10 @@ def run(
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
     print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
     if record is not None:
-        write_export(record, EXPORTS / f"{name}_{chosen}.json")
+        write_export(record, file := EXPORTS / f"{name}_{chosen}.json")
+        print(
+            f"characterize: `python -m pipeline assess RECORDING --model {file}` compares another"
+        )
 
 
 def _dataset(

@@ -1,9 +1,10 @@
-"""``python -m pipeline check [DATASET]``: everything that the stages would refuse in a dataset:
-its two files, its robot and its recordings.
+"""``python -m pipeline check [DATASET]``: faults of a dataset that the stages would refuse, in its
+two files, its robot and its recordings.
 """
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from copy import deepcopy
@@ -20,6 +21,7 @@ from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 from pipeline.recordings.ingest import attempt, read_part
 
 PARAMS = Path("params.yaml")
@@ -37,15 +39,17 @@ def run(name: str | None = None) -> None:
     for number, fault in enumerate(found, start=1):
         print(f"{number}. {fault}")
     if found:
-        message = f"{len(found)} to be mended, in {datasheet.path_of(name)} or {option_file} where"
-        raise ConfigError(f"{message} no other file is named")
+        places = [os.path.relpath(file) for file in (datasheet.path_of(name), option_file)]
+        message = (
+            f"{len(found)} to be mended in {' or '.join(places)}, or in the file that is named"
+        )
+        message += f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
+        raise ConfigError(message)
     print(f"check: nothing is wrong with {name}")
 
 
 def dataset_faults(option_file: Path) -> list[str]:
-    """Return every fault of the values of the dataset of ``option_file``, and where there is none,
-    of what the stages configure and ingest make of it.
-    """
+    """Return every fault of the dataset's values and, without one, of configure and ingest."""
     try:
         values = config.dataset_values(option_file)
     except PipelineError as error:
@@ -70,9 +74,7 @@ def dataset_faults(option_file: Path) -> list[str]:
 
 
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
-    """Return the faults of the ``values`` that are filled in, before any recording is read: types
-    and ranges, the robot, and the recordings' folder.
-    """
+    """Return the faults of types, ranges, robot and folder in the ``values`` filled in."""
     refused, sound = faults(values), deepcopy(values)
     for fault in refused:  # the robot is read without them
         above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
@@ -87,7 +89,7 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
         refused.append(RecordingError("no such folder", file=recordings, key=key))
     if urdf:
         refused += _errors(read_urdf, Path(urdf)) or (
-            _errors(lambda: chain_of(Robot(**robot))) if robot else []
+            _errors(lambda: chain_of(validated(Robot, robot, "robot"))) if robot else []
         )
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
@@ -109,9 +111,7 @@ def _nested(node: Any, key: str) -> Any:
 
 
 def ingest_faults(dataset: Dataset) -> list[PipelineError]:
-    """Return every refusal of the stage ingest, which writes into a folder that is deleted; and of
-    poses on the way where the arm is singular.
-    """
+    """Return every refusal of the stage ingest, run in a temporary folder, and singular poses."""
     errors: list[PipelineError] = []
     for part in ("motion", "depth", "force"):
         with TemporaryDirectory() as name:

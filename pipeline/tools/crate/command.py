@@ -1,4 +1,4 @@
-"""``python -m pipeline crate``: the dataset card, and a Process Run Crate of how each file of the
+"""``python -m pipeline crate``: dataset card, and a Process Run Crate of how each file of the
 reports was made.
 
 RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) with the profile https://w3id.org/ro/wfrun/process/0.5.
@@ -50,6 +50,7 @@ def run() -> None:
     recordings = {"path": f"data/raw/{name}"} | dict(about)
     crate = describe(read_yaml(Path("CITATION.cff")), recordings, stages, files)
     write_text(json.dumps(crate, indent=1, ensure_ascii=False, sort_keys=True) + "\n", CRATE)
+    print(f"crate: wrote {reports / 'dataset_card.md'} and {CRATE}")
 
 
 def _locked(file: Path) -> dict[str, dict]:

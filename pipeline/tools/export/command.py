@@ -1,5 +1,5 @@
-"""``python -m pipeline export MODEL [--to FILE]``: a fitted model as one file for planners and
-filters outside the pipeline, and beside it one Python file that reads it with NumPy alone.
+"""``python -m pipeline export MODEL [--to FILE]``: fitted model in one file for planners and
+filters outside the pipeline, and one Python file that reads it with NumPy alone.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """``python -m pipeline inspect FILE|FOLDER [--json]``: format, rate, units and counted faults of
-recordings, the options that they leave open, and what would stop their analysis.
+recordings, options that they leave open, and reasons that would stop their analysis.
 
 Each file is read by the stages' own reader of its format, in a process of its own, which bounds
 the time and memory that it takes.
@@ -23,10 +23,11 @@ from pipeline.tools.inspect.kinds import described, numbered_sequence
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
 MAX_FILES = 100_000  # of a folder
-BOUNDS = "bounds of what a file may be, as in the section dataset.reading: file_mib=500"
+DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
+BOUNDS = f"bounds of what a file may be and take, as in dataset.reading (default {DEFAULTS})"
 ARGUMENTS = {
     "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "file or folder to inspect"},
-    "--json": {"action": "store_true", "help": "every fact, for programs"},
+    "--json": {"action": "store_true", "help": "every fact as JSON (default: a table)"},
     "--reading": {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "help": BOUNDS},
 }
 

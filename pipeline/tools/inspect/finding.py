@@ -25,9 +25,7 @@ NOTABLE = """unlabelled_markers width height points organised share_without_posi
 
 @dataclass
 class Finding:
-    """A file, or a folder that is one recording (a sequence of frames, a bag); None and empty where
-    the file does not say.
-    """
+    """Account of a file or of a folder that is one recording; None where it does not say."""
 
     file: Path
     format: str = UNKNOWN
@@ -67,9 +65,7 @@ class Finding:
         self.open.append((question, option))
 
     def refused(self, error: PipelineError) -> Finding:
-        """Add a reader's refusal: a question where it names the option that settles it, else a
-        stop.
-        """
+        """Add a refusal: a question where it names the option that settles it, else a stop."""
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):
             self.ask(error.message, option)
@@ -80,9 +76,7 @@ class Finding:
 
 
 def shown(path: Path, folder: Path | None = None) -> str:
-    """Return ``path``, below ``folder`` where it lies there, as text that can be printed, also
-    where its name is not UTF-8.
-    """
+    """Return ``path``, below ``folder`` if it lies there, as printable text."""
     path = path.relative_to(folder) if folder in path.parents else path
     return os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
 

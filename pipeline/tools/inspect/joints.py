@@ -75,9 +75,7 @@ def joint_log(finding: Finding, form: Format) -> None:
 
 
 def table(finding: Finding, form: Format) -> None:
-    """Add size, columns and clock of a table of numbers, and which columns their labels and values
-    say are joint angles.
-    """
+    """Add size, columns and clock of a table of numbers, and the columns of joint angles."""
     key = f"{OPTION}.separator, .decimal (or dataset.force.log)"
     sheet: Sheet = form.read(finding.file, key=key)
     if not sheet.rows:

@@ -16,9 +16,7 @@ ARGUMENTS = {
 
 
 def run(folder: Path, file: Path) -> None:
-    """Write the files below ``folder`` to ``file``, as CSV; where the recordings are not on this
-    machine, ``file`` stays as it is, or is empty.
-    """
+    """Write the files of ``folder`` to ``file``, which stays if the recordings are not here."""
     if any(folder.glob("*")) or not (folder.is_dir() or file.is_file()):
         contracts.write_text(listing(folder).to_csv(index=False, lineterminator="\n"), file)
         return

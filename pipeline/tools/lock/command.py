@@ -1,5 +1,5 @@
-"""``python -m pipeline lock``: the stages of every dvc.lock in the order of its dvc.yaml, without
-those that are gone.
+"""``python -m pipeline lock``: stages of every dvc.lock in the order of its dvc.yaml, without those
+that are gone.
 
 DVC appends a stage when it first runs: after a run that was ended midway git would show a change.
 """
@@ -18,6 +18,7 @@ ARGUMENTS: dict = {}
 
 def run() -> None:
     """Sort all lock files below the project's root, and print the changed ones."""
+    changed = []
     for place in ("dvc.yaml", "data/raw/*/dvc.yaml", "pipeline/**/dvc.yaml"):
         for file in sorted(Path().glob(place)):
             lock = file.with_name("dvc.lock")
@@ -27,7 +28,9 @@ def run() -> None:
             ordered = head + "".join(by_name.get(name, "") for name in _stages(file))
             if ordered != text:
                 contracts.write_text(ordered, lock)
-                print(f"lock: {lock} put in order")
+                changed.append(str(lock))
+    done = f"{', '.join(changed)} put in order" if changed else "every dvc.lock is in order"
+    print(f"lock: {done}")
 
 
 def _stages(file: Path) -> list[str]:

@@ -1,5 +1,5 @@
-"""``python -m pipeline new-dataset NAME --from FOLDER``: the two files of a dataset, filled in as
-far as its recordings tell.
+"""``python -m pipeline new-dataset NAME --from FOLDER``: datasheet and option file of a dataset,
+filled in as far as its recordings tell.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pipeline.core.datasheet import OPEN, Draft, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import JointLogSection
+from pipeline.core.validation import validated
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.motions import NEARLY, FoundMotion, motions
@@ -42,10 +43,10 @@ SET = {
     "action": "append",
     "default": [],
     "metavar": "KEY=VALUE",
-    "help": "value that no file states, as robot.tool=flange; as often as needed",
+    "help": "value that no file states, as robot.tool=flange; may be repeated",
 }
-MOTION = {"type": int, "metavar": "NUMBER", "help": "motion that is analysed, by its number"}
-ASK = {"action": "store_true", "help": "ask for what is then still open"}
+MOTION = {"type": int, "metavar": "NUMBER", "help": "number of the motion that is analysed"}
+ASK = {"action": "store_true", "help": "questions on the terminal for values still open"}
 ARGUMENTS = {
     "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
     "--from": {
@@ -55,7 +56,7 @@ ARGUMENTS = {
         "help": "folder of the recordings (default: fill in what is ??? in the dataset's files)",
     },
     "--set": SET,
-    "--suggested": {"action": "store_true", "help": "take every suggestion"},
+    "--suggested": {"action": "store_true", "help": "every suggested value is taken"},
     "--motion": MOTION,
     "--ask": ASK,
 }
@@ -327,7 +328,7 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
         name: read_logged_movement(name, place, options, float(rate), circular)
         for name, place in places.items()
     }
-    offered = motions(movements, Robot(**values["robot"]), rate)
+    offered = motions(movements, validated(Robot, values["robot"], "robot"), rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 
     def last(motion: FoundMotion) -> tuple[bool, int]:

@@ -20,9 +20,7 @@ SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, ROBOT)
 
 
 class Group(NamedTuple):
-    """Recordings whose paths differ in one number: their pattern below the ``folder``, and file or
-    folder of each take.
-    """
+    """Recordings whose paths differ in one number: pattern, and file or folder of each take."""
 
     pattern: str
     takes: dict[Path, Finding]
@@ -78,9 +76,7 @@ def logs_of(takes: Iterable[Finding]) -> list[Finding]:
 
 
 def links_of(names: list[str]) -> dict[str, list[str]] | None:
-    """Return link → markers by their names without the last part, where these are three times
-    three.
-    """
+    """Return link → markers by their names without the last part, if three times three."""
     links: dict[str, list[str]] = {}
     for name in names:
         link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
@@ -175,9 +171,7 @@ def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
 
 
 def shared_pattern(names: Sequence[str]) -> str:
-    """Return the names as one pattern: a star for each number, and for all that follows the part
-    that they share.
-    """
+    """Return the names as one pattern: a star for each number and for a differing rest."""
     marked = [re.sub(r"\d+", "*", glob.escape(name)) for name in names]
     alike = takewhile(lambda letters: len({*letters}) == 1, zip(*marked, strict=False))
     shared = "".join(letters[0] for letters in alike)

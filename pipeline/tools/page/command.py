@@ -1,5 +1,5 @@
-"""``python -m pipeline page [studies]``: one HTML page of the report and the model card, or of the
-studies, that needs no other file: styles and figures are in it.
+"""``python -m pipeline page [studies]``: HTML page of the report and the model card, or of the
+studies, with styles and figures inside.
 """
 
 from __future__ import annotations
@@ -37,12 +37,17 @@ def run(part: str = "results") -> None:
     if part == "results":
         folder = REPORTS / config.sections("page").dataset.name
         files = [folder / name for name in RESULTS]
-        write_text(page("Results", files, folder), folder / "index.html")
+        _write("Results", files, folder / "index.html")
         return
     studies = sorted((REPORTS / "studies").glob("*.md"))
     if not studies:
         raise ContractError("no study has run; run `dvc repro -P`", folder=REPORTS / "studies")
-    write_text(page("Studies beyond the paper", studies, REPORTS), REPORTS / "studies.html")
+    _write("Studies beyond the paper", studies, REPORTS / "studies.html")
+
+
+def _write(title: str, files: Sequence[Path], out: Path) -> None:
+    write_text(page(title, files, out.parent), out)
+    print(f"page: wrote {out}")
 
 
 def page(title: str, files: Sequence[Path], folder: Path) -> str:

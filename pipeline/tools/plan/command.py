@@ -1,5 +1,5 @@
-"""``python -m pipeline plan MODEL PATH OUT``: the joint motion of least summed uncertainty along a
-task path, for the arm of the configured dataset, from a fitted model.
+"""``python -m pipeline plan MODEL PATH OUT``: joint motion of least summed uncertainty along a task
+path, for the arm of params.yaml's dataset, from a fitted model.
 
 The motion keeps the joints' limits of angle and speed and a margin from singular poses. OUT holds
 the commanded trajectory, joints.csv, and a picture, plan.png. The search is globally optimal to its
@@ -38,10 +38,10 @@ COLUMNS = (
 )
 PLAN = "folder of the plan, new or of an earlier plan, which it replaces"
 SUM = (
-    "sum over the steps (default trace); ln det is in the row space of the Jacobian where it has "
-    "its rank"
+    "objective, summed over the steps (default trace); ln det is in the row space of the Jacobian "
+    "where it has its rank"
 )
-MARGIN = "m, least singular value of the Jacobian, angular rows times the length"
+MARGIN = "least singular value of the Jacobian in m, angular rows times the length"
 SMOOTH = "weight of the squared steps in the null space, objective per rad²"
 ARGUMENTS = {
     "model": {"metavar": "MODEL", "help": f"model in {FITS}, or its folder"},
@@ -53,7 +53,7 @@ ARGUMENTS = {
     for name, default, text in (
         ("--margin", 0.01, MARGIN),
         ("--smoothness", 0.0, SMOOTH),
-        ("--points", POINTS, "points of the grid, a step"),
+        ("--points", POINTS, "grid points of a step"),
     )
 }
 
@@ -76,8 +76,8 @@ def run(
         write_trajectory(place / JOINTS, table)
         _draw(planned, margin, t, robot.joints, UNITS[objective], place / PICTURE)
     print(
-        f"{out}: {len(poses) - 1} steps; summed {objective} of the covariance "
-        f"{planned.cost.sum():.6g}; least singular value {planned.clearance.min():.4g} m"
+        f"plan: {len(poses) - 1} steps; sum of {UNITS[objective]} {planned.cost.sum():.6g}; least "
+        f"singular value {planned.clearance.min():.4g} m; wrote {out / JOINTS} and {out / PICTURE}"
     )
 
 

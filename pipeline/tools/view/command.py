@@ -1,5 +1,5 @@
-"""``python -m pipeline view [TAKE]``: a take in the viewer Rerun: arm, point cloud, and measured
-and filtered joint angles over time.
+"""``python -m pipeline view [TAKE]``: take in the viewer Rerun: arm, point cloud, and measured and
+filtered joint angles over time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
 ARGUMENTS = {
     "take": {"nargs": "?", "metavar": "TAKE", "help": "take's name (default the first test take)"},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
-    "--open": {"action": "store_true", "help": "open the file in the viewer"},
+    "--open": {"action": "store_true", "help": "viewer that shows the file"},
 }
 
 
@@ -45,9 +45,7 @@ class Track(NamedTuple):
 
 
 class ViewedTake(NamedTuple):
-    """Tracks of a take, measured and by model, and of every depth frame its time (s) and the points
-    (I, 3), m in the base frame.
-    """
+    """Tracks of a take, measured and by model, and time (s) and points (I, 3) m of each frame."""
 
     name: str
     robot: Robot
@@ -82,9 +80,7 @@ def _rerun() -> ModuleType:
 
 
 def read_viewed_take(settings: Any, name: str | None) -> ViewedTake:
-    """Read the take ``name``, else the first test take, from what the stages wrote. Raises
-    ConfigError for a name that no take has.
-    """
+    """Read the take ``name``, else the first test take; ConfigError for an unknown name."""
     joints = contracts.read("joints", TRACK)
     if name is None:
         name = joints.sort_values("part", kind="stable")["take"].iloc[0]  # test before training

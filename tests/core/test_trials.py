@@ -1,0 +1,308 @@
+"""Trials in this process, in worker processes and on a Dask cluster of real processes: the same
+bytes in the same order. A cluster that is lost, absent or unfit is named, with what to do about it.
+"""
+
+from __future__ import annotations
+
+import json
+import operator
+import os
+import signal
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from distributed import Client, LocalCluster
+
+from pipeline.arm.chain import PlanarChain
+from pipeline.core.compute import trials as module
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ComputeError, ConfigError
+from pipeline.core.options.analysis import Compute, Dask
+from pipeline.core.rng import stream
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.models.model import open_loop
+from pipeline.models.wishart.law import WishartModel
+
+ROOT = Path(__file__).parents[2]
+WAIT = 60.0  # s, until a process counts as not starting
+SERIAL, TWO = Compute(1), Compute(2)
+each_way = pytest.mark.parametrize("compute", [SERIAL, TWO], ids=["serial", "processes"])
+LINKS = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
+ARM = PlanarChain(
+    np.zeros(2), LINKS, np.ones(3), np.full(3, -3.0), np.full(3, 3.0), max_speed=np.ones(3)
+)
+START = np.array([0.3, -0.4, 0.5])
+STEPS = np.full((30, 3), 1e-3)
+
+# trials, which workers import from this module
+
+
+def filtered(number: int) -> bytes:
+    """The Wishart model's posterior of a take with a few measurements near where it starts."""
+    random, t = stream(7, "filter", number), np.arange(0.0, 0.2, 0.03)
+    y = START + 0.02 * random.standard_normal((len(t), 3))
+    noise = np.tile(4e-4 * np.eye(3), (len(t), 1, 1))
+    measured = Measurements(f"take_{number:03d}", t, y, np.zeros_like(y), noise)
+    start, options = Start(START, 1e-4 * np.eye(3)), FilterOptions(200, "systematic", 0.5)
+    law, command = WishartModel(0.3), open_loop(STEPS)
+    posterior = particle_filter(law, ARM, command, 0.01, start, measured, options, random)
+    return np.column_stack([posterior.ess, posterior.mean]).tobytes()
+
+
+def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:
+    """Take from what the trials share; tell how ``array`` is laid out, and return a part of it."""
+    return kept.pop(), str(array.flags), array[:, :-1]
+
+
+def pause(seconds: float) -> int:
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def late(number: int) -> tuple[int, int]:
+    return number, pause(0.05)
+
+
+def give_up(number: int) -> int:
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def time_out(number: int) -> None:
+    raise TimeoutError("of the trial itself")
+
+
+def begin(number: int, folder: Path) -> None:
+    """Leave a file, and fail at the second trial."""
+    (folder / str(number)).touch()
+    if number == 1:
+        raise ConfigError("refused", key="a")
+    time.sleep(0.02)
+
+
+def results(function: Callable, trials: Iterable, compute: Compute, label: str = "trials") -> list:
+    return list(run_trials(function, trials, compute=compute, label=label))
+
+
+def layouts(compute: Compute) -> list[tuple[int, str, str]]:
+    """Layout of arrays of several layouts in the trial and on return."""
+    arrays = [np.zeros((4, 6))[:, :-1], np.zeros((300, 300)).T, np.zeros((300, 300))[:, ::2]]
+    told = results(partial(layout, kept=[1, 2]), arrays * 4, compute)
+    return [(kept, flags, str(array.flags)) for kept, flags, array in told]
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """Workers are started after the first trial, however short it was."""
+    monkeypatch.setattr(module, "START", 0.0)
+
+
+def test_results_and_their_order_do_not_depend_on_the_workers_and_a_log_sees_one_line(capsys):
+    drawn = [each.random() for each in results(partial(stream, 7, "test"), range(6), SERIAL)]
+    assert drawn == [stream(7, "test", trial).random() for trial in range(6)]
+    assert capsys.readouterr() == ("trials: 6 done\n", "")
+    assert results(operator.neg, [], TWO) == []
+
+
+@each_way
+def test_a_trials_error_arrives_with_its_evidence_and_stops_the_rest(compute, tmp_path, at_once):
+    with pytest.raises(ConfigError, match="refused") as raised:
+        results(partial(begin, folder=tmp_path), range(400), compute)
+    assert raised.value.evidence == {"key": "a"}
+    begun = {file.name for file in tmp_path.iterdir()}
+    assert begun == {"0", "1"} if compute is SERIAL else len(begun) < 300
+
+
+@pytest.mark.slow
+def test_trials_in_processes_see_and_give_what_they_do_in_this_one(at_once):
+    expected, filters = layouts(SERIAL), results(filtered, range(4), SERIAL)
+    # no trial sees that another took from what they share
+    assert {kept for kept, _, _ in expected} == {2} and len(set(expected)) > 1
+    assert layouts(TWO) == expected
+    assert results(filtered, range(4), TWO) == filters and len({*filters}) == 4
+
+
+@pytest.mark.slow
+def test_workers_are_started_where_that_is_worth_it_alone(monkeypatch):
+    monkeypatch.setattr(module, "START", 0.4)
+    monkeypatch.setattr(module, "LOADING", 0.2)
+    assert {*results(pause, [0.001] * 20, TWO)} == {os.getpid()}
+    # a first trial within LOADING says little, as it may have had to load what is compiled; one
+    # that takes longer is enough
+    first, second, *elsewhere = results(pause, [0.12] * 12, TWO)
+    assert first == second == os.getpid() and os.getpid() not in elsewhere
+    first, *elsewhere = results(pause, [0.6] * 6, TWO)
+    assert first == os.getpid() and os.getpid() not in elsewhere
+
+
+def test_a_worker_process_that_is_killed_is_named_as_the_reason(at_once):
+    with pytest.raises(ComputeError, match=r"memory runs out.*filter: takes"):
+        results(give_up, range(6), TWO, "filter: takes")
+
+
+def test_memory_does_not_grow_with_the_number_of_trials(monkeypatch):
+    monkeypatch.setattr(module, "WINDOW", 4)
+
+    def peak(number: int, keep: bool = False) -> int:
+        """Bytes that are held at once while results are taken, and dropped or kept."""
+        arrays = (np.full(50_000, n) for n in range(number))
+        taken = run_trials(np.negative, arrays, compute=SERIAL, label="trials")
+        tracemalloc.start()
+        kept = [result if keep else None for result in taken]
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert len(kept) == number
+        return most
+
+    few = peak(20)
+    assert peak(100) < 1.3 * few and peak(100, keep=True) > 3 * few
+
+
+# a Dask cluster
+
+
+@contextmanager
+def process(*words: str, **variables: str) -> Iterator[subprocess.Popen]:
+    """A Dask process in the project's folder, with these environment variables; killed in the end,
+    as its children then end too.
+    """
+    dask = str(Path(sys.executable).parent / "dask")
+    command = [dask, *words, "--host", "127.0.0.1", "--no-dashboard"]
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen(command, cwd=ROOT, env=variables, **silent) as started:
+        try:
+            yield started
+        finally:
+            started.kill()
+
+
+@contextmanager
+def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
+    """A scheduler and its address."""
+    file, end = folder / "scheduler.json", time.monotonic() + WAIT
+    words = "scheduler", "--port", "0", "--scheduler-file", str(file)
+    with process(*words, PATH=os.environ["PATH"]) as started:
+        # the file is there before it is written to its end
+        while not (file.exists() and file.read_text().endswith("}")):
+            assert started.poll() is None and time.monotonic() < end, "no scheduler starts"
+            time.sleep(0.05)
+        yield started, json.loads(file.read_text())["address"]
+
+
+def documented_workers(address: str):
+    """Two as pipeline/conf/compute/dask.yaml says, of a person who has set none of our environment
+    variables.
+    """
+    options = "--nthreads 1 --nworkers 2 --preload pipeline.core.environment"
+    path = {"PATH": os.environ["PATH"], "PYTHONPATH": "."}
+    return process("worker", address, *options.split(), **path)
+
+
+def on(address: str, timeout: float = WAIT) -> Compute:
+    return Compute(dask=Dask(address, timeout))
+
+
+def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(monkeypatch, tmp_path):
+    blocks, submitted, label = [], Client.submit, "filter wishart: takes"
+
+    def submit(client: Client, *arguments, **options):
+        blocks.append(options["key"])
+        return submitted(client, *arguments, **options)
+
+    def tasks(dask_scheduler) -> set[str]:
+        return {task.prefix.name for task in dask_scheduler.tasks.values()}
+
+    monkeypatch.setattr(Client, "submit", submit)
+    # the worker is a thread of this process
+    here = {"processes": False, "protocol": "tcp", "host": "127.0.0.1", "dashboard_address": None}
+    with LocalCluster(n_workers=1, threads_per_worker=1, **here) as cluster:
+        compute = on(cluster.scheduler_address)
+        taken = run_trials(operator.neg, iter(range(3000)), compute=compute, label=label)
+        first = next(taken)
+        with Client(compute.dask.address, set_as_default=False) as client:
+            assert client.run_on_scheduler(tasks) >= {label, f"{label}, what they share"}
+            assert [first, *taken] == [-number for number in range(3000)]
+            assert not client.run_on_scheduler(tasks)
+        assert len(blocks) == len(set(blocks)) < 300
+        numbers = iter(range(2000))
+        with pytest.raises(ConfigError, match="refused") as raised:
+            results(partial(begin, folder=tmp_path), numbers, compute)
+    assert raised.value.evidence == {"key": "a"}
+    assert next(numbers) < 100 and len([*tmp_path.iterdir()]) < 100
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_time_alone(tmp_path):
+    with scheduler(tmp_path) as (_, address), documented_workers(address):
+        compute = on(address)
+        assert results(filtered, range(6), compute) == results(filtered, range(6), SERIAL)
+        # what Dask sends without pickle may be read-only or lie in another order
+        assert layouts(compute) == layouts(SERIAL)
+        taken = run_trials(late, range(150), compute=compute, label="trials")
+        first = list(islice(taken, 10))
+        lost = first[-1][1]
+        os.kill(lost, signal.SIGKILL)
+        rest = list(taken)
+        assert [number for number, _ in first + rest] == list(range(150))
+        assert lost not in {pid for _, pid in rest[-20:]}
+        with pytest.raises(TimeoutError, match="of the trial itself"):
+            results(time_out, [1], compute)
+        words = r"4 workers ended.*memory runs out.*trials wishart: takes-0"
+        with pytest.raises(ComputeError, match=words):
+            results(give_up, [3], compute, "wishart: takes")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
+    with ExitStack() as stack:
+        started, address = stack.enter_context(scheduler(tmp_path))
+        variables = os.environ | {"PYTHONPATH": "."}
+        words = "worker", address, "--nthreads", "1", "--no-nanny"
+        stack.enter_context(process(*words, **variables))
+        with Client(address, timeout=WAIT, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=WAIT)
+        taken = run_trials(pause, [0.05] * 400, compute=on(address, 5.0), label="trials")
+        next(taken)
+        started.send_signal(end)
+        before = time.monotonic()
+        with pytest.raises(ComputeError, match="is lost; start it again") as raised:
+            list(taken)
+        assert raised.value.evidence["address"] == address
+        # the trials alone would take 20 s; a killed one is missed at once
+        assert time.monotonic() - before < 18
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere"])
+def test_what_is_no_address_of_a_scheduler_is_refused(address):
+    with pytest.raises(ComputeError, match="no Dask scheduler answers"):
+        results(operator.neg, [1], on(address, 1.0))
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_or_with_one_of_other_bytes_is_refused_with_the_reason(tmp_path):
+    with scheduler(tmp_path) as (_, address):
+        with pytest.raises(ComputeError, match="without workers for 1 s"):
+            results(operator.neg, [1], on(address, 1.0))
+        here = {"PYTHONPATH": "."}
+        other = here | {"OPENBLAS_CORETYPE": "Prescott"}
+        for threads, variables, reason in (
+            ("2", here, "threads is 2 there and 1 here"),
+            ("1", other, "(CORETYPE|arithmetic) is .* there and"),
+            ("1", {}, "cannot import what it needs: No module named 'pipeline'"),
+        ):
+            words = "worker", address, "--nthreads", threads, "--no-nanny"
+            with process(*words, **os.environ | variables):
+                with pytest.raises(ComputeError, match=reason):
+                    results(operator.neg, [1], on(address))
