@@ -24,7 +24,7 @@ from pipeline.models.steps import Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import constant_noise_variation
-from pipeline.verdicts.reference import ArmNames
+from pipeline.verdicts.run import ArmNames
 
 # the paper's models, the first being the one that the others are compared with
 KINDS = ("additive", "wishart", "gaussian")
@@ -56,9 +56,7 @@ class Choices:
         return replace(self, models={name: self.models[name]}, batch=0, closed=closed, **plain)
 
     def filter_case(self, name: str, closed: bool) -> Choices:
-        """This case with the filter of the model ``name`` alone, in one loop, and defaults for the
-        decisions that it does not depend on.
-        """
+        """This case with one model's filter in one loop, and defaults where it does not matter."""
         plain = {"mode": "", "measurement": 1.0, "batch": 0}
         return replace(self, models={name: self.models[name]}, closed=closed, **plain)
 

@@ -16,7 +16,7 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.wishart.decomposition import COMPUTED, chosen
 from pipeline.verdicts.claims import Claim, parse_claims
 from pipeline.verdicts.decision import decide, verdict_table
-from pipeline.verdicts.reference import ArmNames
+from pipeline.verdicts.run import ArmNames
 from pipeline.verdicts.wording import case_text
 
 PAPER = Path("reports/claims.yaml")

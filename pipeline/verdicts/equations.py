@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
-from pipeline.verdicts.reference import TestName, parsed_entries
+from pipeline.verdicts.run import TestName, parsed_entries
 from pipeline.verdicts.wording import TEXTS, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
@@ -68,9 +68,7 @@ class Item:
 
 
 class Source(NamedTuple):
-    """A function, class or method by its dotted ``name``, its ``file``, and whether it says that it
-    serves tests alone.
-    """
+    """A function, class or method, its ``file``, and True if it says that it serves tests alone."""
 
     name: str
     file: Path
@@ -78,9 +76,7 @@ class Source(NamedTuple):
 
 
 def parse_items(entries: object) -> list[Item]:
-    """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
-    ConfigError with the item and the key.
-    """
+    """Return the items of a YAML list, numbered in its order, which is the paper's."""
     items, counted = [], Counter()
     for item in parsed_entries(Item, entries, "item"):
         counted[item.kind] += 1
@@ -143,9 +139,7 @@ def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[s
 
 
 def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
-    """Return ``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
-    :func:`citations`.
-    """
+    """Return ``reports/equations.md``: each item with the ``sources`` of :func:`citations`."""
     rows = []
     for item in items:
         by = [

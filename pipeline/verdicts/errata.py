@@ -12,8 +12,7 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.reference import Reference, TestName, parsed_entries
-from pipeline.verdicts.run import Run
+from pipeline.verdicts.run import Reference, Run, TestName, parsed_entries
 from pipeline.verdicts.wording import TEXTS, number, page
 
 MISSING = "(not in this dataset)"
@@ -32,9 +31,7 @@ class ClaimNumber:
     steps: int = 0
 
     def look_up(self, decided: Sequence[Decided]) -> float | None:
-        """Return the number, or None if the run has none. Raises ConfigError for a claim or case
-        that does not exist.
-        """
+        """Return the number, or None if the run has none; ConfigError for no such claim or case."""
         for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
             found = [case for case in cases if case.case == self.case]
             if claim.id == self.claim and verdict != NO_RECORDING and found:

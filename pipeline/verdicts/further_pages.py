@@ -35,9 +35,7 @@ def datasets_page(decided: Sequence[Decided]) -> str:
 
 
 def recordings_page(run: Run) -> str:
-    """Return ``recordings.md``: recordings found, kept and left out step by step, and totals of
-    what was not solved, lost, clipped or repaired, if not zero.
-    """
+    """Return ``recordings.md``: recordings kept and left out, and nonzero totals of losses."""
     sections, rows = {}, []
     if "kept" in run.tables:
         kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()

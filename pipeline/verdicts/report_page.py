@@ -78,9 +78,7 @@ def summary(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
-    """Return the ``text`` of the README with the results of ``here`` between its marks. Raises
-    ContractError if it has none.
-    """
+    """Return the README's ``text`` with the results of ``here`` between its marks."""
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
@@ -146,9 +144,7 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def statement(claim: Claim) -> str:
-    """Return the statement of ``claim`` with notes: forced or decided by the level, of the project
-    and not of the paper, about an arm like the paper's alone.
-    """
+    """Return the statement of ``claim`` with notes: forced, of the project, of the paper's arm."""
     notes = [NOTES[claim.by]] if claim.by else []
     notes += ["the project's own claim"] if claim.source == PROJECT else []
     notes += ["the paper's own arm"] if claim.about == "specimen" else []
@@ -156,9 +152,7 @@ def statement(claim: Claim) -> str:
 
 
 def verdict_cell(verdict: Verdict) -> str:
-    """Return the sign of a verdict and one number: the value of a claim with one case, else in how
-    many of the decided cases the test holds.
-    """
+    """Return the sign of a verdict and its value, or how many of the decided cases hold."""
     sign = MARKS[verdict.verdict]
     decided = [case for case in verdict.cases if case.holds is not None]
     if verdict.verdict in (d.NO_RECORDING, d.FORCED, d.NO_EVIDENCE) or not decided:
@@ -169,9 +163,7 @@ def verdict_cell(verdict: Verdict) -> str:
 
 
 def failures(here: Run, decided: Sequence[Decided]) -> str:
-    """Return a line for each claim that fails in a column: the quantity, the first failing case,
-    how many fail and the reason where one is written.
-    """
+    """Return a line for each claim that fails in a column: quantity, first failing case, reason."""
     lines, columns = [], _columns(here, decided)
     for row in _rows(columns):
         for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
@@ -213,9 +205,7 @@ def readings(runs: Sequence[Run]) -> str:
 
 
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
-    """Return the fitted parameters by every estimator, then each other number that the paper
-    publishes beside that of ``here``.
-    """
+    """Return fitted parameters by estimator, then the other published numbers and ours."""
     few, without = few_takes(here), decided[-1]
     own = next(whose for whose in decided if whose.dataset == here.dataset)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
@@ -246,9 +236,7 @@ def _ours(case: Case, few: bool) -> str:
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """One estimate with its interval; a bound at the end of its search is no estimate, and σ_B
-    beyond its limit gives a step no covariance.
-    """
+    """One estimate with its interval; none at a bound, no covariance beyond σ_B's limit."""
     name = f"{key}_{estimator}"
     if name not in fitted:
         return "–"

@@ -54,9 +54,7 @@ def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
 
 
 def case_text(case: Case) -> str:
-    """Return one case of a claim: its name, value, interval, the value or limit it is compared
-    with, and a sign where the test fails or does not decide.
-    """
+    """Return a case: name, value, interval, value or limit compared with, a sign if it fails."""
     if case.value is None:
         return f"{case.case} –".strip()
     text = f"{case.case}: {number(case.value)}" if case.case else number(case.value)

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.verdicts.model_card import model_card
-from pipeline.verdicts.recommendation import answer, held_out, held_out_spread
+from pipeline.verdicts.model_card import answer, held_out, held_out_spread, model_card
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import BETWEEN, choice
 from pipeline.verdicts.wording import TEXTS

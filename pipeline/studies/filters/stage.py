@@ -156,9 +156,7 @@ def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.Dat
 
 
 def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:
-    """Return rms error, coverage and log score of a table of
-    :func:`pipeline.statistics.scores.compared`, with the columns of tables.yaml.
-    """
+    """Return rms error, coverage and log score of a ``table`` of compared scores by joint."""
     names = {f"rms_error_{joint}_rad": (RMS, joint) for joint in joints}
     names |= {f"coverage_of_one_sigma_{joint}": (COVERAGE, joint) for joint in joints}
     names |= {"log_score": (LOG, ALL)}
@@ -175,9 +173,7 @@ def label(name: str) -> str:
 
 
 def better_or_worse(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rms errors and log scores of ``rows`` with the flags ``better`` and ``worse`` than
-    the training mean, beyond the 95 % interval.
-    """
+    """Flag rms errors and log scores beyond the 95 % interval about the training mean."""
     proper = rows[rows["score"].isin((RMS, LOG)) & (rows["filter"] != NONE)]
     falls, rises, log = proper["high"] < 0, proper["low"] > 0, proper["score"] == LOG
     return proper.assign(better=rises.where(log, falls), worse=falls.where(log, rises))

@@ -120,9 +120,7 @@ def error_rows(
 
 
 def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
-    """Return the table ``towing_slopes``: least-squares slopes of the log errors over log m, with
-    Student's interval over the repeats.
-    """
+    """Return the table ``towing_slopes``: slopes of log error over log m, Student's interval."""
     rows = []
     for part, own in errors.groupby("part", sort=False):
         for error in ERRORS:

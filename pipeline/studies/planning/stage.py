@@ -147,9 +147,7 @@ def tables_of(
 
 
 def realised_sums(rig: Rig, motions: Motions, choices: Sequence[np.ndarray]) -> Motions:
-    """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, which may repeat, by
-    motion; motions that the arm cannot perform are left out.
-    """
+    """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, by motion."""
     times = np.stack([np.bincount(takes, minlength=rig.takes) for takes in choices]).astype(float)
     count, sums = times.sum(axis=1), {}
     for name, path in motions.items():
@@ -177,9 +175,7 @@ def predicted_sum(bench: Bench, model: MotionModel, path: np.ndarray) -> float:
 
 
 def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) -> float:
-    """Kendall's τ_b of two orders of the motions (Kendall, Biometrika 33, 1945); NaN for fewer than
-    three motions or equal predictions.
-    """
+    """Kendall's τ_b (Biometrika 33, 1945) of two orders; NaN of < 3 motions, equal predictions."""
     names = [name for name, value in prediction.items() if name in realised and value == value]
     first = [float(f"{prediction[name]:.{DIGITS}g}") for name in names]
     if len(names) < 3 or len(set(first)) == 1:

@@ -64,9 +64,7 @@ class Options:
 
 
 def evaluate_grid(settings: SimpleNamespace, options: Options) -> Tables:
-    """Return the table ``robustness``: the verdicts of every claim, counted by level; raises
-    ConfigError for a factor that the laboratory does not have.
-    """
+    """Return the table ``robustness``: verdicts by level; ConfigError for an unknown factor."""
     known = [*FACTORS, "particles"]
     if unknown := sorted(set(options.factors) - set(known)):
         message = f"no factor {', '.join(unknown)}; there are {', '.join(known)}"

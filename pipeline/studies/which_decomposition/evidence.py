@@ -198,9 +198,7 @@ def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
 def densities(
     quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
 ) -> np.ndarray:
-    """Return the (R, P) density of the printed numbers on each path, a factor ``tolerance`` f > 1
-    allowed on each of the quantities ``names``.
-    """
+    """Return the (R, P) density of the printed numbers, a factor ``tolerance`` f > 1 on each."""
     deviation = np.log(tolerance)
     squares = sum((quantities[name] / deviation) ** 2 for name in names)
     return np.exp(-squares / 2) / (np.sqrt(2 * np.pi) * deviation) ** len(names)

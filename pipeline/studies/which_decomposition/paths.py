@@ -42,9 +42,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the share of the path behind the arm at every sample (P, steps+1); ``back`` (P,)
-        marks the motions there and back.
-        """
+        """Return the share (P, steps+1) of the path behind the arm, of ``back`` (P,) to and fro."""
         count = (len(back), 1)
         duration = self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate

@@ -43,9 +43,7 @@ Several = Annotated[int, Field(ge=2)]
 
 @options()
 class Options:
-    """Ranges of the path prior, tolerances of the likelihood, and a motion of an arm in space;
-    params.yaml describes each.
-    """
+    """Path prior, tolerances and a motion of an arm in space; params.yaml describes each."""
 
     chunks: Annotated[int, Field(ge=1)]
     paths: Several

@@ -1,1 +1,0 @@
-from small_recordings import base, chain, takes  # noqa: F401 - fixtures
