@@ -136,7 +136,7 @@ def test_half_of_the_matrices_exceed_the_bound_at_full_level():
 
 HELD = np.radians([-20.0, 100.0, -25.0])
 DEVIATION = 0.03  # rad
-FRAMES = 240
+FRAMES = 120
 
 
 def slopes(end: str) -> tuple[np.ndarray, np.ndarray]:
@@ -200,14 +200,14 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
 
     gaussian = law_cost("gaussian", problem.chain)
     steps = np.arange(0, 25, 3)
-    poses = grid(problem, steps, spacing_of(problem, 50))
+    poses = grid(problem, steps, spacing_of(problem, 30))
     ways = [on_stages(problem, cost, steps, poses)[0][0] for cost in (gaussian, worst_conditioned)]
     np.testing.assert_array_equal(*ways)
-    uncertain = least_uncertain(problem, gaussian, 50)
-    dexterous = best_conditioned(problem, 50)
+    uncertain = least_uncertain(problem, gaussian, 30)
+    dexterous = best_conditioned(problem, 30)
     assert dexterous.clearance.mean() > 1.2 * uncertain.clearance.mean()
     # the control: under the Wishart model it is another motion, and a better conditioned one
-    other = least_uncertain(problem, law_cost("qr_transposed", problem.chain), 50)
+    other = least_uncertain(problem, law_cost("qr_transposed", problem.chain), 30)
     assert other.clearance.mean() > uncertain.clearance.mean()
 
 

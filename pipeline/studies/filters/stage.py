@@ -220,27 +220,21 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
     """Filters between the training mean and the yardstick, and over the duration of a deviation.
 
-    (a) Root mean square error over that of the training mean, on the run's test takes: a purple
-    disc a joint, the bar from the lowest to the highest of them; the yardstick knows the law of the
-    arm's deviations. (b) to (d) Simulated takes, over the lag of the sway: the same ratio, mean
-    over the joints; coverage of ±1σ, mean over the joints; log score minus that of the training
-    mean. Grey: the training mean, in (c) the coverage of a normal law, 0.68.
+    (a) Root mean square error over the training mean's, on the run's test takes: a purple disc a
+    joint, a bar from the lowest to the highest; the yardstick knows the law of the arm's
+    deviations. (b) to (d) Simulated takes, over the lag of the sway: the same ratio, mean over the
+    joints; coverage of ±1σ, mean over the joints; log score minus the training mean's. Grey: the
+    training mean, in (c) the coverage of a normal law, 0.68.
     """
     figure, ((run, *others),) = style.panels(
         style.TWO_COLUMNS, 3.0, columns=4, width_ratios=[1.2, 1, 1, 1]
     )
     errors, grey = filters[(filters["score"] == RMS) & (filters["filter"] != NONE)], style.GREY
     ratios = error_ratio(errors).groupby(errors["filter"], sort=False)
-    joint = {
-        "color": style.PURPLE,
-        "marker": "o",
-        "ms": 3,
-        "ls": "none",
-        "label": "a joint, in (a)",
-    }
+    joint = {"color": style.PURPLE, "ms": 3, "label": "a joint, in (a)"}
     for y, (_, values) in enumerate(ratios):
         run.hlines(y, values.min(), values.max(), color=style.PURPLE, lw=1.2)
-        run.plot(values, [y] * len(values), **joint)
+        run.plot(values, [y] * len(values), "o", **joint)
     run.set_yticks(range(len(ratios)), map(label, dict.fromkeys(errors["filter"])))
     run.set(xlabel="rms error over the\ntraining mean's (1)", xlim=(0, None))
     run.invert_yaxis()

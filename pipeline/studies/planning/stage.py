@@ -237,9 +237,9 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     """Uncertainty of motions along one task path, predicted and realised.
 
-    One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over that of the minimum-norm
-    motion, a symbol a model; upwards: the realised sum over that of the minimum-norm motion, a
-    colour a motion. On the dotted diagonal the prediction holds.
+    One panel an arm, all physics; sums are Σ tr Cov(ω), over the sum of the minimum-norm motion.
+    Across: predicted sum, a symbol a model; upwards: realised sum, a colour a motion. On the dotted
+    diagonal the prediction holds.
     """
     norm = planning_predictions[planning_predictions["motion"] == MINIMUM]
     both = planning_predictions.merge(
