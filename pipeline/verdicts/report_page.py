@@ -13,7 +13,7 @@ from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
 from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
-from pipeline.verdicts.decision import Case, Decided, Verdict
+from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.equations import Item, Source
 from pipeline.verdicts.errata import Erratum
 from pipeline.verdicts.model_card import few_takes
@@ -223,16 +223,13 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             names = " / ".join(filter(None, (case.case for case in cases)))
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
             printed = " / ".join(number(case.published) for case in cases)
-            others.append([name, printed, " / ".join(_ours(case, few) for case in cases)])
+            ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
+            ours = [number(case.value) + own for case, own in zip(cases, ends, strict=True)]
+            others.append([name, printed, " / ".join(ours)])
     parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
     parts += [table(["parameter", "published", *ESTIMATORS.values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
-
-
-def _ours(case: Case, few: bool) -> str:
-    ends = "" if few or case.low is None else " " + interval(case.low, case.high)
-    return number(case.value) + ends
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:

@@ -178,16 +178,13 @@ def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
     return counted[known.transform("sum") > 0].reset_index(drop=True)
 
 
-def verdict_of(holds: int, fails: int) -> str:
-    """Return the verdict of the cases of a level, of which so many hold and fail."""
-    return {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}[holds > 0, fails > 0]
-
-
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     """Return a row for each grid, factor and claim: the ``base`` verdict, and whether a level of
     the factor has another one. Other seeds of the base condition count as the factor CHANCE.
     """
-    rows = robustness.assign(verdict=list(map(verdict_of, robustness.holds, robustness.fails)))
+    words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
+    some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
+    rows = robustness.assign(verdict=[words[each] for each in some])
     first = rows[rows["factor"] == BASE].rename(columns={"verdict": "base"})
     rows = rows.merge(first[["grid", "claim", "base"]], on=["grid", "claim"], how="left")
     base = rows["factor"] == BASE
