@@ -121,9 +121,7 @@ def joint_panels(
 def model_panels(
     models: Sequence[str], joints: Sequence[str], quantity: str
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure over time and its axes (models, joints) on one scale: a group of panels for
-    each model, named with the ``quantity`` at its left.
-    """
+    """Return a figure over time and its axes (models, joints) on one scale, a group a model."""
     across = beside(len(joints))
     size = TWO_COLUMNS, 1.25, 0.55
     figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)

@@ -54,11 +54,7 @@ class Decided(NamedTuple):
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
-    """Return verdicts from every run's numbers, in the order of the ``runs``, and last those on the
-    claims that need no recording, from the first run.
-
-    ``papers_own`` names the datasets that are the paper's own recordings.
-    """
+    """Return verdicts from every run, then without a recording; ``papers_own`` are datasets."""
     whose = ["synthetic" if run.synthetic else "real" for run in runs]
     whose = [
         "paper" if run.dataset in papers_own else w for run, w in zip(runs, whose, strict=True)

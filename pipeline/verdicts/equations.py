@@ -110,10 +110,7 @@ def cited(docstring: str, items: Sequence[Item]) -> set[str]:
 def citations(
     package: Path, items: Sequence[Item], without: Sequence[str] = ()
 ) -> dict[str, list[Source]]:
-    """Return the sources that cite each item, by :attr:`Item.cited_as`, in the modules of
-    ``package``, its folders ``without`` left out. Raises what :func:`cited` does, with file and
-    name.
-    """
+    """Return the sources in ``package``, but for folders ``without``, that cite each item."""
     sources: dict[str, list[Source]] = {item.cited_as: [] for item in items}
     for file in sorted(package.rglob("*.py")):
         if file.relative_to(package).parts[0] in without:

@@ -107,11 +107,7 @@ def _counts(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
-    """Return at most seven numbers of the run ``here`` that are compared between experiments.
-
-    Number of claims of the paper that hold and that fail (none on the scale smoke), σ̂_B, α̂û, and
-    the log score of the next pose (nats a step) by each of the first three models.
-    """
+    """Return at most seven numbers to compare experiments by: claims, σ̂_B, α̂û, log scores."""
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
@@ -178,9 +174,7 @@ def failures(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def readings(runs: Sequence[Run]) -> str:
-    """Return a row for each claim and run whose rule comes out otherwise under another reading of
-    "LU or QR" (Eq. LUDecom), the run's own in bold, and how many claims have no evidence.
-    """
+    """Return the claims that another reading of "LU or QR" (Eq. LUDecom) changes, by run."""
     rows, notes = [], []
     for run in (run for run in runs if "readings" in run.tables):
         own = run.tables["readings"]

@@ -88,10 +88,7 @@ class Reference:
         return self._with(lambda text: PLACEHOLDER.sub(value, text))
 
     def look_up(self, evidence: Evidence, arm: ArmNames) -> float | None:
-        """Return the number, or None if the run of ``arm`` has none, or no joint of that number.
-
-        Raises ConfigError if more than one row of the table fits.
-        """
+        """Return the number, None if the run has none; ConfigError if several rows fit."""
         if any(number > len(arm.numbered) for number in self.joint_numbers):
             return None
         named, value = self._with(lambda text: joint_names(text, arm)), None
@@ -119,9 +116,7 @@ def joint_names(text: str, arm: ArmNames) -> str:
 
 
 def parsed_entries(structure: type[T], entries: object, kind: str) -> list[T]:
-    """Return an object of type ``structure`` for each of ``entries``, a YAML list. Raises
-    ConfigError with the key and, under the name ``kind``, the id or number of the entry.
-    """
+    """Return a ``structure`` for each of ``entries``; ConfigError names ``kind`` and id."""
     if not isinstance(entries, list):
         raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
     result = []

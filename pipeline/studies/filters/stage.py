@@ -118,9 +118,7 @@ def duration_rows(
     sizes: tuple[int, int],
     seed: int,
 ) -> pd.DataFrame:
-    """Return rows of the table ``filters_lasting``: every lag of sway and play ``factor`` times as
-    long, ``sizes`` simulated takes for training and test, equal random numbers at every factor.
-    """
+    """Return rows of ``filters_lasting``: lags of sway and play ``factor`` times as long."""
     factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
     dynamics = disturbed(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, seed, *sizes)

@@ -75,10 +75,7 @@ def bench_of(file: Path, task: Sequence[str], pace: float) -> Bench:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The arm of a ``bench`` in one physics, ``dynamics``: one session, whose takes draw the same
-    numbers whatever the motion and the physics, so that what differs between two motions is the
-    motions' own.
-    """
+    """The arm of a ``bench`` in one physics, whose takes draw equal numbers for every motion."""
 
     bench: Bench
     dynamics: DynamicsOptions

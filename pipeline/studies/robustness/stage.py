@@ -123,10 +123,7 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory.
-
-    A run after one that was killed evaluates the remaining conditions only.
-    """
+    """Yield the verdicts in every condition of the laboratory that a killed run left."""
     grid, common = laboratory_grid(settings, options, claims)
     folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
     trial = partial(Memory(folder, verbose=0).cache(verdicts), common=common)
@@ -179,9 +176,7 @@ def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each grid, factor and claim: the ``base`` verdict, and whether a level of
-    the factor has another one. Other seeds of the base condition count as the factor CHANCE.
-    """
+    """Return the ``base`` verdict by grid, factor and claim, and if a level changes it."""
     words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
     some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
     rows = robustness.assign(verdict=[words[each] for each in some])
