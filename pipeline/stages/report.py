@@ -13,10 +13,14 @@ from pipeline.core.validation import validated
 from pipeline.verdicts import report_page as pages
 from pipeline.verdicts.claims import ClaimsFile, parse_claims
 from pipeline.verdicts.decision import decide_each, verdict_data
-from pipeline.verdicts.equations import citations, equations_page, parse_items
-from pipeline.verdicts.errata import errata_page, parse_errata
-from pipeline.verdicts.further_pages import datasets_page, recordings_page
 from pipeline.verdicts.model_card import model_card
+from pipeline.verdicts.paper import (
+    citations,
+    equations_page,
+    errata_page,
+    parse_errata,
+    parse_items,
+)
 from pipeline.verdicts.run import read_runs
 
 REPORTS, CLAIMS, README = Path("reports"), Path("reports/claims.yaml"), Path("README.md")
@@ -53,8 +57,8 @@ def run() -> None:
         reports / "report.md": pages.report_page(here, runs, decided, parts),
         reports / "errata.md": errata_page(errata, here, decided),
         reports / "model_card.md": model_card(here, runs[1:]),
-        reports / "recordings.md": recordings_page(here),
-        REPORTS / "datasets.md": datasets_page(decided),
+        reports / "recordings.md": pages.recordings_page(here),
+        REPORTS / "datasets.md": pages.datasets_page(decided),
         REPORTS / "equations.md": equations_page(items, sources),
     }
     if (here.dataset, here.scale) == DEFAULT:

@@ -1,5 +1,6 @@
 """The report: which claims hold and which do not, the paper's numbers beside ours, its figures and
-gravest errata, on one page; and the results in the README.
+gravest errata, on one page; beside it every claim in every dataset, the recordings of one, and the
+results in the README.
 """
 
 from __future__ import annotations
@@ -14,9 +15,8 @@ from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
 from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
-from pipeline.verdicts.equations import Item, Source
-from pipeline.verdicts.errata import Erratum
 from pipeline.verdicts.model_card import few_takes
+from pipeline.verdicts.paper import Erratum, Item, Source
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
 
@@ -44,6 +44,14 @@ PARAMETERS = (
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
 HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
 SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
+WHOSE = {
+    "none": "computations without a recording",
+    "synthetic": "synthetic recordings",
+    "real": "recordings of a real robot, not the paper's",
+    "paper": "the paper's own recordings",
+}
+# counts of what was not solved, lost, clipped or left out
+LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
 
 
@@ -243,9 +251,8 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 def figures(
     captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
 ) -> str:
-    """Return the paper's figures in its order, a sentence each (the one that says what to look at,
-    else the first), and links to ours; ``sources`` of
-    :func:`pipeline.verdicts.equations.citations` say which draw one of the paper's.
+    """Return the paper's figures in its order, a sentence each (what to look at, else the first),
+    and links to ours; ``sources`` by item draw one of the paper's.
     """
     drawn = {
         source.file.as_posix(): item.title
@@ -269,3 +276,40 @@ def gravest_errata(errata: Sequence[Erratum]) -> str:
     titles = {erratum.id: erratum.title for erratum in errata}
     lines = [f"- [{titles[name]}](errata.md#{name})" for name in GRAVEST if name in titles]
     return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])
+
+
+def datasets_page(decided: Sequence[Decided]) -> str:
+    """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
+    decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
+    claims = zip(*(whose.verdicts for whose in decided), strict=True)
+    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in claims]
+    tally = [
+        [n, WHOSE[recordings], counted(own), sum(each.verdict == d.FORCED for each in own)]
+        for n, recordings, own in decided
+    ]
+    head = ["# Every claim in every dataset", TEXTS["datasets"]]
+    head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
+    return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])
+
+
+def recordings_page(run: Run) -> str:
+    """Return ``recordings.md``: recordings kept and left out, and nonzero totals of losses."""
+    sections, rows = {}, []
+    if "kept" in run.tables:
+        kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()
+        header = ["step", "recording", "found", "kept", "left out"]
+        sections["Kept and left out"] = table(header, kept)
+    if "recording_quality" in run.tables:
+        lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
+        rows += [[name, _counts(own["total"])] for name, own in lossy.groupby("instrument")]
+    for stem, values in run.metrics.items():
+        lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
+        if lost and stem != "recordings":
+            rows.append([stem.replace("_", " of ", 1), _counts(lost)])
+    if rows:
+        sections["Lost and repaired"] = f"{TEXTS['recordings']}\n\n{table(['', 'counted'], rows)}"
+    return page([f"# Recordings of dataset {run.dataset}"], sections)
+
+
+def _counts(totals: Mapping[str, float]) -> str:
+    return ", ".join(f"{n.replace('_', ' ')} {number(total)}" for n, total in totals.items())

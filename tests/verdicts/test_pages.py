@@ -12,8 +12,8 @@ from pipeline.core.errors import ContractError
 from pipeline.verdicts import report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
-from pipeline.verdicts.equations import Source, parse_items
-from pipeline.verdicts.further_pages import datasets_page, recordings_page
+from pipeline.verdicts.paper import Source, parse_items
+from pipeline.verdicts.report_page import datasets_page, recordings_page
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import filter_verdict, filters
 from pipeline.verdicts.wording import TEXTS, case_text, number

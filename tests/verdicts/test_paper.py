@@ -15,8 +15,16 @@ from pipeline.core import config
 from pipeline.core.errors import ConfigError
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide_each
-from pipeline.verdicts.equations import Source, citations, cited, equations_page, parse_items
-from pipeline.verdicts.errata import MISSING, errata_page, parse_errata
+from pipeline.verdicts.paper import (
+    MISSING,
+    Source,
+    citations,
+    cited,
+    equations_page,
+    errata_page,
+    parse_errata,
+    parse_items,
+)
 from pipeline.verdicts.run import Run, read_run
 
 EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
