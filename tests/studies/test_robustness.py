@@ -129,9 +129,8 @@ def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     assert len(set(large)) == len(large)
 
 
-@pytest.mark.parametrize("pace", [1.0, 0.5])
-def test_another_rest_leaves_the_motion_in_between(laboratory, pace):
-    own = laboratory.motion
+def test_another_rest_leaves_the_motion_in_between(laboratory):
+    own, pace = laboratory.motion, 0.5
     longer = trajectory(own, {"rest": 0.4, "pace": pace})
     assert longer.rest == 0.4 / pace
     assert longer.duration == pytest.approx((own.duration + 4 * 0.3) / pace)
