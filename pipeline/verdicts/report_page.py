@@ -301,15 +301,15 @@ def recordings_page(run: Run) -> str:
         sections["Kept and left out"] = table(header, kept)
     if "recording_quality" in run.tables:
         lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
-        rows += [[name, _counts(own["total"])] for name, own in lossy.groupby("instrument")]
+        rows += [[name, _totals(own["total"])] for name, own in lossy.groupby("instrument")]
     for stem, values in run.metrics.items():
         lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
         if lost and stem != "recordings":
-            rows.append([stem.replace("_", " of ", 1), _counts(lost)])
+            rows.append([stem.replace("_", " of ", 1), _totals(lost)])
     if rows:
         sections["Lost and repaired"] = f"{TEXTS['recordings']}\n\n{table(['', 'counted'], rows)}"
     return page([f"# Recordings of dataset {run.dataset}"], sections)
 
 
-def _counts(totals: Mapping[str, float]) -> str:
+def _totals(totals: Mapping[str, float]) -> str:
     return ", ".join(f"{n.replace('_', ' ')} {number(total)}" for n, total in totals.items())
