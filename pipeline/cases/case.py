@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from pipeline.models.steps import Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import constant_noise_variation
-from pipeline.verdicts.reference import ArmNames
+from pipeline.verdicts.run import ArmNames
 
 # the paper's models, the first being the one that the others are compared with
 KINDS = ("additive", "wishart", "gaussian")
@@ -44,6 +45,15 @@ class Choices:
     draw: int = 0  # number of the random stream
     closed: bool = False  # filters the paper's models in a closed loop too
 
+    @classmethod
+    def of_run(cls, settings: SimpleNamespace, **further: Options) -> Choices:
+        """The run's own choices: its first model of each of the paper's kinds, and ``further``."""
+        by_kind = {model.kind: model for model in reversed(list(settings.models.values()))}
+        models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind} | further
+        own = settings.filter
+        chosen = FilterOptions(own.particles, own.scheme, own.threshold)
+        return cls(models, chosen, settings.simulation.mode)
+
     @property
     def options(self) -> Options:
         """Options of the only model."""
@@ -56,9 +66,7 @@ class Choices:
         return replace(self, models={name: self.models[name]}, batch=0, closed=closed, **plain)
 
     def filter_case(self, name: str, closed: bool) -> Choices:
-        """This case with the filter of the model ``name`` alone, in one loop, and defaults for the
-        decisions that it does not depend on.
-        """
+        """This case with one model's filter in one loop, and defaults where it does not matter."""
         plain = {"mode": "", "measurement": 1.0, "batch": 0}
         return replace(self, models={name: self.models[name]}, closed=closed, **plain)
 
@@ -71,12 +79,6 @@ class Choices:
         """This case with other options of the Wishart model."""
         wishart = replace(self.models["wishart"], **changes)
         return replace(self, models=self.models | {"wishart": wishart})
-
-
-def paper_models(options: dict[str, Options]) -> dict[str, Options]:
-    """The first of the options of models of each of the paper's kinds, by kind in their order."""
-    by_kind = {model.kind: model for model in reversed(list(options.values()))}
-    return {kind: by_kind[kind] for kind in KINDS if kind in by_kind}
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,7 @@ Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: trials, i
 def evaluate(
     cases: Sequence[Choices], recordings: Recordings, run: Run
 ) -> list[tuple[Evidence, list[str]]]:
-    """Return the evidence of every case, and the refusals of its models and filters; ``run`` maps a
-    function over trials. Filters run with the paper's models alone.
-    """
+    """Return the evidence and refusals of every case; only the paper's models are filtered."""
     cameras, dt = recordings.cameras, 1 / recordings.rate
     takes = list(next(iter(cameras.values())).takes) if cameras else []
 

@@ -104,9 +104,7 @@ def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> di
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
-    """Mean log density over the steps of each held-out take; without test takes each training take,
-    predicted by a fit to the others.
-    """
+    """Mean log density over a held-out take's steps; without test takes, of each training take."""
     training, folds = takes.training, []
     if takes.test:
         folds.append((fit.model, training, np.stack(list(takes.test.values()))))
@@ -123,9 +121,7 @@ def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndar
 def _log_density(
     model: MotionModel, training: Recorded, poses: np.ndarray, factor: float
 ) -> np.ndarray:
-    """(takes, M) nats of the steps between ``poses`` (takes, M+1, n); a gap at rest where no
-    measurement noise is added.
-    """
+    """(takes, M) nats of the steps between ``poses`` (takes, M+1, n); NaN at rest without noise."""
     q, q_next = poses[:, :-1], poses[:, 1:]
     v = np.broadcast_to(training.v, (*q.shape[:-1], training.v.shape[-1]))
     if factor:

@@ -16,7 +16,7 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.wishart.decomposition import COMPUTED, chosen
 from pipeline.verdicts.claims import Claim, parse_claims
 from pipeline.verdicts.decision import decide, verdict_table
-from pipeline.verdicts.reference import ArmNames
+from pipeline.verdicts.run import ArmNames
 from pipeline.verdicts.wording import case_text
 
 PAPER = Path("reports/claims.yaml")
@@ -52,9 +52,7 @@ def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.Da
 def readings(
     base: Choices, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
 ) -> dict[str, Choices]:
-    """The case ``base`` of a ``task`` of these rows and these ``joints``, and after it the same
-    with every other computed decomposition, by name; none where it has no Wishart model.
-    """
+    """The case ``base``, then other decompositions by name; none without a Wishart model."""
     wishart = base.models.get("wishart")
     if wishart is None:
         return {}

@@ -29,9 +29,7 @@ def figures_in(folder: Path = Path(__file__).parent) -> list[str]:
 
 
 def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
-    """Draw every figure whose tables exist into the folder ``out``, all or none of them, and write
-    ``captions.json``.
-    """
+    """Draw every figure whose tables exist, and ``captions.json``, into ``out``: all or none."""
     wanted = []
     for name in figures_in():
         module = import_module(f"{PACKAGE}.{name}")

@@ -22,9 +22,7 @@ NEEDS = "depth camera"
 
 
 def draw(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Figure:
-    """Rows of panels in the order of ``models``, the panels of a joint on one scale; a model
-    without a closed loop lacks its line.
-    """
+    """Rows of panels in the order of ``models``, the panels of a joint on one scale."""
     figure, grid = style.model_panels(models, joints, "rms error (rad)")
     squares = filter_error[columns("e", joints)] ** 2
     running = np.sqrt(squares.groupby([filter_error["model"], filter_error["t"]]).mean())

@@ -1,10 +1,10 @@
 """Standard deviation of the joint angles: recordings against models.
 
 Recorded (orange, solid), additive Gaussian noise (light blue, dotted), Wishart perturbation (blue,
-dashed) and Gaussian noise matrix (black, dash-dotted). With one-step simulation, as in the paper,
-it is that of the process noise of one step, and the recorded line is the one of the figure of the
-joint realisations; with free-running simulation it is that of the joint angles themselves. A line
-three times as high as all others leaves its panels at the top. To look at: whether a model follows
+dashed) and Gaussian noise matrix (black, dash-dotted). One-step simulation, as in the paper, gives
+the process noise of one step, with the recorded line of the joint realisations' figure;
+free-running simulation gives the joint angles themselves. A line three times as high as all others
+leaves its panels at the top. To look at: whether a model follows
 the recorded line, in its course over time and in its height.
 """
 

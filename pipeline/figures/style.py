@@ -69,9 +69,7 @@ mpl.rcParams.update(
 
 
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
-    """Return label, colour and dashes of every model by its option's name; other names get the next
-    style of a cycle.
-    """
+    """Return label, colour and dashes of every model; unknown names get the next of a cycle."""
     further = cycle(FURTHER)
     return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
 
@@ -93,9 +91,7 @@ def wrench_label(row: str) -> str:
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure of ``width`` × ``height`` in inches and its axes (rows, columns); ``layout``
-    goes to ``Figure.subplots``.
-    """
+    """Return a figure of ``width`` × ``height`` in inches and its axes (rows, columns)."""
     figure = Figure(figsize=(width, height), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
@@ -125,9 +121,7 @@ def joint_panels(
 def model_panels(
     models: Sequence[str], joints: Sequence[str], quantity: str
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure over time and its axes (models, joints) on one scale: a group of panels for
-    each model, named with the ``quantity`` at its left.
-    """
+    """Return a figure over time and its axes (models, joints) on one scale, a group a model."""
     across = beside(len(joints))
     size = TWO_COLUMNS, 1.25, 0.55
     figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
@@ -142,9 +136,7 @@ def model_panels(
 
 
 def beside(joints: int) -> int:
-    """Return the number of panels in a line over two columns: all, or half of more than
-    ``BESIDE``.
-    """
+    """Return the number of panels in a line over two columns: half of more than ``BESIDE``."""
     return joints if joints <= BESIDE else -(-joints // 2)
 
 
@@ -168,9 +160,7 @@ def arrow(axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth
 
 
 def save(figure: Figure, folder: Path, name: str) -> None:
-    """Write ``folder/name.svg`` and ``folder/name.png`` without date or version: the same figure
-    gives the same bytes.
-    """
+    """Write ``name.svg`` and ``name.png`` without date or version: equal bytes every time."""
     # laid out at the PNG's resolution, at which hinted letters are the wider
     rasterised = figure.dpi
     figure.set_dpi(PNG_RESOLUTION)

@@ -33,9 +33,7 @@ class DrawnConfiguration(Protocol):
 
 
 def draw(force_density: pd.DataFrame, configurations: Mapping[str, DrawnConfiguration]) -> Figure:
-    """Fig. (WrenchExprmnt) of the dataset's ``configurations`` by name; one range and one colour
-    scale for all densities.
-    """
+    """Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations`` by name."""
     height, count = 0.4 + 1.75 * len(configurations), len(configurations)
     layout = {"rows": count, "columns": 3, "width_ratios": (1.3, 1, 1)}
     figure, grid = style.panels(style.TWO_COLUMNS, height, **layout)

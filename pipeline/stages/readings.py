@@ -7,12 +7,11 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from pipeline.cases.case import Choices, Recordings, camera_of, paper_models, recorded_takes
+from pipeline.cases.case import Choices, Recordings, camera_of, recorded_takes
 from pipeline.cases.evaluate import evaluate
 from pipeline.cases.readings import read_claims, readings, readings_table
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.filtering.particle_filter import FilterOptions
 
 TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data/readings")
 
@@ -22,13 +21,12 @@ def run() -> None:
     ``readings``; nothing where no Wishart model is among them.
     """
     settings = config.sections("readings")
-    robot, motion, o = settings.dataset.robot, settings.dataset.motion, settings.filter
+    robot, motion = settings.dataset.robot, settings.dataset.motion
     with contracts.replacing(OUT) as folder:
         if robot is None:
             print("readings: the dataset has no robot; there are no claims about its motion")
             return
-        options = FilterOptions(o.particles, o.scheme, o.threshold)
-        base = Choices(paper_models(settings.models), options, settings.simulation.mode)
+        base = Choices.of_run(settings)
         takes, cameras = recorded_takes(robot, motion), {}
         cases = readings(base, takes.training.chain.task, takes.training.joints)
         if not cases:

@@ -10,12 +10,10 @@ from pathlib import Path
 from pipeline.core import config, contracts
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
+from pipeline.verdicts import paper
 from pipeline.verdicts import report_page as pages
 from pipeline.verdicts.claims import ClaimsFile, parse_claims
 from pipeline.verdicts.decision import decide_each, verdict_data
-from pipeline.verdicts.equations import citations, equations_page, parse_items
-from pipeline.verdicts.errata import errata_page, parse_errata
-from pipeline.verdicts.further_pages import datasets_page, recordings_page
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.run import read_runs
 
@@ -35,9 +33,9 @@ def run() -> None:
     here = runs[0]
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
     decided = decide_each(parse_claims(stated.claims), runs, stated.recordings_of_the_paper)
-    errata = parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
-    items = parse_items(read_yaml(HERE / "paper.yaml").get("items"))
-    sources = citations(PACKAGE, items, BEYOND)
+    errata = paper.parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
+    items = paper.parse_items(read_yaml(HERE / "paper.yaml").get("items"))
+    sources = paper.citations(PACKAGE, items, BEYOND)
     captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
     datasets = [
         {"dataset": each.dataset, "scale": each.scale, "recordings": whose.recordings}
@@ -51,11 +49,11 @@ def run() -> None:
     written = {
         reports / "claims.json": json.dumps(claims, indent=2, ensure_ascii=False) + "\n",
         reports / "report.md": pages.report_page(here, runs, decided, parts),
-        reports / "errata.md": errata_page(errata, here, decided),
+        reports / "errata.md": paper.errata_page(errata, here, decided),
         reports / "model_card.md": model_card(here, runs[1:]),
-        reports / "recordings.md": recordings_page(here),
-        REPORTS / "datasets.md": datasets_page(decided),
-        REPORTS / "equations.md": equations_page(items, sources),
+        reports / "recordings.md": pages.recordings_page(here),
+        REPORTS / "datasets.md": pages.datasets_page(decided),
+        REPORTS / "equations.md": paper.equations_page(items, sources),
     }
     if (here.dataset, here.scale) == DEFAULT:
         text = README.read_text(encoding="utf-8")

@@ -19,24 +19,26 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import PipelineError
 from pipeline.figures.style import save
+from pipeline.verdicts import wording
+from pipeline.verdicts.wording import MISSING
 
 DATA, REPORTS = Path("data/studies"), Path("reports/studies")
 CSV_DIGITS = "%.6g"
 ROUNDING = 1e-12
-MISSING = "–"
 Tables = dict[str, pd.DataFrame]
+number = partial(wording.number, digits=3)
 
 
 class NoAnswerError(PipelineError):
@@ -85,16 +87,6 @@ class Study:
         )
         title, _, caption = " ".join(self.draw.__doc__.split()).partition(". ")
         return f"![{title}]({name}/{name}.png)\n\n**{title}.** {caption}"
-
-
-def number(value: float) -> str:
-    """Return three significant digits; counts as they are; a dash for a missing value."""
-    if pd.isna(value):
-        return MISSING
-    if np.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    whole = float(value).is_integer() and abs(value) < 1e9
-    return f"{value:,.0f}" if whole else f"{value:.3g}"
 
 
 def interval(middle: float, low: float, high: float) -> str:

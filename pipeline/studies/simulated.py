@@ -32,9 +32,7 @@ RESTING = 40  # takes from which the noise of the arm alone at rest is estimated
 
 @dataclass(frozen=True)
 class PhysicsFactors:
-    """Factors on the disturbances of :class:`pipeline.laboratory.options.DynamicsOptions` and on
-    the standard deviations of the instruments.
-    """
+    """Factors on the disturbances of ``DynamicsOptions`` and on the std of the instruments."""
 
     disturbances: float = 1.0  # on the size of all of the next eight together
     sway_std: float = 1.0
@@ -107,9 +105,7 @@ class Laboratory:
     def of_run(
         cls, settings: SimpleNamespace, recorded: Recorded, kinect_noise: pd.DataFrame
     ) -> Laboratory:
-        """Return the laboratory of the run's dataset, its instruments' noise from the training
-        steps ``recorded`` and from the table ``kinect_noise``.
-        """
+        """Return the laboratory of the run's dataset, its instruments' noise as recorded."""
         own, joints = settings.dataset.laboratory, tuple(recorded.joints)
         noise = kinect_noise[kinect_noise["take"] == "none"]
         share = noise["t"].to_numpy() / own["trajectory"].duration
@@ -136,9 +132,7 @@ class SimulatedTake(NamedTuple):
 def perform(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
 ) -> list[SimulatedTake]:
-    """Simulate the first ``count`` takes of a ``part`` (train or test), those that the stage
-    `record` draws from ``seed``.
-    """
+    """Simulate ``count`` takes of a ``part`` (train or test) as `record` draws them."""
     dynamics, motion = disturbed(laboratory.dynamics, factors), laboratory.motion
     opened = session.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
     takes = []
@@ -151,9 +145,7 @@ def perform(
 
 
 def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
-    """Return the steps between ``poses`` (takes, M+1, n) in rad under the commands of the motion;
-    raises SingularJacobianError.
-    """
+    """Return the steps between ``poses`` (takes, M+1, n) in rad under the motion's commands."""
     table = desired_trajectory(laboratory.chain, laboratory.motion)
     v = commanded_steps(table, laboratory.motion.rate)
     noise = process_noise(laboratory.chain, poses, v)
@@ -173,11 +165,7 @@ def measured(
 def observe(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
-    """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
-    estimated as by the stages.
-
-    Raises SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
-    """
+    """Simulate takes, and the depth camera of the test takes with its estimated noise."""
     fitted = perform(laboratory, factors, seed, "train", training)
     kept = perform(laboratory, factors, seed, "test", test)
     poses, others = (

@@ -10,8 +10,8 @@ from typing import Literal
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
-from pipeline.verdicts.reference import Number, Reference, parsed_entries
 from pipeline.verdicts.rules import ENDS, ORDERS, RULES
+from pipeline.verdicts.run import Number, Reference, parsed_entries
 
 CONSTRUCTION, LEVEL = "construction", "level"  # what forces a claim, and what decides it
 NONE = "none"  # a claim that needs no recording
@@ -109,17 +109,13 @@ class Claim:
         self.references()
 
     def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
-        """Return every combination of the values of ``each``, in the order of the lists, on an arm
-        with these ``joints``.
-        """
+        """Return every combination of the values of ``each`` on an arm with these ``joints``."""
         values = [joints if listed == EVERY else listed for listed in self.each.values()]
         return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
 
     @property
     def numbers_joints(self) -> bool:
-        """True if the claim numbers joints or is about the paper's specimen, and so is about an arm
-        like the paper's alone.
-        """
+        """True if the claim numbers joints or is about the specimen: an arm like the paper's."""
         return self.about == "specimen" or any(ref.joint_numbers for ref in self.references())
 
     @property
@@ -144,9 +140,7 @@ class Claim:
 
 @options(frozen=True)
 class ClaimsFile:
-    """Content of ``reports/claims.yaml``: names of datasets that are the paper's own recordings,
-    and entries of claims.
-    """
+    """Content of ``reports/claims.yaml``: names of the paper's own datasets, entries of claims."""
 
     recordings_of_the_paper: list[str]
     claims: list

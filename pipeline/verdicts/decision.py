@@ -11,9 +11,8 @@ import pandas as pd
 
 from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, Claim
-from pipeline.verdicts.reference import ArmNames, Evidence, Reference, joint_names
 from pipeline.verdicts.rules import RULES
-from pipeline.verdicts.run import Run
+from pipeline.verdicts.run import ArmNames, Evidence, Reference, Run, joint_names
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
@@ -45,9 +44,7 @@ class Verdict(NamedTuple):
 
 
 class Decided(NamedTuple):
-    """Verdicts on all claims from the recordings of one dataset, or, where ``recordings`` is none,
-    on the claims that need no recording.
-    """
+    """Verdicts from one dataset's recordings, or on claims that need none (``recordings`` none)."""
 
     dataset: str
     recordings: Recordings
@@ -57,11 +54,7 @@ class Decided(NamedTuple):
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
-    """Return verdicts from every run's numbers, in the order of the ``runs``, and last those on the
-    claims that need no recording, from the first run.
-
-    ``papers_own`` names the datasets that are the paper's own recordings.
-    """
+    """Return verdicts from every run, then without a recording; ``papers_own`` are datasets."""
     whose = ["synthetic" if run.synthetic else "real" for run in runs]
     whose = [
         "paper" if run.dataset in papers_own else w for run, w in zip(runs, whose, strict=True)
@@ -152,9 +145,7 @@ def verdict_table(verdicts: Sequence[Verdict]) -> pd.DataFrame:
 
 
 def verdict_data(decided: Sequence[Decided]) -> list[dict]:
-    """Return each claim with its verdicts by dataset as plain data that JSON can hold; a dataset
-    that does not decide it is missing.
-    """
+    """Return each claim with its verdicts by dataset that decides it, as JSON can hold them."""
     entries = []
     for row in zip(*(whose.verdicts for whose in decided), strict=True):
         claim = row[0].claim

@@ -1,5 +1,5 @@
 """The model card: the motion model to use for an arm, its formula and numbers, what the recordings
-cannot tell, and the evidence.
+cannot tell, and the evidence; the rule that recommends a model for another motion.
 """
 
 from __future__ import annotations
@@ -8,12 +8,157 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.verdicts import recommendation as other
-from pipeline.verdicts import scores
 from pipeline.verdicts.run import Run
+from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
 from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
 
+CARD = TEXTS["card"]
+EACH = "each"  # the mean over all held-out motions
+# what a standard deviation of the noise is, by the beginning of the model's name
+STD = {"additive": "a_j", "scaled": "√(a_j² + b_j²·Δq_j²)", "distance": "√(a_j² + c_j·|Δq_j|)"}
+# its gain: symbol, column, factor and unit
+GAINS = {
+    "scaled": ("b_j", "share_of_step", 100, "%"),
+    "distance": ("c_j", "per_angle_rad", 1e6, "µrad"),
+}
+MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
+MOVING = 0.1  # of a joint's greatest recorded spread, above which a held-out spread counts
+STILL = 0.1  # of the greatest joint speed, below which a joint counts as standing still
+HEAVY = 4  # kurtosis above which tails are called heavier than normal
 FEW_TAKES = 10  # below it an interval from resampled takes is not printed
+
+
+def recommended(
+    scores: pd.DataFrame, spread: pd.DataFrame, motions: pd.DataFrame
+) -> tuple[str | None, str]:
+    """Return the name of the model for another motion by the card's rule, or None, and the reason.
+
+    ``scores``, ``spread`` and ``motions`` are the tables other_motions, motion_spread and motions.
+    """
+    means = scores[scores["motion"] == EACH].set_index("model")["score"].dropna()
+    if means.empty:
+        return None, "no model has a score on every held-out motion"
+    best = str(means.idxmax())
+    score = f"{number(means[best])} nats a step"
+    if len(motions) < 2:
+        return None, (
+            "the recordings hold one motion, so nothing is known of another; on held-out takes of "
+            f"it {plain_name(best)} has the highest log score, {score}"
+        )
+    own = spread[(spread["model"] == best) & (spread["measured_rad"] > 0)]
+    own = own[own["measured_rad"] >= MOVING * own.groupby("joint")["measured_rad"].transform("max")]
+    ratio = own["predicted_rad"] / own["measured_rad"]
+    off = ((ratio > OFF) | (ratio < 1 / OFF)).mean() if len(own) else 0.0
+    if off > MANY:
+        return None, (
+            f"the best of them, {plain_name(best)}, predicts {100 * off:.0f} % of the held-out "
+            f"spreads by more than a factor of {OFF:g} wrongly"
+        )
+    return best, f"highest mean log score over {len(motions)} held-out motions, {score}"
+
+
+def answer(run: Run) -> str:
+    """Return the card's first paragraphs: model, formula, takes and motions, unknowns and tails."""
+    t = run.tables
+    if "other_motions" not in t:
+        return CARD["not_held_out"]
+    model, why = recommended(t["other_motions"], t["motion_spread"], t["motions"])
+    counted = f"{t['motions']['takes'].sum()} takes of {len(t['motions'])} motion(s)"
+    if model is None:
+        return f"**No model for another motion**: {why}.\n\nRecorded: {counted}."
+    known, tails = (t[name][t[name]["model"] == model] for name in ("plain_parameters", "tails"))
+    parts = [f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."]
+    parts += [_formula(model, known)] if len(known) else []
+    parts.append(f"Fitted to {counted}. {_untold(run, model)}")
+    if len(tails):
+        ends = [number(float(f"{tails['kurtosis'].agg(end):.3g}")) for end in ("min", "max")]
+        size = "heavier tails than" if tails["kurtosis"].max() > HEAVY else "tails like"
+        share = 100 * tails["three_sigma"].min()
+        parts.append(CARD["kurtosis"].format(size=size, low=ends[0], high=ends[1], share=share))
+    return "\n\n".join([*parts, f"To have it: `python -m pipeline export {model}`."])
+
+
+def _formula(model: str, known: pd.DataFrame) -> str:
+    kind, tails = model.split("_")
+    law = CARD["student" if tails == "t" else "normal"]
+    text = CARD["formula"].format(std=STD[kind], law=law)
+    cells = {"joint": known["joint"]}
+    cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
+    if kind in GAINS:
+        symbol, column, factor, unit = GAINS[kind]
+        cells[symbol] = [
+            f"{factor * each:.3g} {unit}" if pd.notna(each) else "not known"
+            for each in known[column]
+        ]
+    if tails == "t":
+        cells["ν_j"] = known["degrees"]
+    return f"{text}\n\n{table([*cells], zip(*cells.values(), strict=True))}"
+
+
+def fastest_speeds(ranges: pd.DataFrame) -> pd.Series:
+    """Return the greatest recorded |q̇| of each joint in rad/s from a table of ranges."""
+    speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
+    return speeds[["least", "greatest"]].abs().max(axis=1)
+
+
+def _untold(run: Run, model: str) -> str:
+    """The parameters of ``model`` without a number, and the poses and speeds that were not seen."""
+    rows = run.tables["untold"].query("model == @model")
+    text = "".join(
+        f" No number for the {parameter} of {', '.join(own['joint'])} ({own['found'].iloc[0]})."
+        for parameter, own in rows.groupby("parameter", sort=False)
+    )
+    fastest = fastest_speeds(run.tables["motion_ranges"])
+    still = fastest.index[fastest < STILL * fastest.max()]
+    text += f" These joints stood still: {', '.join(still)}." if len(still) else ""
+    seen = ", ".join(f"{joint} {number(float(f'{speed:.3g}'))}" for joint, speed in fastest.items())
+    text += f" Speeds above (rad/s): {seen}; poses outside the ranges below."
+    return f"**What the recordings cannot tell:**{text}"
+
+
+def held_out(run: Run) -> str:
+    """Return log scores by model and held-out motion (of one motion the mean over its takes)."""
+    scores, motions = run.tables["other_motions"], run.tables["motions"]
+    wide = scores.pivot(index="model", columns="motion", values="score")
+    # parts of a single motion's takes are held out in turn
+    names = [n for n in dict.fromkeys(scores["motion"]) if n != EACH] if len(motions) > 1 else []
+    wide = wide.reindex(columns=[EACH, *names]) if EACH in wide else wide
+    wide = wide.sort_values(wide.columns[0], ascending=False, na_position="last")
+    header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in names)]
+    text = table(header, [[plain_name(str(row[0])), *row[1:]] for row in wide.itertuples()])
+    missing = scores[scores["reason"].astype(object).fillna("").ne("")].drop_duplicates("model")
+    reasons = "".join(
+        f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
+        for row in missing.itertuples()
+    )
+    moves = motions[["motion", "takes", "steps", "moving"]].astype(str).to_numpy()
+    return f"{text}\n{reasons}\n\n{table(['motion', 'takes', 'steps', 'joints that move'], moves)}"
+
+
+def held_out_spread(run: Run) -> str:
+    """Return predicted and measured rms of a step in µrad by held-out motion and joint."""
+    spread, place = run.tables["motion_spread"], ["motion", "joint"]
+    if len(run.tables["motions"]) == 1:
+        squares = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
+        sizes = ["predicted_rad", "measured_rad"]
+        squares[sizes] = squares[sizes] ** 2
+        means = squares.groupby([*place, "model"], sort=False)[sizes].mean()
+        spread = means.pow(0.5).reset_index()
+    wide = spread.pivot(index=place, columns="model", values="predicted_rad")
+    measured = spread.drop_duplicates(place).set_index(place)["measured_rad"]
+    wide = wide.loc[measured.index, list(dict.fromkeys(spread["model"]))]
+    wide.insert(0, "measured", measured)
+    rows = ([*map(str, row[0]), *(f"{1e6 * v:.3g}" for v in row[1:])] for row in wide.itertuples())
+    return f"Rms of a step in µrad.\n\n{table([*place, *map(plain_name, wide.columns)], rows)}"
+
+
+def held_out_tails(run: Run) -> str:
+    """Return kurtosis and coverage of the held-out noise by model and joint."""
+    tails = run.tables["tails"]
+    numbers = tails[["kurtosis", "one_sigma", "two_sigma", "three_sigma"]].map("{:.3g}".format)
+    names = tails["model"].map(plain_name), tails["joint"]
+    rows = zip(*names, *(numbers[column] for column in numbers), strict=True)
+    return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], rows)
 
 
 def few_takes(run: Run) -> bool:
@@ -23,36 +168,36 @@ def few_takes(run: Run) -> bool:
 
 def model_card(run: Run, others: Sequence[Run]) -> str:
     """Return the card of ``run``, with the recommended models for the arms of ``others``."""
-    card, scored = TEXTS["card"], "predictions" in run.tables
+    scored = "predictions" in run.tables
     title = f"# Motion model for dataset {run.dataset}, scale {run.scale}"
     if not run.joints:
-        return page([title, card["no_robot"]])
+        return page([title, CARD["no_robot"]])
     parts: dict[str, str] = {}
     if "other_motions" in run.tables:
-        parts["Why"] = f"{card['rule']}\n\n{other.held_out(run)}"
-        parts["Predicted and measured spread on held-out motions"] = other.held_out_spread(run)
-        parts["Tails and coverage"] = f"{card['tails']}\n\n{other.held_out_tails(run)}"
+        parts["Why"] = f"{CARD['rule']}\n\n{held_out(run)}"
+        parts["Predicted and measured spread on held-out motions"] = held_out_spread(run)
+        parts["Tails and coverage"] = f"{CARD['tails']}\n\n{held_out_tails(run)}"
     if scored:
-        parts["Analysed motion"] = f"{card['this_motion']}\n\n{scores.predictors(run)}"
-        parts["Coverage by joint and speed"] = f"{card['coverage']}\n\n{scores.coverage(run)}"
-    if filters := scores.filter_verdict(run):
+        parts["Analysed motion"] = f"{CARD['this_motion']}\n\n{predictors(run)}"
+        parts["Coverage by joint and speed"] = f"{CARD['coverage']}\n\n{coverage(run)}"
+    if filters := filter_verdict(run):
         parts["In a filter"] = f"{filters} [Scores](report.md)."
     if any(f"fit_{model}" in run.metrics for model in run.models):
         how = "Standard errors by the bootstrap over takes."
         parts["Parameters of the run's models"] = f"{how}\n\n{_parameters(run)}"
     parts["Where it was fitted"] = _ranges(run)
-    parts["Where it must not be used"] = card["not_for"]
+    parts["Where it must not be used"] = CARD["not_for"]
     if "takes" in run.tables:
         parts["Takes left out"] = _left_out(run)
-    parts["Export"] = card["export"]
+    parts["Export"] = CARD["export"]
     parts["Other datasets"] = "\n".join(
-        f"- {one.dataset}: {other.answer(one).splitlines()[0]}"
-        + (f" {scores.choice(one)}" if "predictions" in one.tables else "")
+        f"- {one.dataset}: {answer(one).splitlines()[0]}"
+        + (f" {choice(one)}" if "predictions" in one.tables else "")
         for one in others
         if one.joints
     )
-    text = f"**This motion.** {scores.choice(run) if scored else card['unknown']}"
-    return page([title, other.answer(run), text], parts)
+    text = f"**This motion.** {choice(run) if scored else CARD['unknown']}"
+    return page([title, answer(run), text], parts)
 
 
 def _parameters(run: Run) -> str:
@@ -83,8 +228,8 @@ def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
     if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
         absent["sigma_b"] = "a step has no covariance at the estimate"
     if "ranges" in run.tables:
-        fastest = other.fastest_speeds(run.tables["ranges"])
-        for joint, speed in fastest[fastest < other.STILL * fastest.max()].items():
+        fastest = fastest_speeds(run.tables["ranges"])
+        for joint, speed in fastest[fastest < STILL * fastest.max()].items():
             if (name := f"std_share_of_the_step_{joint}") in fitted:
                 absent[name] = f"{joint} hardly moved (at most {number(speed)} rad/s)"
     return absent

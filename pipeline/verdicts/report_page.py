@@ -1,5 +1,6 @@
 """The report: which claims hold and which do not, the paper's numbers beside ours, its figures and
-gravest errata, on one page; and the results in the README.
+gravest errata, on one page; beside it every claim in every dataset, the recordings of one, and the
+results in the README.
 """
 
 from __future__ import annotations
@@ -13,10 +14,9 @@ from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
 from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
-from pipeline.verdicts.decision import Case, Decided, Verdict
-from pipeline.verdicts.equations import Item, Source
-from pipeline.verdicts.errata import Erratum
+from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
+from pipeline.verdicts.paper import Erratum, Item, Source
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
 
@@ -44,6 +44,14 @@ PARAMETERS = (
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
 HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
 SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
+WHOSE = {
+    "none": "computations without a recording",
+    "synthetic": "synthetic recordings",
+    "real": "recordings of a real robot, not the paper's",
+    "paper": "the paper's own recordings",
+}
+# counts of what was not solved, lost, clipped or left out
+LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
 
 
@@ -78,9 +86,7 @@ def summary(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
-    """Return the ``text`` of the README with the results of ``here`` between its marks. Raises
-    ContractError if it has none.
-    """
+    """Return the README's ``text`` with the results of ``here`` between its marks."""
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
@@ -109,11 +115,7 @@ def _counts(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
-    """Return at most seven numbers of the run ``here`` that are compared between experiments.
-
-    Number of claims of the paper that hold and that fail (none on the scale smoke), σ̂_B, α̂û, and
-    the log score of the next pose (nats a step) by each of the first three models.
-    """
+    """Return at most seven numbers to compare experiments by: claims, σ̂_B, α̂û, log scores."""
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
@@ -146,9 +148,7 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def statement(claim: Claim) -> str:
-    """Return the statement of ``claim`` with notes: forced or decided by the level, of the project
-    and not of the paper, about an arm like the paper's alone.
-    """
+    """Return the statement of ``claim`` with notes: forced, of the project, of the paper's arm."""
     notes = [NOTES[claim.by]] if claim.by else []
     notes += ["the project's own claim"] if claim.source == PROJECT else []
     notes += ["the paper's own arm"] if claim.about == "specimen" else []
@@ -156,9 +156,7 @@ def statement(claim: Claim) -> str:
 
 
 def verdict_cell(verdict: Verdict) -> str:
-    """Return the sign of a verdict and one number: the value of a claim with one case, else in how
-    many of the decided cases the test holds.
-    """
+    """Return the sign of a verdict and its value, or how many of the decided cases hold."""
     sign = MARKS[verdict.verdict]
     decided = [case for case in verdict.cases if case.holds is not None]
     if verdict.verdict in (d.NO_RECORDING, d.FORCED, d.NO_EVIDENCE) or not decided:
@@ -169,9 +167,7 @@ def verdict_cell(verdict: Verdict) -> str:
 
 
 def failures(here: Run, decided: Sequence[Decided]) -> str:
-    """Return a line for each claim that fails in a column: the quantity, the first failing case,
-    how many fail and the reason where one is written.
-    """
+    """Return a line for each claim that fails in a column: quantity, first failing case, reason."""
     lines, columns = [], _columns(here, decided)
     for row in _rows(columns):
         for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
@@ -186,9 +182,7 @@ def failures(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def readings(runs: Sequence[Run]) -> str:
-    """Return a row for each claim and run whose rule comes out otherwise under another reading of
-    "LU or QR" (Eq. LUDecom), the run's own in bold, and how many claims have no evidence.
-    """
+    """Return the claims that another reading of "LU or QR" (Eq. LUDecom) changes, by run."""
     rows, notes = [], []
     for run in (run for run in runs if "readings" in run.tables):
         own = run.tables["readings"]
@@ -213,9 +207,7 @@ def readings(runs: Sequence[Run]) -> str:
 
 
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
-    """Return the fitted parameters by every estimator, then each other number that the paper
-    publishes beside that of ``here``.
-    """
+    """Return fitted parameters by estimator, then the other published numbers and ours."""
     few, without = few_takes(here), decided[-1]
     own = next(whose for whose in decided if whose.dataset == here.dataset)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
@@ -233,22 +225,17 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             names = " / ".join(filter(None, (case.case for case in cases)))
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
             printed = " / ".join(number(case.published) for case in cases)
-            others.append([name, printed, " / ".join(_ours(case, few) for case in cases)])
+            ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
+            ours = [number(case.value) + own for case, own in zip(cases, ends, strict=True)]
+            others.append([name, printed, " / ".join(ours)])
     parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
     parts += [table(["parameter", "published", *ESTIMATORS.values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
 
 
-def _ours(case: Case, few: bool) -> str:
-    ends = "" if few or case.low is None else " " + interval(case.low, case.high)
-    return number(case.value) + ends
-
-
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """One estimate with its interval; a bound at the end of its search is no estimate, and σ_B
-    beyond its limit gives a step no covariance.
-    """
+    """One estimate with its interval; none at a bound, no covariance beyond σ_B's limit."""
     name = f"{key}_{estimator}"
     if name not in fitted:
         return "–"
@@ -264,9 +251,8 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 def figures(
     captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
 ) -> str:
-    """Return the paper's figures in its order, a sentence each (the one that says what to look at,
-    else the first), and links to ours; ``sources`` of
-    :func:`pipeline.verdicts.equations.citations` say which draw one of the paper's.
+    """Return the paper's figures in its order, a sentence each (what to look at, else the first),
+    and links to ours; ``sources`` by item draw one of the paper's.
     """
     drawn = {
         source.file.as_posix(): item.title
@@ -290,3 +276,40 @@ def gravest_errata(errata: Sequence[Erratum]) -> str:
     titles = {erratum.id: erratum.title for erratum in errata}
     lines = [f"- [{titles[name]}](errata.md#{name})" for name in GRAVEST if name in titles]
     return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])
+
+
+def datasets_page(decided: Sequence[Decided]) -> str:
+    """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
+    decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
+    claims = zip(*(whose.verdicts for whose in decided), strict=True)
+    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in claims]
+    tally = [
+        [n, WHOSE[recordings], counted(own), sum(each.verdict == d.FORCED for each in own)]
+        for n, recordings, own in decided
+    ]
+    head = ["# Every claim in every dataset", TEXTS["datasets"]]
+    head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
+    return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])
+
+
+def recordings_page(run: Run) -> str:
+    """Return ``recordings.md``: recordings kept and left out, and nonzero totals of losses."""
+    sections, rows = {}, []
+    if "kept" in run.tables:
+        kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()
+        header = ["step", "recording", "found", "kept", "left out"]
+        sections["Kept and left out"] = table(header, kept)
+    if "recording_quality" in run.tables:
+        lossy = run.tables["recording_quality"].query("total > 0").set_index("quantity")
+        rows += [[name, _totals(own["total"])] for name, own in lossy.groupby("instrument")]
+    for stem, values in run.metrics.items():
+        lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
+        if lost and stem != "recordings":
+            rows.append([stem.replace("_", " of ", 1), _totals(lost)])
+    if rows:
+        sections["Lost and repaired"] = f"{TEXTS['recordings']}\n\n{table(['', 'counted'], rows)}"
+    return page([f"# Recordings of dataset {run.dataset}"], sections)
+
+
+def _totals(totals: Mapping[str, float]) -> str:
+    return ", ".join(f"{n.replace('_', ' ')} {number(total)}" for n, total in totals.items())

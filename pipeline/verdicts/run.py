@@ -1,24 +1,137 @@
-"""Evidence of one run for comparison with others, in a file whose changes git shows by line."""
+"""Numbers of a run: metrics and tables in a file whose changes git shows by line, and the places
+by which claims and errata refer to them.
+"""
 
 from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, NamedTuple, TypeVar
 
 import pandas as pd
+from pydantic import Field
 
-from pipeline.core.errors import ContractError
-from pipeline.verdicts.reference import ArmNames, Evidence
+from pipeline.core.columns import PLANE
+from pipeline.core.errors import ConfigError, ContractError
+from pipeline.core.validation import options, validated
+
+# file of a dataset's reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or
+# the rows of a table
+Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
+T = TypeVar("T")
+Number = Annotated[float, Field(strict=True)]  # no text and no truth value
+TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
+NUMBERED = 3  # joints of the paper's arm
+PLACEHOLDER, JOINT = re.compile(r"\{([^{}]*)\}"), re.compile(r"\{joint (\d+)\}")
+
+
+class ArmNames(NamedTuple):
+    """Names of the joints of a run's arm, base to tip, and of the rows of its task."""
+
+    joints: tuple[str, ...]
+    task: tuple[str, ...]
+
+    @property
+    def numbered(self) -> tuple[str, ...]:
+        """Joints by number: of a planar chain of three with its whole pose as task."""
+        same = len(self.joints) == NUMBERED and self.task == PLANE
+        return self.joints if same else ()
+
+
+@options(frozen=True)
+class Reference:
+    """A metric by ``file`` and ``key``, or the ``column`` of the one row of a table whose columns
+    equal ``rows``; ConfigError if it is neither.
+
+    ``{joint 2}`` in any of them is the name of the second of the :attr:`ArmNames.numbered` joints
+    of a dataset; any other ``{name}`` is that name's value in a case.
+    """
+
+    file: str
+    key: str = ""
+    rows: dict = field(default_factory=dict)
+    column: str = ""
+
+    def __post_init__(self) -> None:
+        if bool(self.key) == bool(self.column) or (self.key and self.rows):
+            message = f"{self.file}: needs a key, or a column and the rows it is read from"
+            raise ConfigError(message, key="key")
+
+    @property
+    def address(self) -> str:
+        """File in the folder of the dataset's reports, and the place within it."""
+        if self.key:
+            return f"{self.file}.json: {self.key}"
+        rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
+        return f"{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
+
+    @property
+    def joint_numbers(self) -> list[int]:
+        """Numbers of the joints that it names by their number."""
+        return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
+
+    def in_case(self, case: Mapping[str, object]) -> Reference:
+        """Return this reference with the values of ``case`` in its placeholders."""
+
+        def value(place: re.Match) -> str:
+            if JOINT.fullmatch(place[0]):
+                return place[0]
+            if place[1] not in case:
+                message = f"a placeholder that is not among {', '.join(case) or 'none'}"
+                raise ConfigError(message, file=self.file)
+            return str(case[place[1]])
+
+        return self._with(lambda text: PLACEHOLDER.sub(value, text))
+
+    def look_up(self, evidence: Evidence, arm: ArmNames) -> float | None:
+        """Return the number, None if the run has none; ConfigError if several rows fit."""
+        if any(number > len(arm.numbered) for number in self.joint_numbers):
+            return None
+        named, value = self._with(lambda text: joint_names(text, arm)), None
+        numbers = evidence.get(self.file)
+        if self.key and isinstance(numbers, Mapping):
+            value = numbers.get(named.key)
+        elif isinstance(numbers, pd.DataFrame) and {named.column, *named.rows} <= {*numbers}:
+            for column, wanted in named.rows.items():
+                numbers = numbers[numbers[column] == wanted]
+            if len(numbers) > 1:
+                message = f"{len(numbers)} rows fit; name more columns"
+                raise ConfigError(message, file=self.file, rows=named.rows)
+            value = numbers[named.column].iloc[0] if len(numbers) else None
+        return None if value is None or pd.isna(value) else float(value)
+
+    def _with(self, change: Callable[[str], str]) -> Reference:
+        rows = {c: change(v) if isinstance(v, str) else v for c, v in self.rows.items()}
+        return Reference(change(self.file), change(self.key), rows, change(self.column))
+
+
+def joint_names(text: str, arm: ArmNames) -> str:
+    """Return ``text`` with the name of a joint in the place of each number that ``arm`` has."""
+    named = {str(number): name for number, name in enumerate(arm.numbered, 1)}
+    return JOINT.sub(lambda place: named.get(place[1], place[0]), text)
+
+
+def parsed_entries(structure: type[T], entries: object, kind: str) -> list[T]:
+    """Return a ``structure`` for each of ``entries``; ConfigError names ``kind`` and id."""
+    if not isinstance(entries, list):
+        raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
+    result = []
+    for number, entry in enumerate(entries, 1):
+        name = entry.get("id", number) if isinstance(entry, dict) else number
+        try:
+            result.append(validated(structure, entry))
+        except ConfigError as error:
+            raise ConfigError(error.message, **{kind: name} | error.evidence) from None
+    return result
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run with ``dataset``: the names of its joints, base to tip, and of its task's rows, its
-    models (name → kind), metrics (file stem → name → value) and tables (file stem → rows).
-    """
+    """A run: joints and task rows, models (name → kind), metrics and tables by file stem."""
 
     dataset: str
     scale: str
@@ -50,9 +163,7 @@ class Run:
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
-    """Read the runs of a folder by the names of their datasets, ``first`` before all others. Raises
-    ContractError if that one is missing, or for a file that ``Run.to_json`` did not write.
-    """
+    """Read the runs of a folder by their datasets' names, ``first`` before all others."""
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
         message = f"there is no evidence of the dataset {first}; run the stage score with it"

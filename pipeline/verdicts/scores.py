@@ -24,9 +24,7 @@ def log_scores(run: Run) -> pd.DataFrame:
 
 
 def choice(run: Run) -> str:
-    """Return the matrix model whose log score for the analysed motion is above every baseline's by
-    the 95 % interval of the paired difference, or none, and the predictor of highest score.
-    """
+    """Return the matrix model of higher log score than all baselines, or none, and the best."""
     means = log_scores(run)["mean"]
     matrix = [name for name, kind in run.models.items() if kind in MATRIX_KINDS and name in means]
     above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
@@ -119,9 +117,7 @@ def _label(name: str) -> str:
 
 
 def filter_verdict(run: Run) -> str:
-    """Return the filters whose log score is above that of the training mean and those with a
-    smaller rms error in every joint, both by their 95 % intervals; nothing without a depth camera.
-    """
+    """Return the filters of higher log score or lower rms errors than the training mean (95 %)."""
     if FILTERS not in run.tables:
         return ""
     rows, above = run.tables[FILTERS].set_index(["model", "score"]), TEXTS["scores"]["higher"]

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pipeline.core.typed_yaml import read_yaml
 
 if TYPE_CHECKING:
     from pipeline.verdicts.decision import Case
 
+MISSING = "–"
 TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 
 
@@ -21,11 +23,14 @@ def plain_name(model: str) -> str:
     return TEXTS["names"].get(model, model)
 
 
-def number(value: float) -> str:
-    """Return four significant digits; counts as they are; a dash for a missing value."""
-    if np.isnan(value):
-        return "–"
-    return f"{value:,.0f}" if float(value).is_integer() and abs(value) < 1e9 else f"{value:.4g}"
+def number(value: float, digits: int = 4) -> str:
+    """Return significant ``digits``; counts as they are; a dash for a missing value."""
+    if pd.isna(value):
+        return MISSING
+    if np.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    whole = float(value).is_integer() and abs(value) < 1e9
+    return f"{value:,.0f}" if whole else f"{value:.{digits}g}"
 
 
 def interval(low: float, high: float) -> str:
@@ -54,9 +59,7 @@ def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
 
 
 def case_text(case: Case) -> str:
-    """Return one case of a claim: its name, value, interval, the value or limit it is compared
-    with, and a sign where the test fails or does not decide.
-    """
+    """Return a case: name, value, interval, value or limit compared with, a sign if it fails."""
     if case.value is None:
         return f"{case.case} –".strip()
     text = f"{case.case}: {number(case.value)}" if case.case else number(case.value)

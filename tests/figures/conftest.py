@@ -59,7 +59,7 @@ def wrenches(rng) -> dict[str, pd.DataFrame]:
     return {name: stacked(parts) for name, parts in tables.items()}
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def tables() -> dict[str, pd.DataFrame]:
     """One table of each kind that a figure shows, from one seed."""
     rng = np.random.default_rng(11)
@@ -139,7 +139,7 @@ def tables() -> dict[str, pd.DataFrame]:
     }
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def options() -> dict[str, object]:
     """The options of all figures, with two arrangements of robots, of three and of four cables."""
     first = SimpleNamespace(direction=[0.0, np.pi / 2, np.pi], tension=[5.0, 4.0, 2.0])

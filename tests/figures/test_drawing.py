@@ -25,6 +25,10 @@ CAPTIONS = OUT / "captions.json"
 DEPTH = {"articulation", "kinect_noise", "filter_closed_loop", "filter_errors"}
 FIGURES = {name: import_module(f"pipeline.figures.{name}") for name in figures_in()}
 BARE = {"cable_robot"}  # a schematic without axes
+TWICE = {
+    "joint_realizations",
+    "wrench_planes",
+}  # lines, pixels and contours; the others in whole runs
 
 
 def drawn(name: str, tables, options):
@@ -43,9 +47,11 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # matplotlib warns of glyphs that its font lacks
         save(figure, tmp_path, "one")
+    if name in TWICE:
         save(drawn(name, tables, options), tmp_path, "two")
-    for kind in ("svg", "png"):
-        assert (tmp_path / f"one.{kind}").read_bytes() == (tmp_path / f"two.{kind}").read_bytes()
+        for kind in ("svg", "png"):
+            one, two = (tmp_path / f"{each}.{kind}" for each in ("one", "two"))
+            assert one.read_bytes() == two.read_bytes()
     text = (tmp_path / "one.svg").read_text()
     assert "dc:date" not in text and "Matplotlib v" not in text
     image = Image.open(tmp_path / "one.png")

@@ -16,7 +16,7 @@ from pipeline.models import kinds
 from pipeline.models.joint_steps_fit import PLAIN, fit_joint_steps
 from pipeline.models.other_motions import MotionSteps, other_motions, pooled, recorded_motions
 from pipeline.studies.simulated import PhysicsFactors, disturbed
-from pipeline.verdicts.recommendation import recommended
+from pipeline.verdicts.model_card import recommended
 
 RATE, STEPS, REST, TAKES = 100.0, 160, 20, 6
 POSE_NOISE = 3e-5  # rad, of a joint angle from the motion capture

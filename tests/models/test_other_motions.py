@@ -12,7 +12,7 @@ from planar_poses import chain
 from pipeline.core import config
 from pipeline.models.joint_steps_fit import PLAIN
 from pipeline.models.other_motions import EACH, MotionSteps, other_motions
-from pipeline.verdicts.recommendation import recommended
+from pipeline.verdicts.model_card import recommended
 
 __all__ = ["chain"]
 JOINTS, RATE = ("a", "b", "c"), 100.0

@@ -1,34 +1,185 @@
-"""Scores beside the training mean, durations, the page that states both; the second moments of the
-arm's deviations against simulated takes.
+"""Simulated recordings have the laboratory's own motions and noise, and deviations with the moments
+of their law; filters have scores beside the training mean, over durations and on the page.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import chi2
 from study_runs import options_of
 
+from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.particle_filter import FilterOptions
-from pipeline.laboratory.dynamics import expose, simulate_take
+from pipeline.laboratory import session
+from pipeline.laboratory.dynamics import Chance, draw, expose, simulate_take, swing
 from pipeline.laboratory.swing import desired_joints
 from pipeline.models.kinds import options_type
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
+from pipeline.studies.simulated import PhysicsFactors, disturbed, measured, observe, perform
 
 JOINTS = ["a", "b"]
+STILL = PhysicsFactors(disturbances=0.0)
+
+
+def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
+    own, stream = laboratory.dynamics, rng.stream(5, "record.session")
+    recorded_session = session.open_session(laboratory.chain, own, stream)
+    for number, take in enumerate(perform(laboratory, PhysicsFactors(), 5, "test", 2)):
+        stream = rng.stream(5, "record.test", number)
+        motion = session.perform(recorded_session, laboratory.motion, own, stream)
+        duration = laboratory.motion.duration
+        frames = session.depth_frames(motion.swing, duration, laboratory.clock, stream)
+        np.testing.assert_array_equal(take.poses, motion.motion_capture)
+        np.testing.assert_array_equal(take.seen, frames.joints)
+
+
+def test_without_disturbances_the_robot_follows_its_command(laboratory):
+    (take,) = perform(laboratory, STILL, 5, "train", 1)
+    way = laboratory.motion
+    goal, _ = desired_joints(np.arange(len(take.poses)) / way.rate, way)
+    np.testing.assert_allclose(take.poses, goal, atol=1e-3)
+    (otherwise,) = perform(laboratory, PhysicsFactors(), 5, "train", 1)
+    assert np.abs(otherwise.poses - goal).max() > 5e-3
+
+
+def test_a_factor_scales_its_disturbance_alone_and_the_common_one_all_of_them(laboratory):
+    own = laboratory.dynamics
+    wider = replace(own, clearance=2 * own.clearance)
+    assert disturbed(own, PhysicsFactors(clearance=2.0)) == wider
+    slower = replace(own, speed_exponent=own.speed_exponent / 2)
+    assert disturbed(own, PhysicsFactors(speed_exponent=0.5)) == slower
+    longer = {name: 10 * getattr(own, name) for name in ("sway_time", "clearance_time")}
+    assert disturbed(own, PhysicsFactors(lasting=10.0)) == replace(own, **longer)
+    half = disturbed(own, PhysicsFactors(disturbances=0.5))
+    assert list(half.sway_std) == [std / 2 for std in own.sway_std]
+    assert half.jitter_std == own.jitter_std / 2
+    for name in ("speed_exponent", "servo_gain", "sway_rest", "sway_time", "clearance_time"):
+        assert getattr(half, name) == getattr(own, name)
+
+
+@pytest.mark.parametrize("factor", [0.0, 3.0])
+def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory, factor):
+    takes = perform(laboratory, STILL, 5, "train", 8)
+    poses = measured(takes, laboratory.pose_noise, factor, np.random.default_rng(3))
+    noise = poses - np.stack([take.poses for take in takes])
+    if factor == 0:
+        np.testing.assert_array_equal(noise, 0.0)
+        return
+    root = factor * np.linalg.cholesky(laboratory.pose_noise)
+    squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], noise.size // 3)  # 1 in 1000 for each of three axes
+    assert np.all((low < squares) & (squares < high))
+    # the control: another factor would be seen
+    assert not np.any((low < squares * 1.2) & (squares * 1.2 < high))
+
+
+def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_so(laboratory):
+    draws = laboratory.depth_noise.sample(np.full(20_000, 0.25), np.random.default_rng(4))
+    variance = 0.75 * 1e-4 + 0.25 * 4e-4
+    error = 4 * np.sqrt(variance / len(draws))
+    np.testing.assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
+    wide = 4 * variance * np.sqrt(2 / len(draws))
+    np.testing.assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
+    _, camera = observe(laboratory, PhysicsFactors(disturbances=0.0, motion_capture=0.0), 5, 2, 12)
+    everywhere = camera.noise[camera.noise["take"] == "none"]
+    share = everywhere["t"].to_numpy() / laboratory.motion.duration
+    error = 4.5 * np.sqrt((1e-4 + share * 3e-4) / 12)
+    assert np.all(np.abs(everywhere["b:a"] - 0.02 * (1 - share)) < error)
+    assert np.all(np.abs(everywhere["b:b"] - 0.04 * share) < error)
+
+
+SIZES = ("clearance", "speed_error_std", "start_std", "encoder_ripple", "jitter_std")
+AT_REST = {"sway_std": (0.0, 0.0, 0.0)} | dict.fromkeys(SIZES, 0.0)
+PARTS = {
+    "sway": {"sway_std": (3e-4, 1.7e-3, 0.0332)},
+    "play": {"clearance": 0.039},
+    "servo": {"speed_error_std": 0.1, "start_std": 4e-3},
+    "ripple": {"encoder_ripple": 4e-3},
+}
+TAKES = 160
+EVERY, CLOSE = slice(5, None, 9), slice(20, 45, 3)  # steps of the motion grid that are compared
+
+
+def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray, np.ndarray]:
+    """The mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
+    draws, motion = np.random.default_rng(seed), laboratory.motion
+    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    drawn = [draw(laboratory.chain, motion, dynamics, draws) for _ in range(TAKES)]
+    chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
+    t, q, _ = swing(laboratory.chain, np.zeros(3), motion, dynamics, chance)
+    poses = np.array([expose(t, each, grid, dynamics, draws) for each in q])
+    off = (poses - poses.mean(axis=0))[:, steps]
+    return poses.mean(axis=0), np.einsum("tki,tlj->kilj", off, off) / (TAKES - 1)
+
+
+def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
+    """Root mean square distance of ``sample`` from ``covariance``, both (K, n, K, n), in standard
+    errors of the entries for normal takes, over entries that are none by their law.
+    """
+    size = covariance.shape[0] * covariance.shape[1]
+    law, scatter = covariance.reshape(size, size), sample.reshape(size, size)
+    variance = np.diag(law)
+    moving = variance > 1e-3 * variance.max()
+    error = np.sqrt((np.outer(variance, variance) + law**2) / (TAKES - 1))
+    off = (scatter - law) / np.where(error > 0, error, 1)
+    return float(np.sqrt(np.mean(off[moving][:, moving] ** 2)))
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laboratory, part):
+    dynamics = replace(laboratory.dynamics, **(AT_REST | PARTS[part]))
+    path, sample = simulated(laboratory, dynamics, 1, EVERY)
+    motion = laboratory.motion
+    law = deviations(laboratory.chain, motion, dynamics, path)
+    assert distance(law.covariance[EVERY, :, EVERY], sample) < 2.0
+    # control: half as large
+    smaller = {name: np.multiply(value, 0.5).tolist() for name, value in PARTS[part].items()}
+    other = deviations(laboratory.chain, motion, replace(dynamics, **smaller), path)
+    assert distance(other.covariance[EVERY, :, EVERY], sample) > 4.0
+
+
+def test_how_long_a_deviation_lasts_is_seen_in_the_covariance_and_not_in_its_size(laboratory):
+    dynamics, motion = replace(laboratory.dynamics, **(AT_REST | PARTS["sway"])), laboratory.motion
+    other = replace(dynamics, sway_time=3 * dynamics.sway_time)
+    path, sample = simulated(laboratory, dynamics, 2, CLOSE)
+    _, lasting = simulated(laboratory, other, 2, CLOSE)
+    law, longer = (
+        deviations(laboratory.chain, motion, each, path).covariance for each in (dynamics, other)
+    )
+    np.testing.assert_allclose(law[5, :, 5], longer[5, :, 5])
+    assert longer[40, 0, 46, 0] > 1.5 * law[40, 0, 46, 0] > 0
+    for own, takes, wrong in ((law, sample, longer), (longer, lasting, law)):
+        assert distance(own[CLOSE, :, CLOSE], takes) < 2.0
+        assert distance(wrong[CLOSE, :, CLOSE], takes) > 3.0
+
+
+def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
+    motion = laboratory.motion
+    dynamics = replace(laboratory.dynamics, **(AT_REST | {"jitter_std": 2e-3}))
+    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+    path, _ = desired_joints(grid, motion)
+    law = deviations(laboratory.chain, motion, dynamics, path)
+    assert np.all(law.covariance == 0)
+    draws = np.random.default_rng(3)
+    t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, draws)
+    scatter = np.array([expose(t, q, grid, dynamics, draws) for _ in range(2000)])
+    std = np.sqrt(np.diagonal(law.exposure, axis1=1, axis2=2))
+    fast = std[:, 0] > 0.9 * std[:, 0].max()
+    np.testing.assert_allclose(scatter.std(axis=0)[fast], std[fast], rtol=0.1)
 
 
 def known() -> dict[str, Filtered]:
     """The training mean, and a filter whose errors are half of its."""
-    rng = np.random.default_rng(1)
-    training, test = (rng.standard_normal((n, 12, 2)) for n in (200, 40))
+    draws = np.random.default_rng(1)
+    training, test = (draws.standard_normal((n, 12, 2)) for n in (200, 40))
     mean = no_filter(training, test)
     half = Filtered(mean.error / 2, mean.covariance / 4, np.zeros((2, 2)))
     return {NONE: mean, "half": half}
@@ -49,16 +200,11 @@ def test_a_filter_of_half_the_error_has_half_the_rms_and_ln_2_more_a_joint():
 @pytest.mark.slow
 def test_long_deviations_are_filtered_and_short_ones_are_not(laboratory):
     model = ("additive", options_type("additive")("additive", estimator="paper"))
-    trial = partial(
-        stage.duration_rows,
-        laboratory=laboratory,
-        model=model,
-        filter_options=FilterOptions(200, "systematic", 0.5),
-        sizes=(20, 8),
-        seed=3,
-    )
-    rows = {factor: trial(factor) for factor in (0.1, 10.0)}
-    ratios = {}
+    chosen, ratios = FilterOptions(200, "systematic", 0.5), {}
+    rows = {
+        factor: stage.duration_rows(factor, laboratory, model, chosen, (20, 8), seed=3)
+        for factor in (0.1, 10.0)
+    }
     for factor, each in rows.items():
         errors = each[each["score"] == RMS]
         ratios[factor] = stage.error_ratio(errors).groupby(errors["filter"]).mean()
@@ -85,91 +231,3 @@ def test_the_page_names_filters_that_gain_in_a_score_and_lose_in_none():
     axes = stage.draw(rows, tables["filters_lasting"]).axes
     labels = [text.get_text() for text in axes[0].get_yticklabels()]
     assert labels == ["half, open loop", "linear, autocorrelation", "yardstick"]
-
-
-STILL = {
-    "sway_std": (0.0, 0.0, 0.0),
-    "clearance": 0.0,
-    "speed_error_std": 0.0,
-    "start_std": 0.0,
-    "encoder_ripple": 0.0,
-    "jitter_std": 0.0,
-}
-PARTS = {
-    "sway": {"sway_std": (3e-4, 1.7e-3, 0.0332)},
-    "play": {"clearance": 0.039},
-    "servo": {"speed_error_std": 0.1, "start_std": 4e-3},
-    "ripple": {"encoder_ripple": 4e-3},
-}
-TAKES = 160
-EVERY, CLOSE = slice(5, None, 9), slice(20, 45, 3)  # steps of the motion grid that are compared
-
-
-def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray, np.ndarray]:
-    """The mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
-    rng, motion = np.random.default_rng(seed), laboratory.motion
-    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
-    poses = []
-    for _ in range(TAKES):
-        t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
-        poses.append(expose(t, q, grid, dynamics, rng))
-    poses = np.array(poses)
-    off = (poses - poses.mean(axis=0))[:, steps]
-    return poses.mean(axis=0), np.einsum("tki,tlj->kilj", off, off) / (TAKES - 1)
-
-
-def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
-    """Root mean square distance of ``sample`` from ``covariance``, both (K, n, K, n), in standard
-    errors of the entries for normal takes, over entries that are none by their law.
-    """
-    size = covariance.shape[0] * covariance.shape[1]
-    law, scatter = covariance.reshape(size, size), sample.reshape(size, size)
-    variance = np.diag(law)
-    moving = variance > 1e-3 * variance.max()
-    error = np.sqrt((np.outer(variance, variance) + law**2) / (TAKES - 1))
-    return float(
-        np.sqrt(np.mean(((scatter - law) / np.where(error > 0, error, 1))[moving][:, moving] ** 2))
-    )
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laboratory, part):
-    dynamics = replace(laboratory.dynamics, **(STILL | PARTS[part]))
-    path, sample = simulated(laboratory, dynamics, 1, EVERY)
-    motion = laboratory.motion
-    law = deviations(laboratory.chain, motion, dynamics, path)
-    assert distance(law.covariance[EVERY, :, EVERY], sample) < 2.0
-    # control: half as large
-    smaller = {name: np.multiply(value, 0.5).tolist() for name, value in PARTS[part].items()}
-    other = deviations(laboratory.chain, motion, replace(dynamics, **smaller), path)
-    assert distance(other.covariance[EVERY, :, EVERY], sample) > 4.0
-
-
-def test_how_long_a_deviation_lasts_is_seen_in_the_covariance_and_not_in_its_size(laboratory):
-    dynamics, motion = replace(laboratory.dynamics, **(STILL | PARTS["sway"])), laboratory.motion
-    other = replace(dynamics, sway_time=3 * dynamics.sway_time)
-    path, sample = simulated(laboratory, dynamics, 2, CLOSE)
-    _, lasting = simulated(laboratory, other, 2, CLOSE)
-    law, longer = (
-        deviations(laboratory.chain, motion, each, path).covariance for each in (dynamics, other)
-    )
-    np.testing.assert_allclose(law[5, :, 5], longer[5, :, 5])
-    assert longer[40, 0, 46, 0] > 1.5 * law[40, 0, 46, 0] > 0
-    for own, takes, wrong in ((law, sample, longer), (longer, lasting, law)):
-        assert distance(own[CLOSE, :, CLOSE], takes) < 2.0
-        assert distance(wrong[CLOSE, :, CLOSE], takes) > 3.0
-
-
-def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
-    motion = laboratory.motion
-    dynamics = replace(laboratory.dynamics, **(STILL | {"jitter_std": 2e-3}))
-    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
-    path, _ = desired_joints(grid, motion)
-    law = deviations(laboratory.chain, motion, dynamics, path)
-    assert np.all(law.covariance == 0)
-    rng = np.random.default_rng(3)
-    t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, rng)
-    scatter = np.array([expose(t, q, grid, dynamics, rng) for _ in range(2000)])
-    std = np.sqrt(np.diagonal(law.exposure, axis1=1, axis2=2))
-    fast = std[:, 0] > 0.9 * std[:, 0].max()
-    np.testing.assert_allclose(scatter.std(axis=0)[fast], std[fast], rtol=0.1)

@@ -13,13 +13,7 @@ from study_runs import options_of
 
 from pipeline.core.errors import ConfigError
 from pipeline.studies.outlook.hexapod import equal_models, pose_of, straight
-from pipeline.studies.outlook.stage import (
-    error_rows,
-    lever,
-    motion_of,
-    recorded_rows,
-    slope_rows,
-)
+from pipeline.studies.outlook.stage import error_rows, lever, motion_of, recorded_rows, slope_rows
 from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import matrix_model
 from pipeline.wrench.parametric import wrench_covariance
@@ -32,11 +26,8 @@ LAWS = equal_models(MOTION, OPTIONS.noise, OPTIONS.bound)
 POSES = [
     pose_of(np.array(p), np.array(t)) for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
 ]
-BOUNDS = Bounds(
-    *((3.0, 5.0), (np.pi / 4, np.pi), (0.5, 1.0), (100.0, 800.0)),
-    elevation=(0.26, 1.3),
-    attachment=(-0.25, 0.25),
-)
+RANGES = ((3.0, 5.0), (np.pi / 4, np.pi), (0.5, 1.0), (100.0, 800.0))
+BOUNDS = Bounds(*RANGES, elevation=(0.26, 1.3), attachment=(-0.25, 0.25))
 
 
 def moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -98,14 +89,9 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
 
 def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
     pose, h = POSES[0] + 0, 1e-6
-    columns = [
-        (
-            ROBOT.legs(moved(pose[None], step[None]))[0]
-            - ROBOT.legs(moved(pose[None], -step[None]))[0]
-        )
-        for step in h * np.eye(6)
-    ]
-    np.testing.assert_allclose(ROBOT.legs(pose)[1], np.vstack(columns).T / (2 * h), atol=1e-9)
+    steps, poses = h * np.eye(6), np.tile(pose, (6, 1))
+    ahead, behind = (ROBOT.legs(moved(poses, sign * steps))[0] for sign in (1, -1))
+    np.testing.assert_allclose(ROBOT.legs(pose)[1], (ahead - behind).T / (2 * h), atol=1e-9)
 
 
 @pytest.mark.parametrize(

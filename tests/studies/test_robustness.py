@@ -32,29 +32,21 @@ from pipeline.studies.robustness.grid import (
     verdicts,
     without_camera,
 )
-from pipeline.studies.robustness.page import changes, draw
+from pipeline.studies.robustness.stage import changes, draw
 from pipeline.verdicts.claims import parse_claims
 from pipeline.wrench.bounds import Bounds
 
 FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
 CLAIMS = tuple(c for file in FILES for c in parse_claims(read_yaml(ROOT / file)["claims"]))
+FURTHER = {"wishart": {"decomposition": "pivoted_lu", "floor": 0.2}, "gaussian": {"beta": 0.5}}
 MODELS = {
-    "additive": options_type("additive")("additive", estimator="paper"),
-    "wishart": options_type("wishart")(
-        "wishart", estimator="paper", decomposition="pivoted_lu", floor=0.2
-    ),
-    "gaussian": options_type("gaussian")("gaussian", estimator="paper", beta=0.5),
-    "scaled_full": options_type("scaled")("scaled", structure="full"),
+    kind: options_type(kind)(kind, estimator="paper", **FURTHER.get(kind, {})) for kind in KINDS
 }
+MODELS["scaled_full"] = options_type("scaled")("scaled", structure="full")
 CASE = Choices(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
-ADDITIVE = tuple(
-    (name, 0.0)
-    for name in (
-        *("clearance", "speed_error_std", "encoder_ripple", "jitter_std", "start_std"),
-        *("speed_exponent", "encoder_offset_std", "length_std"),
-    )
-)
+ABSENT = "clearance speed_error_std encoder_ripple jitter_std start_std speed_exponent"
+ADDITIVE = tuple((name, 0.0) for name in f"{ABSENT} encoder_offset_std length_std".split())
 
 
 @pytest.fixture(scope="module")
@@ -65,19 +57,13 @@ def common(laboratory) -> Common:
     return Common(laboratory, ways, CASE, *sizes, CLAIMS)
 
 
-@pytest.fixture(scope="module")
-def decided_in(common):
-    levels = {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)}
-    rows = {name: verdicts(Condition("motion", 3, each), common) for name, each in levels.items()}
-    return {name: each.set_index("claim") for name, each in rows.items()}
-
-
 @pytest.mark.slow
-def test_verdicts_are_those_of_the_law_that_is_true(decided_in):
+def test_verdicts_are_those_of_the_law_that_is_true(common):
     claims = ["gaussian-predicts-better", "noise-is-dynamic", "wishart-predicts-worse"]
-    verdict = {
-        name: rows["verdict"].groupby(level="claim").first() for name, rows in decided_in.items()
-    }
+    levels, verdict = {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)}, {}
+    for name, each in levels.items():
+        rows = verdicts(Condition("motion", 3, each), common)
+        verdict[name] = rows.groupby("claim")["verdict"].first()
     assert verdict["base"][claims[:2]].tolist() == ["holds", "holds"]
     assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
     assert verdict["still"][["noise-is-dynamic", "mean-error"]].tolist() == ["fails", "holds"]
@@ -89,10 +75,9 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
     assert motion_evidence(straight, common) == {}
     assert set(verdicts(straight, common)["verdict"]) == {"no evidence"}
     evidence = motion_evidence(Condition("motion", 3), common)
-    closed = {f"{kind}_closed" for kind in KINDS}
-    assert (
-        set(evidence["tables/filter_against_none"]["model"]) == {"none", "memory", *KINDS} | closed
-    )
+    loops = {*KINDS, *(f"{kind}_closed" for kind in KINDS)}
+    compared = set(evidence["tables/filter_against_none"]["model"])
+    assert compared == {"none", "memory"} | loops
 
 
 @pytest.fixture(scope="module")
@@ -134,10 +119,8 @@ def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, base, tmp_pa
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     factors = {"sway_std": [0.0, 2.0], "clearance": [2.0], "particles": [0.1]}
     small = list(conditions(factors, [1, 2], "motion"))
-    assert len(small) == 2 * (1 + 4) and small[:2] == [
-        Condition("motion", 1),
-        Condition("motion", 2),
-    ]
+    assert len(small) == 2 * (1 + 4)
+    assert small[:2] == [Condition("motion", 1), Condition("motion", 2)]
     assert all(len(each.levels) <= 1 for each in small)
     large = list(conditions(factors, [1], "motion", ["sway_std", "clearance"]))
     assert [each.levels for each in large[5:]] == [
@@ -146,9 +129,8 @@ def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     assert len(set(large)) == len(large)
 
 
-@pytest.mark.parametrize("pace", [1.0, 0.5])
-def test_another_rest_leaves_the_motion_in_between(laboratory, pace):
-    own = laboratory.motion
+def test_another_rest_leaves_the_motion_in_between(laboratory):
+    own, pace = laboratory.motion, 0.5
     longer = trajectory(own, {"rest": 0.4, "pace": pace})
     assert longer.rest == 0.4 / pace
     assert longer.duration == pytest.approx((own.duration + 4 * 0.3) / pace)

@@ -8,8 +8,7 @@ import pytest
 
 from pipeline.verdicts import decision as d
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.reference import ArmNames
-from pipeline.verdicts.run import Run
+from pipeline.verdicts.run import ArmNames, Run
 
 JOINTS = ("shoulder", "elbow", "wrist")
 ARM = ArmNames(JOINTS, ("x", "z", "phi"))
@@ -65,8 +64,6 @@ def test_a_missing_number_is_no_evidence_and_the_others_are_still_shown():
     result = verdict(numbers={"additive_error": 0.01})
     assert result.verdict == d.NO_EVIDENCE
     assert [(case.value, case.holds) for case in result.cases] == [(0.01, True), (None, None)]
-    nothing = dict.fromkeys(("than", "low", "high"), metric("nothing"))
-    assert verdict(rule="less", limit=None, **nothing).verdict == d.NO_EVIDENCE
     infinite = verdict(more={"additive_error": float("inf")}, rule="above")
     assert [case.value for case in infinite.cases] == [None, 0.015]
 
@@ -81,14 +78,11 @@ def test_an_order_with_a_gap_is_not_judged():
         assert [case.holds for case in result.cases] == holds and result.verdict == expected
 
 
-def test_published_values_belong_to_the_cases_in_their_order():
+def test_published_values_go_by_case_and_standard_errors_add_in_squares():
     changes = {"rule": "within_relative", "limit": None, "tolerance": 0.1}
     assert verdict(**changes, published=[0.01, 0.0151]).verdict == d.REPRODUCED
     assert verdict(**changes, published=[0.0151, 0.01]).verdict == d.NOT_REPRODUCED
     assert [c.published for c in verdict(**changes, published=0.01).cases] == [0.01, 0.01]
-
-
-def test_standard_errors_add_in_squares_and_give_distance_and_interval():
     value, *errors = (metric(key) for key in ("e", "se", "ee"))
     changes = {"each": {}, "value": value, "standard_error": errors, "published": 6.0}
     changes |= {"more": {"e": 5.0, "se": 0.3, "ee": 0.4}, "rule": "standard_errors"}
@@ -98,7 +92,7 @@ def test_standard_errors_add_in_squares_and_give_distance_and_interval():
     assert verdict(**changes, limit=1.5).verdict == d.NOT_REPRODUCED
 
 
-@pytest.mark.parametrize("joints", [("slide",), JOINTS, tuple("abcdefg")])
+@pytest.mark.parametrize("joints", [("slide",), tuple("abcdefg")])
 def test_every_joint_of_an_arm_of_any_size_is_a_case_by_its_own_name(joints):
     numbers = {f"{name}_error": 0.01 for name in joints[:-1]} | {f"{joints[-1]}_error": 0.03}
     arm = ArmNames(joints, ("x",))
@@ -131,14 +125,8 @@ def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm
 
 def test_runs_are_decided_by_whose_recordings_they_are_and_by_their_own_joints():
     metrics = {"motion": {"shoulder_error": 0.01, "hip_error": 0.02}}
-    runs = [
-        Run(name, "paper", synthetic, [joint], ["x"], {}, metrics, {})
-        for name, synthetic, joint in (
-            ("youbot", True, "shoulder"),
-            ("ur5", False, "hip"),
-            ("lab", False, "shoulder"),
-        )
-    ]
+    known = (("youbot", True, "shoulder"), ("ur5", False, "hip"), ("lab", False, "shoulder"))
+    runs = [Run(name, "paper", own, [joint], ["x"], {}, metrics, {}) for name, own, joint in known]
     decided = d.decide_each(parse_claims([EVERY]), runs, ["lab"])
     assert [whose.recordings for whose in decided] == ["synthetic", "real", "paper", "none"]
     assert [whose.verdicts[0].cases[0].value for whose in decided[:3]] == [0.01, 0.02, 0.01]
@@ -195,12 +183,9 @@ def test_a_test_without_power_is_no_evidence(powers, limits, expected):
     ("rule", "low", "high", "expected"),
     [
         ("less", -0.2, -0.1, d.REPRODUCED),
-        ("less", 0.1, 0.2, d.NOT_REPRODUCED),
         ("less", -0.1, 0.2, d.NO_EVIDENCE),
         ("less", None, None, d.NO_EVIDENCE),
-        ("greater", 0.1, 0.2, d.REPRODUCED),
         ("greater", -0.2, -0.1, d.NOT_REPRODUCED),
-        ("greater", -0.1, 0.2, d.NO_EVIDENCE),
     ],
 )
 def test_an_order_whose_interval_covers_zero_is_no_verdict(rule, low, high, expected):

@@ -12,8 +12,8 @@ from pipeline.core.errors import ContractError
 from pipeline.verdicts import report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
-from pipeline.verdicts.equations import Source, parse_items
-from pipeline.verdicts.further_pages import datasets_page, recordings_page
+from pipeline.verdicts.paper import Source, parse_items
+from pipeline.verdicts.report_page import datasets_page, recordings_page
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import filter_verdict, filters
 from pipeline.verdicts.wording import TEXTS, case_text, number
@@ -63,6 +63,10 @@ def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
     assert "| mine" not in page and "## Empty" not in page and "## Ours" in page
     own = report_page.report_page(RUNS[2], RUNS, decided, {})
     assert f"| claim | {WITHOUT_RECORDING} | mine | youBot, synthetic | UR5, real |" in own
+    # every dataset stands on a page of its own
+    page = datasets_page(decided)
+    assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
+    assert "| std | ✓ | ✗ | ✗ |  |" in page and "| study |  |  |  | ✓ |" in page
 
 
 def test_the_results_of_the_readme_stand_between_its_marks(decided):
@@ -104,12 +108,6 @@ def test_three_estimators_stand_side_by_side_and_an_unbounded_one_has_no_number(
     runs[0].metrics["fit_wishart"] = runs[0].metrics["fit_wishart"] | limit
     text = report_page.published_and_ours(runs[0], decide_each(CLAIMS, runs, []))
     assert f"| σ̂_B | 0.25 | 0.2877, no covariance | {cell} | – |" in text
-
-
-def test_every_dataset_stands_on_the_second_page(decided):
-    page = datasets_page(decided)
-    assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
-    assert "| std | ✓ | ✗ | ✗ |  |" in page and "| study |  |  |  | ✓ |" in page
 
 
 def test_a_case_shows_why_it_is_not_decided():
@@ -197,10 +195,8 @@ def test_the_filters_with_a_higher_log_score_are_named_and_the_rows_have_an_orde
     assert text.endswith("The linear autoregressive filter has a higher log score.")
     assert "has not a higher" in filter_verdict(filtered(memory=(0.0, 0.0), wishart=(0.0, -1.0)))
     higher = filter_verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
-    assert higher == (
-        "On lab these particle filters have a higher log score than the mean and standard "
-        "deviation of the training takes: wishart, closed loop."
-    )
+    assert higher.startswith("On lab these particle filters have a higher log score")
+    assert higher.endswith(": wishart, closed loop.")
     rows = filters(run).splitlines()[-4:]
     order = ["training mean", "autoregressive, linear filter"]
     order += ["wishart, open loop", "additive, closed loop"]

@@ -1,5 +1,5 @@
-"""What a docstring cites is found, what it cites in vain is refused, and each item of the paper has
-its row; none is forgotten, each has a function that cites it and tests that use that function.
+"""Each item of the paper has its row, functions that cite it and tests that use them; errata have
+the numbers of a run in their prose, and the tests that they name exist.
 """
 
 from __future__ import annotations
@@ -13,7 +13,19 @@ import pytest
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
-from pipeline.verdicts.equations import Source, citations, cited, equations_page, parse_items
+from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.decision import decide_each
+from pipeline.verdicts.paper import (
+    MISSING,
+    Source,
+    citations,
+    cited,
+    equations_page,
+    errata_page,
+    parse_errata,
+    parse_items,
+)
+from pipeline.verdicts.run import Run, read_run
 
 EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
 EQUATION |= {"tests": ["tests/a/test_b.py::test_c"]}
@@ -40,11 +52,8 @@ SMALL = parse_items([EQUATION, *FURTHER])
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
     assert cited(docstring, SMALL) == names
-
-
-def test_what_stands_between_two_labels_is_cited_too():
-    items = parse_items([EQUATION, EQUATION | {"label": "between"}, EQUATION | {"label": "last"}])
-    assert cited("(NormStd)–(last)", items) == {"NormStd", "between", "last"}
+    between = parse_items([EQUATION, *(EQUATION | {"label": name} for name in ("middle", "last"))])
+    assert cited("(NormStd)–(last)", between) == {"NormStd", "middle", "last"}
 
 
 @pytest.mark.parametrize(
@@ -100,14 +109,11 @@ def test_each_item_has_its_row_with_links_to_what_implements_and_shows_it():
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"kind": "lemma"}, "kind"),
         ({"label": ""}, "label"),
         ({"kind": "theorem"}, "label"),
         ({"tests": ["test_b.py"]}, "tests"),
         ({"tests": []}, "tests"),
         ({"without_code": "a sketch"}, "tests"),
-        ({"says": 3}, "says"),
-        ({"function": "pipeline.a"}, "function"),
         ({"label": "cost"}, "label"),
     ],
 )
@@ -144,16 +150,6 @@ def printed(text: str) -> list[tuple[str, str]]:
         else:
             numbered.append(((match[5] or match[6]).lower(), ""))
     return numbered
-
-
-def test_rows_of_a_display_are_numbered_but_for_those_that_say_not():
-    text = (
-        r"\begin{align} a &= b \label{One}\\ & \begin{bmatrix} 1 \\ 2 \end{bmatrix} "
-        r"\nonumber \\ c \end{align} \textbf{Theorem 1}: x \begin{figure*} \caption{c} "
-        r"\label{Fig} \end{figure*} % \begin{equation} no \end{equation}"
-    )
-    expected = [("equation", "One"), ("equation", ""), ("theorem", ""), ("figure", "Fig")]
-    assert printed(text) == expected
 
 
 def test_nothing_that_the_paper_numbers_is_forgotten():
@@ -235,3 +231,68 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     by = used("tests/randommatrix/test_laws.py", name)
     assert "pipeline.randommatrix.wishart.maxent_theta" in by
     assert "pipeline.randommatrix.wishart.sample" not in by
+
+
+VALUES = {"published": {"claim": "sigma", "number": "published"}}
+VALUES |= {"ours": {"file": "metrics/fit", "key": "sigma_b"}}
+ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "values": VALUES}
+ENTRY |= {"paper": "It is {published}.", "fact": "It is {ours}.", "done": "Another one."}
+ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
+CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {"id": "sigma"}
+CLAIM |= {"about": "method", "rule": "within_relative", "tolerance": 0.1, "published": 0.25}
+CLAIM |= {"value": VALUES["ours"]}
+JOINTS = ["shoulder", "elbow", "wrist"]
+
+
+def page(evidence, **changes) -> str:
+    run = Run("lab", "paper", True, JOINTS, ["x", "z", "phi"], {}, {"fit": evidence}, {})
+    decided = decide_each(parse_claims([CLAIM]), [run], [])
+    return errata_page(parse_errata([ENTRY | changes]), run, decided)
+
+
+def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
+    text = page({"sigma_b": 0.28765})
+    assert "**The paper** (Sec. 4): It is 0.25." in text
+    assert "**In fact**: It is 0.2877." in text
+    assert "- `tests/models/test_noise.py::test_one`" in text
+    assert f"It is {MISSING}." in page({})
+    # a variance a step as the standard deviation of the sum of so many steps
+    added = {"claim": "sigma", "number": "published", "steps": 64}
+    assert "It is 4." in page({}, values=VALUES | {"published": added})
+    # a joint by its place in the paper's arm
+    values = {"ours": {"file": "metrics/fit", "key": "std_{joint 1}_rad"}}
+    text = page({"std_shoulder_rad": 0.125}, paper="It.", values=values)
+    assert "**In fact**: It is 0.125." in text
+    with pytest.raises(ConfigError, match="no claim 'alpha'"):
+        page({}, values=VALUES | {"published": {"claim": "alpha", "number": "published"}})
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"tests": ["test_noise.py"]}, "tests"),
+        ({"values": {}}, "values"),
+        ({"values": VALUES | {"ours": {"file": "metrics/fit"}}}, "key"),
+        ({"values": {"ours": {"claim": "sigma", "number": "mean"}}}, "values.ours"),
+    ],
+)
+def test_a_malformed_entry_is_refused_with_its_name_and_key(changes, key):
+    with pytest.raises(ConfigError) as refused:
+        parse_errata([ENTRY | changes])
+    assert refused.value.evidence["erratum"] == "bias"
+    assert refused.value.evidence["key"].startswith(key)
+
+
+def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist():
+    errata = parse_errata(config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"])
+    run = read_run(ROOT / "reports/datasets/youbot.json")
+    claims = parse_claims(config.read_yaml(ROOT / "reports/claims.yaml")["claims"])
+    assert MISSING not in errata_page(errata, run, decide_each(claims, [run], []))
+    assert len({erratum.id for erratum in errata}) == len(errata)
+    for erratum in errata:
+        for test in erratum.tests:
+            file, _, name = test.partition("::")
+            assert name.startswith("test_") and name in definitions(file), test
+        # no measured number is typed
+        text = f"{erratum.title} {erratum.paper} {erratum.fact} {erratum.done}"
+        assert not re.search(r"\d[.,]\d|\de-?\d", text), erratum.id

@@ -118,9 +118,7 @@ def duration_rows(
     sizes: tuple[int, int],
     seed: int,
 ) -> pd.DataFrame:
-    """Return rows of the table ``filters_lasting``: every lag of sway and play ``factor`` times as
-    long, ``sizes`` simulated takes for training and test, equal random numbers at every factor.
-    """
+    """Return rows of ``filters_lasting``: lags of sway and play ``factor`` times as long."""
     factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
     dynamics = disturbed(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, seed, *sizes)
@@ -156,9 +154,7 @@ def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.Dat
 
 
 def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:
-    """Return rms error, coverage and log score of a table of
-    :func:`pipeline.statistics.scores.compared`, with the columns of tables.yaml.
-    """
+    """Return rms error, coverage and log score of a ``table`` of compared scores by joint."""
     names = {f"rms_error_{joint}_rad": (RMS, joint) for joint in joints}
     names |= {f"coverage_of_one_sigma_{joint}": (COVERAGE, joint) for joint in joints}
     names |= {"log_score": (LOG, ALL)}
@@ -175,9 +171,7 @@ def label(name: str) -> str:
 
 
 def better_or_worse(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rms errors and log scores of ``rows`` with the flags ``better`` and ``worse`` than
-    the training mean, beyond the 95 % interval.
-    """
+    """Flag rms errors and log scores beyond the 95 % interval about the training mean."""
     proper = rows[rows["score"].isin((RMS, LOG)) & (rows["filter"] != NONE)]
     falls, rises, log = proper["high"] < 0, proper["low"] > 0, proper["score"] == LOG
     return proper.assign(better=rises.where(log, falls), worse=falls.where(log, rises))
@@ -224,27 +218,21 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
     """Filters between the training mean and the yardstick, and over the duration of a deviation.
 
-    (a) Root mean square error over that of the training mean, on the run's test takes: a purple
-    disc a joint, the bar from the lowest to the highest of them; the yardstick knows the law of the
-    arm's deviations. (b) to (d) Simulated takes, over the lag of the sway: the same ratio, mean
-    over the joints; coverage of ±1σ, mean over the joints; log score minus that of the training
-    mean. Grey: the training mean, in (c) the coverage of a normal law, 0.68.
+    (a) Root mean square error over the training mean's, on the run's test takes: a purple disc a
+    joint, a bar from the lowest to the highest; the yardstick knows the law of the arm's
+    deviations. (b) to (d) Simulated takes, over the lag of the sway: the same ratio, mean over the
+    joints; coverage of ±1σ, mean over the joints; log score minus the training mean's. Grey: the
+    training mean, in (c) the coverage of a normal law, 0.68.
     """
     figure, ((run, *others),) = style.panels(
         style.TWO_COLUMNS, 3.0, columns=4, width_ratios=[1.2, 1, 1, 1]
     )
     errors, grey = filters[(filters["score"] == RMS) & (filters["filter"] != NONE)], style.GREY
     ratios = error_ratio(errors).groupby(errors["filter"], sort=False)
-    joint = {
-        "color": style.PURPLE,
-        "marker": "o",
-        "ms": 3,
-        "ls": "none",
-        "label": "a joint, in (a)",
-    }
+    joint = {"color": style.PURPLE, "ms": 3, "label": "a joint, in (a)"}
     for y, (_, values) in enumerate(ratios):
         run.hlines(y, values.min(), values.max(), color=style.PURPLE, lw=1.2)
-        run.plot(values, [y] * len(values), **joint)
+        run.plot(values, [y] * len(values), "o", **joint)
     run.set_yticks(range(len(ratios)), map(label, dict.fromkeys(errors["filter"])))
     run.set(xlabel="rms error over the\ntraining mean's (1)", xlim=(0, None))
     run.invert_yaxis()

@@ -90,9 +90,7 @@ class PlatformMotion(Mechanism):
 
 
 def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return the pose (..., 12) at ``position`` (..., 3) in m, turned by the rotation vector
-    ``turn`` (..., 3) in rad.
-    """
+    """Return the pose (..., 12) of a ``position`` (..., 3) in m and a rotation vector (..., 3)."""
     rotation = Rotation.from_rotvec(np.reshape(turn, (-1, 3))).as_matrix()
     return np.concatenate([position, rotation.reshape(*np.shape(turn)[:-1], 9)], axis=-1)
 

@@ -98,9 +98,7 @@ def lever(bounds: Bounds) -> float:
 def error_rows(
     bounds: Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
 ) -> list[dict[str, object]]:
-    """Return rows of the table ``towing`` of one repeat: for each number of cables Σ_S is averaged
-    over ``sizes[0]`` systems and held against ``sizes[1]`` fresh ones.
-    """
+    """Return rows of ``towing``: Σ_S over ``sizes[0]`` systems, tested on ``sizes[1]`` others."""
     rows = []
     for m, stream in zip(agents, rng.spawn(len(agents)), strict=True):
         drawn, fresh = (
@@ -120,9 +118,7 @@ def error_rows(
 
 
 def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
-    """Return the table ``towing_slopes``: least-squares slopes of the log errors over log m, with
-    Student's interval over the repeats.
-    """
+    """Return the table ``towing_slopes``: slopes of log error over log m, Student's interval."""
     rows = []
     for part, own in errors.groupby("part", sort=False):
         for error in ERRORS:

@@ -50,9 +50,7 @@ class Bench:
         return self.trajectory.rate
 
     def command(self, path: np.ndarray) -> np.ndarray:
-        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad, see
-        :mod:`pipeline.models.model`; (M, m) of a task that leaves no choice.
-        """
+        """Return the commands (M, m + n) of a ``path`` (M+1, n); (M, m) if no choice is left."""
         table = trajectory_table(self.chain, path, self.rate, self.joints)
         return commanded_steps(table, self.rate)
 
@@ -77,10 +75,7 @@ def bench_of(file: Path, task: Sequence[str], pace: float) -> Bench:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The arm of a ``bench`` in one physics, ``dynamics``: one session, whose takes draw the same
-    numbers whatever the motion and the physics, so that what differs between two motions is the
-    motions' own.
-    """
+    """The arm of a ``bench`` in one physics, whose takes draw equal numbers for every motion."""
 
     bench: Bench
     dynamics: DynamicsOptions

@@ -95,11 +95,7 @@ def fixed_motions(bench: Bench, options: Options) -> Motions:
 
 
 def planned(bench: Bench, model: MotionModel, options: Options) -> np.ndarray:
-    """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``.
-
-    Raises InfeasibleError, and ModelDomainError for a model without a covariance or with the same
-    covariance at every step.
-    """
+    """Return the motion (M+1, n) in rad of least Σ tr Cov; ModelDomainError if all are equal."""
     cost, path = uncertainty(model, bench.chain, "trace"), bench.recorded
     problem = problem_of(bench, options, 0.0)
     each = cost(path[:-1], problem.steps)
@@ -147,9 +143,7 @@ def tables_of(
 
 
 def realised_sums(rig: Rig, motions: Motions, choices: Sequence[np.ndarray]) -> Motions:
-    """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, which may repeat, by
-    motion; motions that the arm cannot perform are left out.
-    """
+    """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, by motion."""
     times = np.stack([np.bincount(takes, minlength=rig.takes) for takes in choices]).astype(float)
     count, sums = times.sum(axis=1), {}
     for name, path in motions.items():
@@ -177,9 +171,7 @@ def predicted_sum(bench: Bench, model: MotionModel, path: np.ndarray) -> float:
 
 
 def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) -> float:
-    """Kendall's τ_b of two orders of the motions (Kendall, Biometrika 33, 1945); NaN for fewer than
-    three motions or equal predictions.
-    """
+    """Kendall's τ_b (Biometrika 33, 1945) of two orders; NaN of < 3 motions, equal predictions."""
     names = [name for name, value in prediction.items() if name in realised and value == value]
     first = [float(f"{prediction[name]:.{DIGITS}g}") for name in names]
     if len(names) < 3 or len(set(first)) == 1:
@@ -241,9 +233,9 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     """Uncertainty of motions along one task path, predicted and realised.
 
-    One panel an arm, all physics. Across: predicted Σ tr Cov(ω) over that of the minimum-norm
-    motion, a symbol a model; upwards: the realised sum over that of the minimum-norm motion, a
-    colour a motion. On the dotted diagonal the prediction holds.
+    One panel an arm, all physics; sums are Σ tr Cov(ω), over the sum of the minimum-norm motion.
+    Across: predicted sum, a symbol a model; upwards: realised sum, a colour a motion. On the dotted
+    diagonal the prediction holds.
     """
     norm = planning_predictions[planning_predictions["motion"] == MINIMUM]
     both = planning_predictions.merge(

@@ -109,9 +109,7 @@ def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> R
 
 
 def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
-    """Return the estimates of every estimator from one data set of a known law, by its number, and
-    from a resampling of its takes; None where an estimator has none.
-    """
+    """Return the estimates of each estimator from a data set and from a resampling of its takes."""
     case, number = trial
     stream = f"recovery {case.truth.label}"
     law = build_model(case.truth.parameters)
@@ -130,9 +128,7 @@ def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[
 
 
 def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> dict[str, float]:
-    """Return mean, error and coverage of the estimates of a ``parameter`` over the data sets that
-    gave one; gaps for fewer than two of them.
-    """
+    """Return mean, error and coverage of a ``parameter`` over the data sets, if two or more."""
     given = [pair for pair in pairs if pair and all(parameter in part for part in pair)]
     row = {"truth": truth, "datasets": len(given), "lost": len(pairs) - len(given)}
     if len(given) < 2:

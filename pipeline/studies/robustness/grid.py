@@ -23,7 +23,7 @@ from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.reference import ArmNames
+from pipeline.verdicts.run import ArmNames
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
 
@@ -142,9 +142,7 @@ class Common:
 def conditions(
     factors: Mapping[str, Sequence], seeds: Sequence[int], study: str, combined: Sequence[str] = ()
 ) -> Iterator[Condition]:
-    """Yield the base condition and each level alone, with every seed; after them every combination
-    of two and more levels of the factors ``combined``.
-    """
+    """Yield the base condition, each level alone, then combinations of the factors ``combined``."""
     points = [(), *(((name, level),) for name, levels in factors.items() for level in levels)]
     chosen = {name: factors[name] for name in combined}
     for levels in product(*([1.0, *each] for each in chosen.values())):
@@ -156,9 +154,7 @@ def conditions(
 
 
 def trajectory(own: TrajectoryOptions, way: Mapping[str, object]) -> TrajectoryOptions:
-    """Return ``own`` with other ends ``folded`` and ``extended`` (rad), another ``rest`` (s; the
-    motion between the four rests stays) and at another ``pace``.
-    """
+    """Return ``own`` with other ends (rad), another rest (s; the motion between stays) and pace."""
     pace, rest = float(way.get("pace", 1.0)), float(way.get("rest", own.rest))
     ends = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}
     duration = own.duration + 4 * (rest - own.rest)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,20 +14,24 @@ from typing import Annotated
 
 import pandas as pd
 from joblib import Memory
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from pydantic import Field
 
-from pipeline.cases.case import Choices, Recordings, paper_models, recorded_takes
+from pipeline.cases.case import Choices, Recordings, recorded_takes
 from pipeline.cases.evaluate import evaluate
-from pipeline.cases.readings import FAILS, HOLDS, decided, read_claims
+from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
 from pipeline.core import config, contracts
 from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Count
 from pipeline.core.validation import options
-from pipeline.filtering.particle_filter import FilterOptions
-from pipeline.studies.frame import Study, Tables
+from pipeline.figures import style
+from pipeline.studies.frame import MISSING, Study, Tables
 from pipeline.studies.robustness.grid import (
+    BASE,
+    CHANCE,
     Common,
     Condition,
     cameras,
@@ -35,14 +40,22 @@ from pipeline.studies.robustness.grid import (
     verdicts,
     without_camera,
 )
-from pipeline.studies.robustness.page import draw, facts
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
+from pipeline.verdicts.wording import table
 from pipeline.wrench.bounds import study_bounds
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 BESIDE = "scaled_full"  # scored beside the paper's models in the laboratory
+BOTH = "both"
+NAMES = {
+    "lasting": "duration of deviations",
+    "kappa": "concentration of cables",
+    "tension_std": "tension std of cables",
+    "floor": r"floor of $B^{-1}$",
+    "weights": r"weights $\alpha_2/\alpha_1$",
+}
 Levels = dict[str, list[Annotated[float, Field(ge=0)]]]
 Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of decided()
 
@@ -64,9 +77,7 @@ class Options:
 
 
 def evaluate_grid(settings: SimpleNamespace, options: Options) -> Tables:
-    """Return the table ``robustness``: the verdicts of every claim, counted by level; raises
-    ConfigError for a factor that the laboratory does not have.
-    """
+    """Return the table ``robustness``: verdicts by level; ConfigError for an unknown factor."""
     known = [*FACTORS, "particles"]
     if unknown := sorted(set(options.factors) - set(known)):
         message = f"no factor {', '.join(unknown)}; there are {', '.join(known)}"
@@ -84,11 +95,9 @@ def decision_verdicts(
     settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
     """Yield the verdicts of the recordings under every decision that the paper leaves open."""
-    dataset, f = settings.dataset, settings.filter
+    dataset, base = settings.dataset, Choices.of_run(settings)
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
-    chosen = FilterOptions(f.particles, f.scheme, f.threshold)
-    base = Choices(paper_models(settings.models), chosen, settings.simulation.mode)
     lever = float(chain.lengths.mean()) if hasattr(chain, "lengths") else 1.0
     cases = decision_cases(base, lever, chain.task, joints, options.others)
     seen = {}
@@ -114,10 +123,7 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory.
-
-    A run after one that was killed evaluates the remaining conditions only.
-    """
+    """Yield the verdicts in every condition of the laboratory that a killed run left."""
     grid, common = laboratory_grid(settings, options, claims)
     folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
     trial = partial(Memory(folder, verbose=0).cache(verdicts), common=common)
@@ -135,13 +141,12 @@ def laboratory_grid(
 ) -> tuple[list[Condition], Common]:
     """Return every condition of the laboratory, and what they have in common."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
-    noise, f = contracts.read("kinect_noise", ARTICULATE), settings.filter
-    study, chosen = settings.wrench, FilterOptions(f.particles, f.scheme, f.threshold)
-    models = paper_models(settings.models) | config.model_options([BESIDE])
+    noise, study = contracts.read("kinect_noise", ARTICULATE), settings.wrench
+    case = Choices.of_run(settings, **config.model_options([BESIDE]))
     common = Common(
         laboratory=Laboratory.of_run(settings, recorded, noise),
         ways=options.trajectories,
-        case=Choices(models, chosen, settings.simulation.mode, closed=True),
+        case=replace(case, closed=True),
         takes=(options.training_takes, options.test_takes),
         realizations=options.realizations,
         bounds=study_bounds(study),
@@ -168,6 +173,107 @@ def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
     counted = rows.groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
     known = counted[["holds", "fails"]].sum(axis=1).groupby([counted["grid"], counted["claim"]])
     return counted[known.transform("sum") > 0].reset_index(drop=True)
+
+
+def changes(robustness: pd.DataFrame) -> pd.DataFrame:
+    """Return the ``base`` verdict by grid, factor and claim, and if a level changes it."""
+    words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
+    some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
+    rows = robustness.assign(verdict=[words[each] for each in some])
+    first = rows[rows["factor"] == BASE].rename(columns={"verdict": "base"})
+    rows = rows.merge(first[["grid", "claim", "base"]], on=["grid", "claim"], how="left")
+    base = rows["factor"] == BASE
+    rows["changed"] = (rows["verdict"] != rows["base"]).where(~base, rows["verdict"] == BOTH)
+    lucky = rows[base & (rows["grid"] != "decisions")].assign(factor=CHANCE)
+    keys = ["grid", "claim", "about", "base", "factor"]
+    varied = pd.concat([rows[~base], lucky])
+    return varied.groupby(keys, sort=False)["changed"].any().reset_index()
+
+
+def facts(tables: Tables, options: object) -> dict[str, object]:
+    """Return the fields of the page."""
+    changed = changes(tables["robustness"])
+    chance, open_ones = changed["factor"] == CHANCE, changed["grid"] == "decisions"
+    flipped = changed["changed"]
+    lucky = set(changed["claim"][flipped & chance])
+    physical = set(changed["claim"][flipped & ~open_ones & ~chance])
+    decisions = changed[flipped & open_ones & ~chance]
+    most = decisions.groupby("factor")["claim"].nunique().sort_values(ascending=False)
+    steady, rows = [], []
+    for claim, own in changed.groupby("claim", sort=False):
+        if not own["changed"].any():
+            steady.append(claim)
+            continue
+        cells = [f"{claim} †" if claim in lucky else claim, ", ".join(dict.fromkeys(own["base"]))]
+        for part in (open_ones, ~open_ones):
+            some = own[(part & ~chance)[own.index]]
+            cells.append(f"{some['changed'].sum()} of {len(some)}" if len(some) else MISSING)
+        rows.append(cells)
+    decision = "The decision that changes most is “{}”: {} claims. "
+    return {
+        "claims": changed["claim"].nunique(),
+        "steady": len(steady),
+        "decisions": decisions["claim"].nunique(),
+        "physical": len(physical),
+        "lucky": len(lucky),
+        "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
+        "filtered": options.filtered,
+        "seeds": len(options.seeds),
+        "table": table(["claim", "base", "decisions", "laboratory"], rows),
+        "names": ", ".join(steady) or "none",
+    }
+
+
+def draw(robustness: pd.DataFrame) -> Figure:
+    """Claims whose verdict changes, by what is decided otherwise.
+
+    A row is a claim, a column a decision that the paper leaves open (left) or a factor of the
+    laboratory (right). First column of either part: verdict in the base case (disc: holds; cross:
+    fails; diamond: both, over the seeds; dash: no evidence). Filled square: at least one level has
+    another verdict; open square: no level has; nothing: the claim has no evidence there. Orange
+    squares in the column of random numbers mark claims that chance alone changes. An asterisk marks
+    claims about robots or about the paper's specimen, which synthetic recordings do not decide.
+    """
+    bases = {
+        HOLDS: {"marker": "o", "color": style.BLUE},
+        FAILS: {"marker": "X", "color": style.BLACK},
+        BOTH: {"marker": "D", "color": style.GREY},
+        UNKNOWN: {"marker": "_", "color": style.GREY},
+    }
+    square = {"marker": "s", "ls": "none", "ms": 4.2, "mew": 0.5}
+    squares = {
+        "same verdict": square | {"mfc": "none", "mec": style.LIGHT_GREY},
+        "another verdict": square | {"mfc": style.BLUE, "mec": style.BLUE},
+        "changed by chance": square | {"mfc": style.VERMILLION, "mec": style.VERMILLION},
+    }
+    same, other, luck = squares.values()
+    changed = changes(robustness)
+    parts = changed["grid"].where(changed["grid"] == "decisions", "laboratory")
+    parts = dict(list(changed.groupby(parts, sort=False)))
+    claims = changed.drop_duplicates("claim").set_index("claim")["about"]
+    columns = {part: ["base case", *dict.fromkeys(rows["factor"])] for part, rows in parts.items()}
+    widths = [len(names) for names in columns.values()]
+    size = {"columns": len(parts), "sharey": True, "width_ratios": widths}
+    figure, grid = style.panels(style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size)
+    place = {claim: y for y, claim in enumerate(claims.index)}
+    for axes, (part, rows) in zip(grid[0], parts.items(), strict=True):
+        names = columns[part]
+        for row in rows.drop_duplicates("claim").itertuples():
+            axes.plot([0], [place[row.claim]], ls="none", ms=4.2, **bases[row.base])
+        for row in rows.itertuples():
+            look = (luck if row.factor == CHANCE else other) if row.changed else same
+            axes.plot([names.index(row.factor)], [place[row.claim]], **look)
+        labels = [NAMES.get(name, name.replace("_", " ")) for name in names]
+        axes.set_xticks(range(len(names)), labels, rotation=90)
+        axes.set(xlim=(-0.7, len(names) - 0.3), ylim=(len(claims) - 0.4, -0.6), title=part)
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
+    labels = [name.replace("-", " ") + " *" * (about != "method") for name, about in claims.items()]
+    grid[0, 0].set_yticks(range(len(claims)), labels, fontsize=7)
+    entries = [Line2D([], [], ls="none", label=name, **look) for name, look in bases.items()]
+    entries += [Line2D([], [], label=name, **look) for name, look in squares.items()]
+    figure.legend(handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0)
+    return figure
 
 
 run = Study(Options, evaluate_grid, facts, draw).run

@@ -100,9 +100,7 @@ def wishart_variance(parts: tuple[np.ndarray, np.ndarray], m: int, sigma_b: floa
 def gaussian_variance(
     norm: np.ndarray, v: np.ndarray, alpha: float, u: float, n: int
 ) -> np.ndarray:
-    """Return the (...) variance in rad² of every joint's step under the Gaussian model of the
-    inverse Jacobian, α²(u² − ‖J⁺‖_F²)‖v‖²/(nm), of ``norm`` ‖J⁺‖_F (...) and ``v`` (m, ...).
-    """
+    """Return the (...) variance in rad² of a joint's step, α²(u² − ‖J⁺‖_F²)‖v‖²/(nm)."""
     return alpha**2 * (u**2 - norm**2) * (v * v).sum(axis=0) / (n * len(v))
 
 
@@ -198,9 +196,7 @@ def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
 def densities(
     quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
 ) -> np.ndarray:
-    """Return the (R, P) density of the printed numbers on each path, a factor ``tolerance`` f > 1
-    allowed on each of the quantities ``names``.
-    """
+    """Return the (R, P) density of the printed numbers, a factor ``tolerance`` f > 1 on each."""
     deviation = np.log(tolerance)
     squares = sum((quantities[name] / deviation) ** 2 for name in names)
     return np.exp(-squares / 2) / (np.sqrt(2 * np.pi) * deviation) ** len(names)
@@ -250,9 +246,7 @@ def width_rows(drawn: Widths, stated: Published) -> pd.DataFrame:
 
 
 def unsquared_rows(drawn: Widths, stated: Published, tolerances: Sequence[float]) -> pd.DataFrame:
-    """Return the table ``unsquared``: the Gaussian model with Σ_k = α(u² − ‖J⁻¹‖²)/n², all of the
-    quantities, likelihoods relative to pivoted LU with α².
-    """
+    """Return the table ``unsquared``: Σ_k = α(u² − ‖J⁻¹‖²)/n², over pivoted LU with α²."""
     names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
     own, shift = log_quantities(drawn, stated), -np.log(stated.alpha) / 2
     wider = own | {"gaussian": own["gaussian"] + shift, "difference": own["difference"] - shift}

@@ -42,9 +42,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the share of the path behind the arm at every sample (P, steps+1); ``back`` (P,)
-        marks the motions there and back.
-        """
+        """Return the share (P, steps+1) of the path behind the arm, of ``back`` (P,) to and fro."""
         count = (len(back), 1)
         duration = self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
@@ -153,9 +151,7 @@ def _feasible(
 def draw_paths(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, count: int, rng: np.random.Generator
 ) -> Paths:
-    """Return ``count`` random feasible paths of the arm ``chain`` with its limits, of a ``kind`` of
-    :data:`KINDS`; ``bound`` is û, which ‖J⁻¹‖_F stays below (1/m and 1 mixed).
-    """
+    """Return ``count`` random feasible paths of a ``kind``; ``bound`` û on ‖J⁻¹‖_F (1/m and 1)."""
     parts: list[Paths] = []
     while sum(len(part.q) for part in parts) < count:
         parts.append(_feasible(chain, law, kind, bound, rng))

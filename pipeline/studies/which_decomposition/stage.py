@@ -4,12 +4,14 @@ random paths of its arm; the decompositions on an arm in space and at the record
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from types import SimpleNamespace
 from typing import Annotated
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
@@ -22,19 +24,43 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options, validated
+from pipeline.figures import style
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.recordings.steps import training_steps
-from pipeline.studies.frame import Study, Tables
+from pipeline.studies.frame import Study, Tables, number
 from pipeline.studies.which_decomposition import evidence as laws
-from pipeline.studies.which_decomposition.evidence import Published, Widths
-from pipeline.studies.which_decomposition.page import draw, facts
+from pipeline.studies.which_decomposition.evidence import (
+    GAUSSIAN,
+    PIVOTED,
+    PLAIN,
+    QR,
+    QR_TRANSPOSED,
+    Published,
+    Widths,
+)
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths, with_tool
+from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
 PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # whatever dataset is analysed
-GENERAL = (laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED)  # readings for a task of any size
+GENERAL = (PIVOTED, QR, QR_TRANSPOSED)  # readings for a task of any size
+
+NAMES = {
+    PIVOTED: "LU, pivoted",
+    **{name: "LU, rows " + " ".join("xzφ"[row] for row in rows) for name, rows in PLAIN.items()},
+    QR: "QR of J",
+    QR_TRANSPOSED: "QR of Jᵀ",
+    GAUSSIAN: "Gaussian model",
+}
+QUANTITIES = {
+    "sigma_b": "Σ_ω and σ_B",
+    "alpha_u": "with (α, u)",
+    "small_difference": "with small difference",
+}
+PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
+SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", QR, QR_TRANSPOSED)  # in the page's table
 
 Range = tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
 Factor = Annotated[float, Field(gt=1)]
@@ -43,9 +69,7 @@ Several = Annotated[int, Field(ge=2)]
 
 @options()
 class Options:
-    """Ranges of the path prior, tolerances of the likelihood, and a motion of an arm in space;
-    params.yaml describes each.
-    """
+    """Path prior, tolerances and a motion of an arm in space; params.yaml describes each."""
 
     chunks: Annotated[int, Field(ge=1)]
     paths: Several
@@ -159,9 +183,9 @@ def level_rows(recorded: Recorded) -> pd.DataFrame:
         np.moveaxis(of(q), 0, -1).copy() for of in (chain.jacobian, chain.inverse_jacobian)
     )
     variance = recorded.noise.var(axis=0, ddof=1).mean(axis=0) - np.diag(recorded.measurement)
-    plain = tuple(laws.PLAIN) if m == n == 3 else ()
+    plain = tuple(PLAIN) if m == n == 3 else ()
     levels = [("recorded", np.nan, variance)]
-    for reading in (laws.PIVOTED, *plain, laws.QR, laws.QR_TRANSPOSED):
+    for reading in (PIVOTED, *plain, QR, QR_TRANSPOSED):
         parts = [part.mean(axis=-1) for part in laws.wishart_parts(reading, jacobian, inverse, v)]
         try:
             squares = StepSquares(*(part.sum() for part in parts))
@@ -181,6 +205,142 @@ def robot_of(dataset: str) -> Robot:
     """Return the robot of ``pipeline/conf/dataset``."""
     file = config.CONF / f"dataset/{dataset}.yaml"
     return validated(Robot, read_yaml(file)["robot"], "robot", file)
+
+
+def facts(tables: Tables, options: object) -> dict[str, object]:
+    """Return the fields of the page."""
+    evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
+    integrated = evidence[evidence["tolerance"] == 0]
+    rows = of_first(integrated, "size")
+    later = rows[rows["reading"].isin(PHI_LATER)]
+    best = []
+    for name, words in QUANTITIES.items():
+        part = of_first(later[later["quantities"] == name], "prior")
+        most = part.loc[part["likelihood"].idxmax()]
+        value, low, high = map(number, most[["likelihood", "low", "high"]])
+        best.append(f"{words}: {value} ({low} to {high}, {NAMES[most['reading']]})")
+    choices = []
+    for size, part in integrated.groupby("size", sort=False):
+        own = of_first(part, "prior").groupby("quantities")
+        first, last = (span(own.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
+        choices.append(f"{size} {first}, with all quantities {last}")
+    by = widths.set_index(["reading", "prior"])
+    ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[GAUSSIAN, "reached"])
+    below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
+    unsquared = tables["unsquared"]
+    still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
+    ranges = ("tool", "rest", "ramp", "peak")
+    return {
+        "verb": "do not determine" if below and above else "favour one side of",
+        "later": span(later, PHI_LATER),
+        "best": "; ".join(best),
+        "odds": span(rows, [QR]),
+        "control": span(rows, [QR_TRANSPOSED]),
+        "widest": number(by.loc[QR_TRANSPOSED, "best"].iloc[0]),
+        "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
+        "evidence": evidence_table(of_first(evidence, "size")),
+        "span": options.span,
+        "choices": "; ".join(choices),
+        "level": level_text(tables["level"]) if "level" in tables else "",
+        "ramped": ramped,
+        "constant": constant,
+        "least": number(by.loc[PIVOTED, "least_ratio"].min()),
+        "post": unsquared[unsquared["reading"] == PIVOTED].iloc[-1],
+        **{name: "{:g} to {:g}".format(*getattr(options, name)) for name in ranges},
+        **(still["mm"] / still["m"]).to_dict(),
+    }
+
+
+def of_first(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Return the rows whose ``column`` is as in the first of them."""
+    return rows[rows[column] == rows[column].iloc[0]]
+
+
+def span(rows: pd.DataFrame, readings: list[str]) -> str:
+    """Return least and greatest likelihood of ``readings`` as odds, 3:1 or 1:3."""
+    ends = rows[rows["reading"].isin(readings)]["likelihood"].agg(["min", "max"])
+    return " to ".join(f"{number(x)}:1" if x >= 1 else f"1:{number(1 / x)}" for x in ends)
+
+
+def level_text(level: pd.DataFrame) -> str:
+    """Return the finding at the recorded level: σ_B and standard deviations by joint."""
+    texts = []
+    for reading in ("recorded", PIVOTED, QR, QR_TRANSPOSED):
+        own = level[level["reading"] == reading]
+        sigma_b = "" if reading == "recorded" else f" (σ̂_B {number(own['sigma_b'].iloc[0])})"
+        stds = "/".join(number(1000 * std) for std in own["std"])
+        texts.append(f"{NAMES.get(reading, reading)} {stds}{sigma_b}")
+    return (
+        "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints\n"
+        f"  are, in mrad: {'; '.join(texts)}.\n"
+    )
+
+
+def evidence_table(rows: pd.DataFrame) -> str:
+    """Return a row a reading: the likelihoods of the first prior, and the range over all priors."""
+    tolerances, lines = sorted(set(rows["tolerance"]) - {0.0}), []
+
+    def several(texts: Iterable[str]) -> str:
+        first, *others = texts
+        return f"{first} ({', '.join(others)})"
+
+    for reading in SHOWN:
+        here = rows[rows["reading"] == reading]
+        main = of_first(here, "prior").set_index(["quantities", "tolerance"])["likelihood"]
+        cells = [several(number(main[name, f]) for f in tolerances) for name in QUANTITIES]
+        ends = here[here["tolerance"] == 0]["likelihood"]
+        lines.append([NAMES[reading], *cells, f"{number(ends.min())}–{number(ends.max())}"])
+    over = f"over pivoted LU, f = {several(f'{f:g}' for f in tolerances)}"
+    return table([over, *QUANTITIES.values(), "integrated, all sets and priors"], lines)
+
+
+def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
+    """Decompositions that the printed numbers allow.
+
+    (a) Standard deviation of a step at the printed parameters over the printed one (grey: 1), roots
+    of traces: median and middle 90 % of the paths with ramps and rest; an arrow marks an interval
+    that goes on. (b) Likelihood over the one of pivoted LU (grey: 1), the tolerance integrated out:
+    marks for the paths with ramps and rest, lines from the least to the greatest of six path
+    priors.
+    """
+    main, limits = of_first(widths, "prior").set_index("reading"), (0.02, 30)
+    place = {reading: height for height, reading in enumerate(main.index)}
+    figure, ((left, right),) = style.panels(
+        style.TWO_COLUMNS, 0.27 * len(place) + 0.95, columns=2, sharey=True, width_ratios=(1, 1.25)
+    )
+    dot = {"color": style.BLACK, "marker": "o", "markersize": 4}
+    for reading, height in place.items():
+        low, median, high = main.loc[reading, ["low", "median", "high"]]
+        left.hlines(height, low, min(high, limits[1]), color=style.BLACK, linewidth=1.2)
+        left.plot(median, height, **dot)
+        if high > limits[1]:
+            left.plot(limits[1], height, **dot | {"marker": ">"}, clip_on=False)
+    rows = of_first(evidence[evidence["tolerance"] == 0], "size")
+    labels = {"sigma_b": r"$\Sigma_\omega$ and $\sigma_B$", "alpha_u": r"with ($\alpha$, $u$)"}
+    looks = (("o", style.BLUE), ("s", style.ORANGE), ("D", style.VERMILLION))
+    for shift, name, (marker, color) in zip((-0.22, 0, 0.22), QUANTITIES, looks, strict=True):
+        part = rows[rows["quantities"] == name]
+        heights = part["reading"].map(place) + shift
+        ends = part.groupby(heights.round(6))["likelihood"].agg(["min", "max"])
+        right.hlines(ends.index, ends["min"], ends["max"], color=color, linewidth=1.2)
+        here = of_first(part, "prior")
+        look = {"marker": marker, "color": color, "label": labels.get(name, QUANTITIES[name])}
+        right.plot(here["likelihood"], heights[here.index], linestyle="", markersize=4, **look)
+    left.plot([], [], **dot, label="median, 90 % of the paths")
+    left.plot([], [], color=style.GREY, label="printed value; pivoted LU")
+    names = NAMES | {QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
+    left.set_yticks(list(place.values()), [names[reading] for reading in place])
+    left.set(
+        xlim=limits, ylim=(len(place) - 0.5, -0.6), xlabel="standard deviation over printed one (1)"
+    )
+    right.set(xlim=(1e-3, 1e3), xlabel="likelihood over pivoted LU's (1)")
+    for axes, name in ((left, "a"), (right, "b")):
+        axes.set_xscale("log")
+        axes.axvline(1, color=style.GREY, linewidth=0.8, zorder=0)
+        axes.tick_params(axis="y", length=0)
+        style.letter(axes, name)
+    figure.legend(loc="outside lower center", ncols=5, columnspacing=1.2, handlelength=1.4)
+    return figure
 
 
 run = Study(Options, evaluate, facts, draw).run

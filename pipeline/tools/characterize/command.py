@@ -32,8 +32,7 @@ from pipeline.tools.check.command import get_filled
 from pipeline.tools.export.command import EXPORTS, exported, require_name, write_export
 from pipeline.tools.new_dataset.command import ASK, MOTION, SET, answers, open_dataset
 from pipeline.tools.new_dataset.values import KEYS
-from pipeline.verdicts.model_card import model_card
-from pipeline.verdicts.recommendation import answer, recommended
+from pipeline.verdicts.model_card import answer, model_card, recommended
 from pipeline.verdicts.run import Run
 
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")

@@ -1,5 +1,6 @@
-"""Every equation, definition, theorem, algorithm and figure of the paper: what it says, what
-implements it, which tests show it.
+"""Items of the paper (equations, definitions, theorems, algorithms, figures): what each says, what
+implements it, which tests show it; and its errata: contradictions and gaps, the fact, and what is
+done here.
 
 An item is implemented by the public functions, classes and methods whose docstrings name it,
 equations and figures by their label in parentheses, as (NormStd) or (cost)–(const2), all others by
@@ -13,13 +14,17 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from math import sqrt
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from pydantic import Field
+
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
-from pipeline.verdicts.reference import TestName, parsed_entries
-from pipeline.verdicts.wording import TEXTS, table
+from pipeline.verdicts.decision import NO_RECORDING, Decided
+from pipeline.verdicts.run import Reference, Run, TestName, parsed_entries
+from pipeline.verdicts.wording import TEXTS, number, page, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
@@ -27,6 +32,7 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
+MISSING = "(not in this dataset)"
 COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
 
 
@@ -68,9 +74,7 @@ class Item:
 
 
 class Source(NamedTuple):
-    """A function, class or method by its dotted ``name``, its ``file``, and whether it says that it
-    serves tests alone.
-    """
+    """A function, class or method, its ``file``, and True if it says that it serves tests alone."""
 
     name: str
     file: Path
@@ -78,9 +82,7 @@ class Source(NamedTuple):
 
 
 def parse_items(entries: object) -> list[Item]:
-    """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
-    ConfigError with the item and the key.
-    """
+    """Return the items of a YAML list, numbered in its order, which is the paper's."""
     items, counted = [], Counter()
     for item in parsed_entries(Item, entries, "item"):
         counted[item.kind] += 1
@@ -114,10 +116,7 @@ def cited(docstring: str, items: Sequence[Item]) -> set[str]:
 def citations(
     package: Path, items: Sequence[Item], without: Sequence[str] = ()
 ) -> dict[str, list[Source]]:
-    """Return the sources that cite each item, by :attr:`Item.cited_as`, in the modules of
-    ``package``, its folders ``without`` left out. Raises what :func:`cited` does, with file and
-    name.
-    """
+    """Return the sources in ``package``, but for folders ``without``, that cite each item."""
     sources: dict[str, list[Source]] = {item.cited_as: [] for item in items}
     for file in sorted(package.rglob("*.py")):
         if file.relative_to(package).parts[0] in without:
@@ -143,9 +142,7 @@ def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[s
 
 
 def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
-    """Return ``reports/equations.md``: a row for each of ``items``, with the ``sources`` of
-    :func:`citations`.
-    """
+    """Return ``reports/equations.md``: each item with the ``sources`` of :func:`citations`."""
     rows = []
     for item in items:
         by = [
@@ -158,3 +155,82 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
         cells = (item.title, item.place, item.says, "<br>".join(by), shown)
         rows.append([" ".join(cell.replace("|", "\\|").split()) for cell in cells])
     return f"{TEXTS['equations']}\n\n{table(COLUMNS, rows)}\n"
+
+
+@options(frozen=True)
+class ClaimNumber:
+    """A number of a claim: the ``published`` one, ours (``value``) or their ``distance`` in
+    standard errors, in one of its cases; of a variance a step the standard deviation of the sum of
+    so many independent ``steps``.
+    """
+
+    claim: str
+    number: Literal["published", "value", "distance"]
+    case: str = ""
+    steps: int = 0
+
+    def look_up(self, decided: Sequence[Decided]) -> float | None:
+        """Return the number, or None if the run has none; ConfigError for no such claim or case."""
+        for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
+            found = [case for case in cases if case.case == self.case]
+            if claim.id == self.claim and verdict != NO_RECORDING and found:
+                break
+        else:
+            raise ConfigError(f"no claim {self.claim!r} with the case {self.case!r}", key="values")
+        value = getattr(found[0], self.number)
+        return sqrt(self.steps * value) if self.steps and value is not None else value
+
+
+@options(frozen=True)
+class Erratum:
+    """One entry: ``place`` in the paper and what the ``paper`` says there, the ``fact``, what is
+    ``done`` here, the ``tests`` that show it.
+
+    ``{name}`` in the prose is the number of that name in ``values``.
+    """
+
+    id: str
+    title: str
+    place: str
+    paper: str
+    fact: str
+    done: str
+    tests: list[TestName] = Field(min_length=1)
+    values: dict[str, ClaimNumber | Reference] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        try:
+            self.prose(dict.fromkeys(self.values, ""))
+        except (KeyError, IndexError, ValueError):
+            message = "a placeholder in the prose that is not among the values"
+            raise ConfigError(message, key="values") from None
+
+    def prose(self, numbers: dict[str, str]) -> list[str]:
+        """Return what the paper says, the fact and what is done, with ``numbers`` by name."""
+        texts = (self.paper, self.fact, self.done)
+        return [" ".join(text.format(**numbers).split()) for text in texts]
+
+
+def parse_errata(entries: object) -> list[Erratum]:
+    """Return the entries of a YAML list. Raises ConfigError with the entry and the key."""
+    return parsed_entries(Erratum, entries, "erratum")
+
+
+def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
+    """Return ``errata.md`` with the numbers of ``run``, the first that is ``decided``."""
+    sections = [TEXTS["errata"]]
+    for place, erratum in enumerate(errata, 1):
+        numbers = {}
+        for name, source in erratum.values.items():
+            own = isinstance(source, Reference)
+            value = source.look_up(*((run.evidence, run.arm) if own else (decided,)))
+            numbers[name] = MISSING if value is None else number(value)
+        paper, fact, done = erratum.prose(numbers)
+        sections += [
+            f'<a id="{erratum.id}"></a>\n\n## {place}. {erratum.title}',
+            f"**The paper** ({erratum.place}): {paper}",
+            f"**In fact**: {fact}",
+            f"**Here**: {done}",
+            "\n".join(f"- `{test}`" for test in erratum.tests),
+        ]
+    return page(sections)
