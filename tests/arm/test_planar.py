@@ -226,3 +226,14 @@ def test_joints_that_are_no_planar_chain_are_named(tmp_path, joints, tool, words
     with pytest.raises(ConfigError, match=words) as refused:
         load_arm(file, joints, tool, {})
     assert refused.value.evidence["file"] == file
+
+
+def test_planar_chains_have_the_lengths_of_the_experiments():
+    chain = load_arm(YOUBOT, JOINTS, "arm_tool", LOCKED).chain
+    # the tool is 0.17 m along joint 5, whose axis misses joint 4 by 2 mm
+    np.testing.assert_allclose(chain.lengths, [0.155, 0.135, np.hypot(0.17, 0.002)], atol=1e-12)
+    chain = load_arm(UR5, ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}).chain
+    np.testing.assert_allclose(chain.lengths, [0.425, 0.39225, 0.09465], atol=1e-12)
+    # joint 2 at -90 degrees points the stretched arm upwards
+    top = chain.pose(np.array([-np.pi / 2, 0.0, 0.0]))
+    assert top[1] == pytest.approx(0.089159 + 0.425 + 0.39225, abs=1e-12)

@@ -30,7 +30,7 @@ from pipeline.arm.serial import LEAST_SINGULAR, rotation_vector
 from pipeline.core.columns import values
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
-from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text, sample_text
+from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text
 
 R, P = "revolute", "prismatic"
 KINDS = [[R], [P, R], [R, R, P], [R, P, R, R], [R] * 5, [P, P, P, R, R, R], [R] * 7, [R, P] * 4]
@@ -63,16 +63,13 @@ def robot_of(name: str, file: Path) -> Robot:
         return Robot(str(YOUBOT), joints, "arm_tool", task=task, length=LENGTH)
     if name in ("UR5", "LWR4"):
         return replace(getattr(space_arms, name), length=0.3)
-    if name == "sample":
-        file.write_text(sample_text())
-        return Robot(str(file), jn(6), "tip")
     kinds = name.split("-")
     file.write_text(random_text(kinds, np.random.default_rng(len(kinds))))
     task = TASKS[len(kinds) - 1] if len(kinds) <= len(TASKS) else None
     return Robot(str(file), jn(len(kinds)), "tip", task=task, length=LENGTH)
 
 
-OURS = ["sample", "youbot", "UR5", "LWR4", *("-".join(kinds) for kinds in KINDS)]
+OURS = ["youbot", "UR5", "LWR4", *("-".join(kinds) for kinds in KINDS)]
 
 
 @pytest.fixture(scope="module", params=OURS)

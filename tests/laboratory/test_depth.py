@@ -18,10 +18,15 @@ import pipeline
 import pipeline.arm
 from pipeline.arm.model import load_arm
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.kinect import DepthCamera
+from pipeline.laboratory.kinect import (
+    DepthCamera,
+    axial_std,
+    draw_bias,
+    lateral_std,
+    read_depth,
+)
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.scene import cast, moved, prism
-from pipeline.laboratory.sensor import axial_std, draw_bias, lateral_std, read_depth
 
 URDF = Path(pipeline.arm.__file__).with_name("youbot.urdf")
 ARM = load_arm(URDF, ["arm_joint_2", "arm_joint_3", "arm_joint_4"], "arm_tool", {})

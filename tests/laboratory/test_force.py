@@ -13,11 +13,8 @@ from scipy.special import i0e, i1e
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
 from pipeline.laboratory.options import (
-    ClockOptions,
     DynamicsOptions,
-    EncoderOptions,
     KinectOptions,
-    MocapOptions,
     Robots,
     TrajectoryOptions,
     Transducer,
@@ -147,18 +144,10 @@ MOTION = TrajectoryOptions(folded=(0.0, 0.0), extended=(0.5, 0.5))
 REFUSALS = [  # options, a change that makes no sense, the key of the fault
     (MOTION, {"folded": (0.0,)}, "extended"),
     (MOTION, {"rest": 0.6}, "duration"),
-    (MOTION, {"ramp": 0.0}, "ramp"),
-    (DynamicsOptions(), {"sway_std": (1e-3, -1e-3, 0.0)}, "sway_std.1"),
     (DynamicsOptions(), {"servo_gain": 1000.0}, "servo_gain"),
-    (EncoderOptions(), {"resolution": 0.0}, "resolution"),
-    (ClockOptions(), {"drift": -1.0}, "drift"),
-    (MocapOptions(), {"swap_rate": 1.5}, "swap_rate"),
-    (MocapOptions(), {"occlusion_frames": 0.5}, "occlusion_frames"),
     (KinectOptions(), {"range": (4.5, 0.5)}, "range"),
     (KinectOptions(), {"edge_lost": 0.9, "edge_mixed": 0.2}, "edge_mixed"),
-    (KinectOptions(), {"grazing_limit": 1.6}, "grazing_limit"),
     (ROBOTS, {"concentration": (100.0,)}, "concentration"),
-    (Transducer(), {"rate": 0.0}, "rate"),
 ]
 
 

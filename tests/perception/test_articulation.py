@@ -167,7 +167,7 @@ def test_points_on_the_lines_of_the_links_give_the_angles_to_the_end_of_the_sear
 def test_the_simplex_finds_what_scipys_finds_or_better(sequence, end) -> None:
     q, clouds = sequence
     ours, reference = [], []
-    for number in range(0, 97, 16):
+    for number in range(0, 97, 24):
         points, away = clouds[number : number + 1], q[number] + AWAY
         if end == "commanded":
             o1, ee = CHAIN.points(q[number])[[0, 3]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -123,6 +125,7 @@ DEVIATION, NOISE = 5e-3, 4e-3  # rad, of arm and camera
 NONE = np.zeros((2, 2))
 
 
+@cache
 def recordings(
     *, share: float, lasts: bool, pose: float = 0.0, jump: float = 0.0, common: float = 0.0
 ) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -84,7 +84,6 @@ def test_blocks_leave_the_costs_as_they_are(monkeypatch):
     [
         (WIDE, "trace", "Wishart step exists only for sigma_B below"),
         (BEYOND, "log_det", "no ln det"),
-        (LAWS["additive"], "sum", "no objective 'sum'; there are trace, log_det"),
     ],
 )
 def test_a_model_without_a_cost_is_refused(model, objective, words):
@@ -175,7 +174,7 @@ def solutions(task: Problem, step: int, tried: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("arm", ["planar", "seven"])
-def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
+def test_every_solution_lies_between_two_neighbours_of_the_grid(arm, monkeypatch):
     task = path_problem(arm, 4)
     (poses,) = curves(task, np.array([2]), SPACING)
     held = solutions(task, 2, 400)
@@ -188,6 +187,8 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
     assert np.abs(off).max() < 1e-10
     assert task.chain.within_limits(poses).all()
     assert (task.clearance(poses) >= task.margin).all()
+    monkeypatch.setattr("pipeline.planning.self_motion.TOGETHER", 1)
+    np.testing.assert_array_equal(curves(task, np.array([2]), SPACING)[0], poses)
     if arm == "seven":
         # the control: the curve of one start alone misses branches
         (poses,) = curves(task, np.array([2]), SPACING, 1)
