@@ -59,8 +59,8 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
             motion, inverse = tube.motion(share * minimum.x)
             if inverse is None:
                 continue
-            if problem.failure(motion) is None and value(motion) < least:
-                best, least = motion, value(motion)
+            if problem.failure(motion) is None and (own := value(motion)) < least:
+                best, least = motion, own
                 break
             if share == 1.0 and not np.isfinite(least):
                 best = motion
@@ -128,7 +128,8 @@ class _Tube:
         moved = across * w - self.weight * 2 * slope * share / problem.reach / share.size
         direction, none = inverse[..., -1], np.zeros_like(q[:1])
         slopes = np.vecdot(np.vstack([none, moved]) - np.vstack([moved, none]), direction)
-        (up, down), nominal = self._by_pose(np.stack([q + NUDGE * direction, q - NUDGE * direction]))
+        nudge = NUDGE * direction
+        (up, down), nominal = self._by_pose(np.stack([q + nudge, q - nudge]))
         by_pose = (up - down) / (2 * NUDGE)
         slopes += np.where(np.isfinite(by_pose), by_pose, 0.0)
         slopes[:-1] -= across * np.vecdot(w, nominal[0] - nominal[1]) / (2 * NUDGE)
