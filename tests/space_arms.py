@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +48,12 @@ def motion(frames: int) -> np.ndarray:
     return START + np.linspace(0, 1, frames)[:, None] * (END - START)
 
 
+_model = cache(pin.buildModelFromUrdf)
+
+
 def link_poses(robot: Robot, link: str, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (N, 3, 3) and positions (N, 3) of the frame of ``link``."""
-    model = pin.buildModelFromUrdf(robot.urdf)
+    model = _model(robot.urdf)
     data, frame = model.createData(), model.getFrameId(link, pin.FrameType.BODY)
     rotations, positions = [], []
     for row in q:

@@ -110,7 +110,8 @@ class SerialChain(Chain):
             raise
         inverse = inverse if square else across @ inverse
         # the least singular value is at least 1/‖J⁺‖_F
-        if not np.all(np.linalg.norm(inverse, axis=(-2, -1)) * LEAST_SINGULAR * self.scale <= 1):
+        doubtful = ~(np.linalg.norm(inverse, axis=(-2, -1)) * LEAST_SINGULAR * self.scale <= 1)
+        if doubtful.any() and self.singular(np.asarray(q)[doubtful]).any():
             self.require_regular(q, what=what)
         return inverse
 

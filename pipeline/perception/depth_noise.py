@@ -87,24 +87,18 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def near_a_sample(table: pd.DataFrame, step: float) -> np.ndarray:
-    """(rows,) whether the frames of ``table`` are NEAR a sample, ``step`` s from the next."""
-    share = np.mod(table["t"].to_numpy() / step, 1.0)
-    return np.minimum(share, 1 - share) <= NEAR
-
-
 def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataFrame:
     """Slope of each joint's error on its own deviation in the ``table`` of :func:`deviations`:
     frames, joint, number, slope, standard_error, scatter of both in rad; ``step`` s between
     samples; ``pose`` (n, n) rad² noise of a measured pose, taken out of both. Standard errors allow
     for what a take's errors share (Liang and Zeger 1986). A slope of fewer than two takes is a gap.
     """
-    rows, names, near = [], members(table, "e"), near_a_sample(table, step)
+    rows, names, share = [], members(table, "e"), np.mod(table["t"].to_numpy() / step, 1.0)
+    near = np.minimum(share, 1 - share) <= NEAR
     for frames, inside in ((NEAR_A_SAMPLE, near), (ALL, np.ones_like(near))):
-        part = table[inside]
-        share = np.mod(part["t"].to_numpy() / step, 1.0)
+        part, after = table[inside], share[inside]
         # a line between two samples averages their noise
-        noise = np.sum((1 - share) ** 2 + share**2) * np.diag(pose)
+        noise = np.sum((1 - after) ** 2 + after**2) * np.diag(pose)
         errors = values(part, "d").T, values(part, "e").T
         for joint, d, e, own in zip(names, *errors, noise, strict=True):
             slope, standard_error = _slope(d, e, part["take"], own)

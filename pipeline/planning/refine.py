@@ -59,8 +59,8 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
             motion, inverse = tube.motion(share * minimum.x)
             if inverse is None:
                 continue
-            if problem.failure(motion) is None and value(motion) < least:
-                best, least = motion, value(motion)
+            if problem.failure(motion) is None and (own := value(motion)) < least:
+                best, least = motion, own
                 break
             if share == 1.0 and not np.isfinite(least):
                 best = motion
@@ -128,15 +128,16 @@ class _Tube:
         moved = across * w - self.weight * 2 * slope * share / problem.reach / share.size
         direction, none = inverse[..., -1], np.zeros_like(q[:1])
         slopes = np.vecdot(np.vstack([none, moved]) - np.vstack([moved, none]), direction)
-        up, down = (self._by_pose(q + sign * NUDGE * direction) for sign in (1.0, -1.0))
-        by_pose = (up[0] - down[0]) / (2 * NUDGE)
+        nudge = NUDGE * direction
+        (up, down), nominal = self._by_pose(np.stack([q + nudge, q - nudge]))
+        by_pose = (up - down) / (2 * NUDGE)
         slopes += np.where(np.isfinite(by_pose), by_pose, 0.0)
-        slopes[:-1] -= across * np.vecdot(w, up[1] - down[1]) / (2 * NUDGE)
+        slopes[:-1] -= across * np.vecdot(w, nominal[0] - nominal[1]) / (2 * NUDGE)
         return float(value), self.spline.T @ slopes
 
     def _by_pose(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(M+1,) cost over the scale and barriers of angles and margin of each of the poses ``q``
-        (M+1, n), and (M, n) nominal steps there.
+        """(..., M+1) cost over the scale and barriers of angles and margin of each of the poses
+        ``q`` (..., M+1, n), and (..., M, n) nominal steps there.
         """
         problem, chain = self.problem, self.problem.chain
         bounded = np.isfinite(wide := chain.upper - chain.lower)
@@ -144,9 +145,11 @@ class _Tube:
         barrier = _barrier(problem.clearance(q) / problem.margin - 1)[0]
         if bounded.any():
             barrier = barrier + _barrier(sides)[0].mean(axis=-1).sum(axis=0)
-        result = self.weight * barrier / len(q)
-        result[:-1] += where_defined(self.cost, q[:-1], problem.steps) / self.scale
-        return result, problem.nominal(q[:-1])
+        result, begun = self.weight * barrier / q.shape[-2], q[..., :-1, :]
+        v = np.broadcast_to(problem.steps, (*begun.shape[:-1], problem.steps.shape[1]))
+        each = where_defined(self.cost, begun.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
+        result[..., :-1] += each.reshape(begun.shape[:-1]) / self.scale
+        return result, problem.nominal(begun)
 
 
 def _barrier(slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,6 +19,7 @@ ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curv
 COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
 SAME = 1e-4  # rad, between two solutions that are one
 LONGEST, PILOTS = 4000, 5  # points of a curve; steps at which its length is taken
+TOGETHER = 64  # curves that are followed at once, so many that a call's own time does not count
 
 
 def stages(problem: Problem, spacing: float, spacings: float) -> np.ndarray:
@@ -71,10 +72,12 @@ def curves(
     solutions, waiting = _solutions(problem, steps, count)
     passed = [solutions[s, :0] for s in range(len(steps))]
     while waiting.any():
-        lanes = np.flatnonzero(waiting.any(axis=1))
-        begun = solutions[lanes, waiting[lanes].argmax(axis=1)]
-        followed = _follow(problem, begun, targets[lanes], spacing)
-        for lane, points in zip(lanes, followed, strict=True):
+        several = max(TOGETHER // int(waiting.any(axis=1).sum()), 1)
+        lanes, starts = np.nonzero(waiting & (np.cumsum(waiting, axis=1) <= several))
+        followed = _follow(problem, solutions[lanes, starts], targets[lanes], spacing)
+        for lane, start, points in zip(lanes, starts, followed, strict=True):
+            if not waiting[lane, start]:  # the curve of an earlier start passes it
+                continue
             passed[lane] = np.concatenate([passed[lane], points])
             open_ = np.flatnonzero(waiting[lane])
             apart = problem.less_turns(solutions[lane, open_, None] - points)

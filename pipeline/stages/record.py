@@ -28,8 +28,7 @@ from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory import mocap, session
 from pipeline.laboratory.force import Cables, record_force
-from pipeline.laboratory.kinect import DepthCamera
-from pipeline.laboratory.sensor import draw_bias
+from pipeline.laboratory.kinect import DepthCamera, draw_bias
 from pipeline.laboratory.session import PerformedMotion, Session
 from pipeline.laboratory.swing import desired_path, desired_trajectory
 

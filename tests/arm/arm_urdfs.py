@@ -71,15 +71,6 @@ def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
     return chain_text(kinds, places, axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
-def sample_text() -> str:
-    """Pinocchio's own sample manipulator as a URDF."""
-    model = pin.buildSampleModelManipulator()
-    axes = {"JointModelRX": (1, 0, 0), "JointModelRY": (0, 1, 0), "JointModelRZ": (0, 0, 1)}
-    places = [*model.jointPlacements[1:], model.frames[model.getFrameId("effector_body")].placement]
-    turned = [axes[joint.shortname()] for joint in model.joints[1:]]
-    return chain_text(["revolute"] * model.nv, places, turned)
-
-
 def jn(count: int) -> list[str]:
     """The joints' names of such a URDF."""
     return [f"j{i + 1}" for i in range(count)]

@@ -1,5 +1,5 @@
-"""Serial chains of any joints and tasks against Pinocchio and NumPy, pose by pose; and arms of the
-public collection example-robot-data, which ``make test-all`` installs.
+"""Serial chains of any joints and tasks against Pinocchio and NumPy, pose by pose; arms of the
+public collection example-robot-data, which ``make test-all`` installs; trajectories of commands.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import space_arms
 from compiled_calls import from_python
 from scipy.spatial.transform import Rotation
 
+from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import ArmConstants
 from pipeline.arm.kinematics import (
     WIDTH,
@@ -23,12 +24,13 @@ from pipeline.arm.kinematics import (
     task_jacobian,
     tip,
 )
-from pipeline.arm.model import chain_of
+from pipeline.arm.model import chain_of, load_arm
 from pipeline.arm.rows import JOINTS, POSITION, ROTATION, block_rows
 from pipeline.arm.serial import LEAST_SINGULAR, rotation_vector
+from pipeline.core.columns import values
 from pipeline.core.errors import SingularJacobianError
 from pipeline.core.options.dataset import Robot
-from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text, sample_text
+from tests.arm.arm_urdfs import YOUBOT, by_pinocchio, jn, random_text
 
 R, P = "revolute", "prismatic"
 KINDS = [[R], [P, R], [R, R, P], [R, P, R, R], [R] * 5, [P, P, P, R, R, R], [R] * 7, [R, P] * 4]
@@ -39,41 +41,18 @@ LENGTH = 0.4
 PEERS = Path(__file__).parents[2] / ".venv-peers"
 UNIVERSAL = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow")]
 UNIVERSAL += [f"wrist_{j}_joint" for j in (1, 2, 3)]
-TIAGO = [f"arm_{j}_joint" for j in range(1, 8)]
-PUBLIC = {  # URDF, joints, tip, base
-    "UR5": ("ur_description/urdf/ur5_robot.urdf", UNIVERSAL, "tool0", "base"),
-    "UR10": ("ur_description/urdf/ur10_robot.urdf", UNIVERSAL, "ee_link", "base_link"),
-    "Panda": (
-        "panda_description/urdf/panda.urdf",
-        [f"panda_joint{j}" for j in range(1, 8)],
-        "panda_hand_tcp",
-        None,
-    ),
-    "xArm7": (
-        "xarm_description/urdf/xarm7.urdf",
-        [f"joint{j}" for j in range(1, 8)],
-        "link_eef",
-        None,
-    ),
-    "Kinova": (  # three of its joints are continuous
-        "kinova_description/robots/kinova.urdf",
-        [f"j2s6s200_joint_{j}" for j in range(1, 7)],
-        "j2s6s200_end_effector",
-        None,
-    ),
-    "TIAGo": ("tiago_description/robots/tiago.urdf", TIAGO, "arm_tool_link", "torso_lift_link"),
-    "TIAGo and its torso": (  # which slides
-        "tiago_description/robots/tiago.urdf",
-        ["torso_lift_joint", *TIAGO],
-        "hand_tool_link",
-        "base_link",
-    ),
-    "TALOS": (
-        "talos_data/robots/talos_reduced.urdf",
-        ["torso_1_joint", "torso_2_joint", *(f"arm_left_{j}_joint" for j in range(1, 7))],
-        "arm_left_6_link",
-        None,
-    ),
+PANDA, XARM = ([f"{name}{j}" for j in range(1, 8)] for name in ("panda_joint", "joint"))
+KINOVA = [f"j2s6s200_joint_{j}" for j in range(1, 7)]  # three of them are continuous
+TIAGO = ["torso_lift_joint", *(f"arm_{j}_joint" for j in range(1, 8))]  # the torso slides
+TALOS = ["torso_1_joint", "torso_2_joint", *(f"arm_left_{j}_joint" for j in range(1, 7))]
+PUBLIC = {  # URDF: joints, tip, base
+    "ur_description/urdf/ur5_robot": (UNIVERSAL, "tool0", "base"),
+    "ur_description/urdf/ur10_robot": (UNIVERSAL, "ee_link", "base_link"),
+    "panda_description/urdf/panda": (PANDA, "panda_hand_tcp", None),
+    "xarm_description/urdf/xarm7": (XARM, "link_eef", None),
+    "kinova_description/robots/kinova": (KINOVA, "j2s6s200_end_effector", None),
+    "tiago_description/robots/tiago": (TIAGO, "hand_tool_link", "base_link"),
+    "talos_data/robots/talos_reduced": (TALOS, "arm_left_6_link", None),
 }
 
 
@@ -84,27 +63,16 @@ def robot_of(name: str, file: Path) -> Robot:
         return Robot(str(YOUBOT), joints, "arm_tool", task=task, length=LENGTH)
     if name in ("UR5", "LWR4"):
         return replace(getattr(space_arms, name), length=0.3)
-    if name in PUBLIC:
-        places = PEERS.glob("lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots")
-        if (collection := next(places, None)) is None:
-            pytest.skip("example-robot-data is absent; `make test-all` installs it in .venv-peers")
-        urdf, *names = PUBLIC[name]
-        return Robot(str(collection / urdf), *names, length=0.3)
-    if name == "sample":
-        file.write_text(sample_text())
-        return Robot(str(file), jn(6), "tip")
     kinds = name.split("-")
     file.write_text(random_text(kinds, np.random.default_rng(len(kinds))))
     task = TASKS[len(kinds) - 1] if len(kinds) <= len(TASKS) else None
     return Robot(str(file), jn(len(kinds)), "tip", task=task, length=LENGTH)
 
 
-OURS = ["sample", "youbot", "UR5", "LWR4", *("-".join(kinds) for kinds in KINDS)]
+OURS = ["youbot", "UR5", "LWR4", *("-".join(kinds) for kinds in KINDS)]
 
 
-@pytest.fixture(
-    scope="module", params=OURS + [pytest.param(name, marks=pytest.mark.slow) for name in PUBLIC]
-)
+@pytest.fixture(scope="module", params=OURS)
 def robot(request, tmp_path_factory) -> Robot:
     return robot_of(request.param, tmp_path_factory.mktemp("urdf") / "robot.urdf")
 
@@ -127,11 +95,31 @@ def regular(chain, count: int = 150) -> np.ndarray:
     return q[least > 10 * LEAST_SINGULAR * chain.scale][:count]
 
 
-def test_pose_and_jacobian_are_pinocchios(robot, chain):
+def require_agreement(robot, chain) -> None:
+    """Pose and Jacobian are Pinocchio's, the inverse is NumPy's pseudoinverse."""
     q = poses(chain)
     places, jacobians = by_pinocchio(robot, robot.tool, q)
     np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
     np.testing.assert_allclose(chain.jacobian(q), jacobians, rtol=0, atol=1e-12)
+    q = regular(chain)
+    assert len(q) > 50
+    expected = np.linalg.pinv(chain.jacobian(q))
+    size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
+    np.testing.assert_allclose(chain.inverse_jacobian(q) / size, expected / size, atol=1e-12)
+
+
+def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(robot, chain):
+    require_agreement(robot, chain)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("urdf", PUBLIC)
+def test_arms_of_the_public_collection_are_pinocchios(urdf):
+    places = PEERS.glob("lib/*/site-packages/cmeel.prefix/share/example-robot-data/robots")
+    if (collection := next(places, None)) is None:
+        pytest.skip("example-robot-data is absent; `make test-all` installs it in .venv-peers")
+    robot = Robot(str(collection / f"{urdf}.urdf"), *PUBLIC[urdf], length=0.3)
+    require_agreement(robot, chain_of(robot))
 
 
 def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain, monkeypatch):
@@ -160,14 +148,6 @@ def test_the_jacobian_is_the_derivative_of_the_displacement(chain):
     for j, e in enumerate(np.eye(q.shape[1])):
         difference = chain.displacement(chain.pose(q - step * e), chain.pose(q + step * e))
         np.testing.assert_allclose(difference / (2 * step), chain.jacobian(q)[..., j], atol=1e-8)
-
-
-def test_the_inverse_is_numpys_pseudoinverse(chain):
-    q = regular(chain)
-    assert len(q) > 50
-    expected = np.linalg.pinv(chain.jacobian(q))
-    size = np.linalg.norm(expected, axis=(-2, -1), keepdims=True)
-    np.testing.assert_allclose(chain.inverse_jacobian(q) / size, expected / size, atol=1e-12)
 
 
 def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):
@@ -228,15 +208,12 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     assert np.abs(pin.log3(turns[0]) - rotation_vector(turns[0])).max() < 1e-10
 
 
-def test_every_batch_shape_holds_what_single_poses_give(chain):
+def test_every_batch_shape_holds_what_single_poses_give_and_poses_that_are_no_number_are_refused(
+    chain,
+):
     q, m, n = regular(chain, 6), len(chain.task), len(chain.lower)
-    tails = {
-        "pose": (12,),
-        "jacobian": (m, n),
-        "inverse_jacobian": (n, m),
-        "singular": (),
-        "within_limits": (),
-    }
+    tails = {"pose": (12,), "jacobian": (m, n), "inverse_jacobian": (n, m)}
+    tails |= {"singular": (), "within_limits": ()}
     for single in (q[0], q, q.reshape(2, 3, n), q[:0]):
         for method, tail in tails.items():
             batch = getattr(chain, method)(single)
@@ -246,13 +223,53 @@ def test_every_batch_shape_holds_what_single_poses_give(chain):
     command = np.zeros((2, 1, m + n))
     assert chain.nominal_step(q[:3], command).shape == (2, 3, n)
     assert chain.null_step(q[:3], command[..., :m]).shape == (2, 3, n)
+    for broken in (np.nan, np.inf):
+        bad = q.reshape(2, 3, -1).copy()
+        bad[1, 2, -1] = broken
+        with pytest.raises(SingularJacobianError, match=r"singular at 1 frame\(s\)") as refused:
+            chain.inverse_jacobian(bad, what="frame")
+        assert refused.value.evidence["index"] == (1, 2)
+        assert chain.singular(bad).sum() == 1
 
 
-@pytest.mark.parametrize("broken", [np.nan, np.inf])
-def test_a_pose_that_is_no_number_is_refused_with_its_place(chain, broken):
-    q = regular(chain, 6).reshape(2, 3, -1)
-    q[1, 2, -1] = broken
-    with pytest.raises(SingularJacobianError, match=r"singular at 1 frame\(s\)") as refused:
-        chain.inverse_jacobian(q, what="frame")
-    assert refused.value.evidence["index"] == (1, 2)
-    assert chain.singular(q).sum() == 1
+RATE, NAMES = 50.0, tuple("abcdefg")
+
+
+@pytest.fixture
+def motion() -> np.ndarray:
+    """(30, 7) rad, at rest over its first five steps."""
+    t = np.maximum(np.arange(30) - 5, 0) / 20
+    return 0.5 + np.sin(t)[:, None] * np.linspace(-1.2, 1.0, 7)
+
+
+def test_each_step_of_a_trajectory_is_the_displacement_between_two_poses(motion):
+    arm = replace(space_arms.revolute_arm(7), length=0.5)
+    table, pose = trajectory_table(arm, motion, RATE, NAMES), arm.pose(motion)
+    steps, places = values(table, "v") / RATE, values(table, "x")
+    turns = Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))
+    np.testing.assert_allclose(steps[:-1, :3], np.diff(pose[:, :3], axis=0), atol=1e-12)
+    expected = 0.5 * (turns[1:] * turns[:-1].inv()).as_rotvec()
+    np.testing.assert_allclose(steps[:-1, 3:], expected, atol=1e-12)
+    expected = 0.5 * (turns * turns[0].inv()).as_rotvec()
+    np.testing.assert_allclose(places, np.hstack([pose[:, :3], expected]), atol=1e-12)
+    assert not places[0, 3:].any() and not steps[:5].any() and not steps[-1].any()
+    # the control: rotations do not add up as positions do
+    np.testing.assert_allclose(places[-1, :3] - places[0, :3], steps.sum(axis=0)[:3], atol=1e-12)
+    assert np.abs(places[-1, 3:] - steps.sum(axis=0)[3:]).max() > 1e-3
+    # a redundant arm has its joints commanded too
+    table = trajectory_table(replace(arm, task=("x", "rz")), motion, RATE, NAMES)
+    assert list(table)[2:6] == ["x:x", "x:rz", "v:x", "v:rz"]
+    speeds = values(table, "u")
+    np.testing.assert_allclose(speeds[:-1], np.diff(motion, axis=0) * RATE, atol=1e-12)
+    assert not speeds[-1].any()
+
+
+def test_in_the_plane_the_pose_itself_is_commanded():
+    joints = ["joint_2", "joint_3", "joint_4"]
+    chain = load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {}).chain
+    q = np.linspace([-2.0, -1.5, -0.5], [-2.5, -1.0, -1.0], 20)
+    table = trajectory_table(chain, q, RATE, joints)
+    assert list(table) == ["k", "t", "x:x", "x:z", "x:phi", "v:x", "v:z", "v:phi"]
+    np.testing.assert_array_equal(values(table, "x"), chain.pose(q))
+    steps = values(table, "v")[:-1] / RATE
+    np.testing.assert_allclose(np.diff(values(table, "x"), axis=0), steps, atol=1e-15)

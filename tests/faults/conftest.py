@@ -37,9 +37,8 @@ from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.trajectory import write_trajectory
-from pipeline.laboratory.kinect import DepthCamera
+from pipeline.laboratory.kinect import DepthCamera, draw_bias
 from pipeline.laboratory.options import KinectOptions
-from pipeline.laboratory.sensor import draw_bias
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
 
 ROOT = Path(__file__).parents[2]

@@ -7,8 +7,6 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from fractions import Fraction
-from operator import mul
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +18,15 @@ import pipeline
 import pipeline.arm
 from pipeline.arm.model import load_arm
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.kinect import DepthCamera
+from pipeline.laboratory.kinect import (
+    DepthCamera,
+    axial_std,
+    draw_bias,
+    lateral_std,
+    read_depth,
+)
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.scene import cast, moved, prism
-from pipeline.laboratory.sensor import axial_std, draw_bias, lateral_std, read_depth
 
 URDF = Path(pipeline.arm.__file__).with_name("youbot.urdf")
 ARM = load_arm(URDF, ["arm_joint_2", "arm_joint_3", "arm_joint_4"], "arm_tool", {})
@@ -73,48 +76,6 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
         entered = np.abs(np.take_along_axis(ray, face, axis=-1)[..., 0])
         cosine = entered / np.linalg.norm(ray, axis=-1)
         np.testing.assert_allclose(np.cos(grazing[hit]), cosine[hit], rtol=1e-9)
-
-
-def exact_depth(solid: np.ndarray, x: float, y: float) -> float:
-    """Depth in rational arithmetic of the very corners; infinite where the ray meets nothing."""
-    first, second = ([[Fraction(c) for c in corner] for corner in end] for end in solid)
-    n, ray = len(first), (Fraction(x), Fraction(y), Fraction(1))
-    faces = [(first[i], second[i], first[(i + 1) % n]) for i in range(n)]
-    faces += [(first[0], first[1], first[2]), (second[0], second[2], second[1])]
-    low, high = Fraction(0), None
-    for a, b, c in faces:
-        u, v = ([p - q for p, q in zip(corner, a, strict=True)] for corner in (b, c))
-        normal = [u[i - 2] * v[i - 1] - u[i - 1] * v[i - 2] for i in range(3)]
-        distance, slope = (sum(map(mul, normal, p)) for p in (a, ray))
-        if distance < 0 and slope >= 0:
-            return np.inf
-        if distance < 0:
-            low = max(low, distance / slope)
-        elif slope > 0:
-            high = min(high or distance / slope, distance / slope)
-    return float(low) if high is not None and low < high else np.inf
-
-
-def test_a_ray_that_brushes_an_edge_meets_the_face_that_rational_arithmetic_says():
-    rng = np.random.default_rng(5)
-    met, single = [], []
-    # rays to either side of an edge between the ends, 1e-10 m off it
-    aside = np.array([1e-10, 0.0, 0.0])
-    for rotation in Rotation.random(40, rng=rng).as_matrix():
-        centre = np.array([*rng.uniform(-0.1, 0.1, 2), 1.2])
-        solid = moved(prism(BOX, -0.07, 0.07), rotation, centre)
-        edge = solid[0] + rng.random((4, 1)) * (solid[1] - solid[0])
-        for point in np.concatenate([edge - aside, edge + aside]):
-            x, y, _ = point / point[2]
-            depth = cast(solid, np.array([x]), np.array([y]))[0][0, 0]
-            exact = exact_depth(solid, x, y)
-            assert depth == pytest.approx(exact, rel=1e-12)
-            met.append(np.isfinite(exact))
-            rounded = solid.astype(np.float32).astype(float)
-            single.append(exact_depth(rounded, float(np.float32(x)), float(np.float32(y))))
-    # both sides occur, and single precision does not tell them apart
-    assert 100 < np.sum(met) < 280
-    assert np.sum(np.isfinite(single) != met) > 20
 
 
 def test_the_plane_of_a_face_may_pass_through_the_camera():

@@ -1,4 +1,6 @@
-"""The force rig: stationary moments, correlation in time, what the transducer adds."""
+"""The force rig: stationary moments, correlation in time, what the transducer adds; and options of
+the laboratory that describe nothing, refused with the key of their fault.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +10,16 @@ import numpy as np
 import pytest
 from scipy.special import i0e, i1e
 
-from pipeline.laboratory.force import (
-    Cables,
+from pipeline.core.errors import ConfigError
+from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
+from pipeline.laboratory.options import (
+    DynamicsOptions,
+    KinectOptions,
     Robots,
+    TrajectoryOptions,
     Transducer,
-    directions,
-    record_force,
-    slipping,
-    wander,
 )
+from pipeline.laboratory.session import open_session
 
 TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
 CABLES = Cables(TENSION, DIRECTION)
@@ -135,3 +138,35 @@ def test_a_cable_never_pushes_and_the_samples_where_it_would_are_counted():
     assert record.slack == np.sum(record.tension == 0.0) > 0
     taut = record_force(CABLES, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng)
     assert taut.slack == 0 < taut.tension[taut.time >= 5.0].min()
+
+
+MOTION = TrajectoryOptions(folded=(0.0, 0.0), extended=(0.5, 0.5))
+REFUSALS = [  # options, a change that makes no sense, the key of the fault
+    (MOTION, {"folded": (0.0,)}, "extended"),
+    (MOTION, {"rest": 0.6}, "duration"),
+    (DynamicsOptions(), {"servo_gain": 1000.0}, "servo_gain"),
+    (KinectOptions(), {"range": (4.5, 0.5)}, "range"),
+    (KinectOptions(), {"edge_lost": 0.9, "edge_mixed": 0.2}, "edge_mixed"),
+    (ROBOTS, {"concentration": (100.0,)}, "concentration"),
+]
+
+
+@pytest.mark.parametrize(("options", "change", "key"), REFUSALS)
+def test_options_without_a_meaning_are_refused_by_their_key(options, change, key):
+    with pytest.raises(ConfigError) as refused:
+        replace(options, **change)
+    assert refused.value.evidence["key"] == key
+
+
+@pytest.mark.parametrize(
+    ("change", "key"), [({"sway_std": (1e-3, 1e-3)}, "sway_std"), ({"play_joint": 4}, "play_joint")]
+)
+def test_the_disturbances_of_another_arm_are_refused(arm, dynamics, rng, change, key):
+    with pytest.raises(ConfigError, match=rf"laboratory\.dynamics\.{key}"):
+        open_session(arm.chain, replace(dynamics, **change), rng)
+
+
+@pytest.mark.parametrize(("tension", "tare"), [(TENSION[:2], 1.0), (TENSION, -1.0)])
+def test_a_force_record_that_cannot_be_made_is_refused(tension, tare, rng):
+    with pytest.raises(ConfigError, match=r"laboratory\.force"):
+        record_force(Cables(tension, DIRECTION), ROBOTS, Transducer(), tare, 1.0, rng)

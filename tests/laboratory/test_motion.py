@@ -113,21 +113,6 @@ def test_a_sampled_path_goes_through_its_poses_rests_where_it_rests_and_never_ov
     np.testing.assert_allclose((ahead - behind) / 2e-5, desired_joints(t, sampled)[1], atol=1e-3)
 
 
-def test_a_sampled_motion_is_performed_like_the_motion_that_was_sampled(
-    arm, trajectory, dynamics, sampled
-):
-    session = open_session(arm.chain, dynamics, np.random.default_rng(1))
-    slower = JointPath(0.9 * sampled.joints, sampled.rate)
-    one, other, turned = (
-        perform(session, motion, dynamics, np.random.default_rng(2)).truth
-        for motion in (trajectory, sampled, slower)
-    )
-    # sway and play, up to 0.05 rad of a joint, follow the speed, which the interpolant has to 1 %
-    assert 0 < np.abs(one - other).max() < 5e-4
-    # the control: a motion that is not the sampled one
-    assert np.abs(one - turned).max() > 1e-2
-
-
 def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
     def streams() -> list[np.random.Generator]:
         return [np.random.default_rng(seed) for seed in range(3)]
@@ -328,16 +313,3 @@ def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gear
     # rounding is uniform where the arm moves
     moving = np.abs(np.gradient(servo, axis=0)).min(axis=1) > 1e-4
     assert error[moving].std() == pytest.approx(1e-3 / np.sqrt(12), rel=0.05)
-
-
-def test_takes_of_one_stream_repeat_to_the_last_bit_and_sessions_differ(arm, trajectory, dynamics):
-    lab, other = (open_session(arm.chain, dynamics, np.random.default_rng(seed)) for seed in (1, 2))
-    assert lab.nominal is arm.chain
-    assert not np.any(lab.chain.lengths == other.chain.lengths)
-    assert not np.any(lab.encoder == other.encoder)
-    first, again, another = (
-        perform(lab, trajectory, dynamics, np.random.default_rng(seed)).motion_capture
-        for seed in (3, 3, 4)
-    )
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, another)

@@ -18,7 +18,7 @@ from pipeline.models.other_motions import MotionSteps, other_motions, pooled, re
 from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.verdicts.model_card import recommended
 
-RATE, STEPS, REST, TAKES = 100.0, 160, 20, 6
+RATE, STEPS, REST, TAKES = 100.0, 160, 20, 4
 POSE_NOISE = 3e-5  # rad, of a joint angle from the motion capture
 JOINTS = [f"joint_{number}" for number in range(1, 8)]
 PHYSICS = {
@@ -33,7 +33,7 @@ PHYSICS = {
     "any speed alike": PhysicsFactors(speed_exponent=0.0),
     "lasting": PhysicsFactors(lasting=4.0),
 }
-KNOWN, FRESH, WIDTH = 10, 8, 0.3  # motions to fit and choose by, to score on; rad between poses
+KNOWN, FRESH, WIDTH = 10, 6, 0.3  # motions to fit and choose by, to score on; rad between poses
 MATRIX = ("wishart", "gaussian")
 LIMIT = 0.05  # nats a step
 

@@ -60,6 +60,7 @@ YOUBOT = Robot(
     locked={"arm_joint_1": 2.9670597283903604, "arm_joint_5": 2.923426497090502},
     plane=True,
 )
+ARM, MODEL = arm_of(YOUBOT), pin.buildModelFromUrdf(YOUBOT.urdf)
 BENT = np.array([[2.0, -4.2, 1.2]])
 
 
@@ -67,19 +68,18 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
     """(9, 3) m, where Pinocchio has the youBot's markers at ``q`` (3,) rad: fixed to its joints as
     the segments hold them at zero.
     """
-    model, arm = pin.buildModelFromUrdf(YOUBOT.urdf), arm_of(YOUBOT)
-    data, held = model.createData(), pin.neutral(model)
-    joints = [model.getJointId(name) for name in YOUBOT.joints]
+    data, held = MODEL.createData(), pin.neutral(MODEL)
+    joints = [MODEL.getJointId(name) for name in YOUBOT.joints]
     for name, angle in YOUBOT.locked.items():
-        held[model.joints[model.getJointId(name)].idx_q] = angle
+        held[MODEL.joints[MODEL.getJointId(name)].idx_q] = angle
 
     def placed(angles: np.ndarray) -> list[pin.SE3]:
         at = held.copy()
-        at[[model.joints[joint].idx_q for joint in joints]] = angles
-        pin.forwardKinematics(model, data, at)
+        at[[MODEL.joints[joint].idx_q for joint in joints]] = angles
+        pin.forwardKinematics(MODEL, data, at)
         return [data.oMi[joint].copy() for joint in joints]
 
-    zero = arm.to_base(marker_places(np.zeros(3), PLACES, arm.chain))
+    zero = ARM.to_base(marker_places(np.zeros(3), PLACES, ARM.chain))
     frames = zip(placed(np.zeros(3)), placed(q), zero, strict=True)
     return np.array([(now * before.inverse()).act(m) for before, now, of in frames for m in of])
 
@@ -87,7 +87,7 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("plane", [True, False])
 def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     if plane:
-        solver, carry, q = points_in_plane(arm_of(YOUBOT), PLACES), of_youbot, BENT[0]
+        solver, carry, q = points_in_plane(ARM, PLACES), of_youbot, BENT[0]
     else:
         solver, q = points_in_space(UR5, mocap()), motion(FRAMES)[60]
 
@@ -114,26 +114,13 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
 
 
 def test_a_frame_is_solved_alike_alone_and_among_others():
-    solver = points_in_plane(arm_of(YOUBOT), PLACES)
+    solver = points_in_plane(ARM, PLACES)
     measured = noisy(np.repeat(of_youbot(BENT[0])[None], 7, axis=0))
     measured[3] = measured[3, ::-1]  # a frame that no posture fits takes the most steps
     starts = np.repeat(BENT + 0.1, 7, axis=0)
     together = solver.solve_all(measured, starts).q
     alone = [solver.solve(*each).q for each in zip(measured, starts, strict=True)]
     np.testing.assert_array_equal(together, alone)
-
-
-@pytest.mark.parametrize("gone", [[], [0, 4, 8], [3, 4, 5]])
-def test_the_planar_angles_err_as_the_least_squares_of_all_markers_do(gone):
-    solver, frames = points_in_plane(arm_of(YOUBOT), PLACES), 4000
-    measured = noisy(np.repeat(of_youbot(BENT[0])[None], frames, axis=0), seed=2)
-    measured[:, gone] = np.nan
-    error = solver.solve_all(measured, np.repeat(BENT, frames, axis=0)).q - BENT
-    ends = [[of_youbot(BENT[0] + way * d) for way in (1, -1)] for d in 1e-6 * np.eye(3)]
-    slopes = np.delete([(ahead - back) / 2e-6 for ahead, back in ends], gone, axis=1).reshape(3, -1)
-    law = NOISE**2 * np.linalg.inv(slopes @ slopes.T)
-    # the standard deviation of 4000 values is known to 1.1 %: four of those
-    np.testing.assert_allclose(error.std(axis=0), np.sqrt(np.diag(law)), rtol=0.045)
 
 
 def test_standard_errors_are_those_that_the_noise_makes(measured):
@@ -188,8 +175,8 @@ def test_a_body_that_slips_is_left_out_of_its_frames(measured):
     assert counts["undecided"] + counts["unfit"] == 10
 
 
-@pytest.mark.slow
 def test_joints_that_no_point_shows_are_named(measured):
+    measured = measured[:2]  # every frame is tried
     upper = {"upper_arm": MARKERS["upper_arm"]}
     with pytest.raises(RecordingError, match="leave joint_3, joint_4, joint_5, joint_6 open"):
         tracked(measured[:, UPPER], upper)
@@ -200,11 +187,12 @@ def test_joints_that_no_point_shows_are_named(measured):
 
 def test_postures_that_fit_alike_are_refused_until_one_is_named():
     hand = {"flange": MARKERS["flange"]}
-    observed = points(UR5, hand, motion(FRAMES))
+    q = motion(FRAMES)[:3]  # every frame is tried
+    observed = points(UR5, hand, q)
     with pytest.raises(RecordingError, match="8 postures of the arm fit"):
         tracked(observed, hand)
     track = tracked(observed, hand, posture=(START + 0.1).tolist())
-    np.testing.assert_allclose(track.q, motion(FRAMES), atol=1e-8)
+    np.testing.assert_allclose(track.q, q, atol=1e-8)
     # the shoulder of the LWR4 is spherical: what is beyond it fits two postures
     beyond = dict.fromkeys(("link_3", "link_5"), MARKERS["forearm"])
     beyond |= {"flange": MARKERS["flange"]}
@@ -230,8 +218,6 @@ def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_neve
 @pytest.mark.parametrize(
     ("markers", "posture", "words"),
     [
-        ({"elbow": {"a": [0, 0, 0]}}, None, "no frame 'elbow'"),
-        ({"base": {"a": [0, 0, 0]}}, None, "no joint of the arm moves 'base'"),
         ({"forearm": {"a": [0, 0]}}, None, "forearm needs markers|at least 3 items"),
         ({"forearm": {}}, None, "forearm needs markers|at least 3 items"),
         (MARKERS, [0.0] * 7, "7 angles for an arm of 6 joints"),

@@ -1,9 +1,12 @@
-"""The table of pipeline/laboratory/README.md states what the laboratory does, within limits."""
+"""The process noise of the laboratory has the numbers that pipeline/laboratory/README.md states,
+within their limits, and follows none of the motion models.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,8 +16,12 @@ from pipeline.core.config import CONF
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
+from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
 from pipeline.models.noise import mean_covariance, process_noise
+from pipeline.models.realizations import realize
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.commands import commanded_steps
 from pipeline.studies.which_decomposition.evidence import published
 from pipeline.verdicts.claims import parse_claims
@@ -31,27 +38,39 @@ ROWS = [
 STATED = {row[0]: row for row in ROWS}
 
 
-def moved(arm, motion, dynamics) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses (TAKES, M + 1, n) at the motion's steps; times (N,) and poses (TAKES, N, n) of the
-    servo's.
-    """
-    rng = np.random.default_rng(5)
-    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
+class Recorded(NamedTuple):
+    """Takes of one motion."""
+
+    q: np.ndarray  # (takes, M+1, 3) rad, at the motion's steps
+    v: np.ndarray  # (M, 3) commanded steps
+    noise: np.ndarray  # (takes, M, 3) rad
+    t: np.ndarray  # (N,) s, of the servo
+    paths: np.ndarray  # (takes, N, 3) rad
+
+
+def perform(arm, motion, dynamics, takes: int, seed: int) -> Recorded:
+    rng = np.random.default_rng(seed)
+    v = commanded_steps(desired_trajectory(arm.chain, motion), motion.rate)
+    grid = np.arange(len(v) + 1) / motion.rate
     poses, paths = [], []
-    for _ in range(TAKES):
-        t, q, _ = simulate_take(arm.chain, np.zeros(3), motion, dynamics, rng)
-        poses.append(expose(t, q, grid, dynamics, rng))
-        paths.append(q)
-    return np.array(poses), t, np.array(paths)
+    for _ in range(takes):
+        t, path, _ = simulate_take(arm.chain, np.zeros(3), motion, dynamics, rng)
+        poses.append(expose(t, path, grid, dynamics, rng))
+        paths.append(path)
+    q = np.array(poses)
+    return Recorded(q, v, process_noise(arm.chain, q, v), t, np.array(paths))
 
 
-def noise_numbers(arm, motion, dynamics, wanted: np.ndarray) -> dict[str, float]:
+@pytest.fixture(scope="module")
+def recorded(arm, trajectory, dynamics) -> Recorded:
+    return perform(arm, trajectory, dynamics, TAKES, 5)
+
+
+def noise_numbers(recorded: Recorded, wanted: np.ndarray) -> dict[str, float]:
     """Correlations and sizes of ω, the share of joint 3 that the others leave, and what is left of
     a deviation a frame of a depth camera later.
     """
-    q, _, _ = moved(arm, motion, dynamics)
-    v = commanded_steps(desired_trajectory(arm.chain, motion), motion.rate)
-    covariance = mean_covariance(process_noise(arm.chain, q, v))
+    q, covariance = recorded.q, mean_covariance(recorded.noise)
     std = np.sqrt(np.diag(covariance))
     numbers = {f"standard deviation {j + 1} of ω": std[j] for j in range(3)}
     for i, j in ((0, 1), (0, 2), (1, 2)):
@@ -72,7 +91,7 @@ def torque_numbers(arm, motion, dynamics) -> dict[str, float]:
     """Mean torque and one standard deviation at full speed, in N·m; the clearance apart, in which
     no motor moves the link.
     """
-    _, t, q = moved(arm, motion, replace(dynamics, clearance=0.0))
+    *_, t, q = perform(arm, motion, replace(dynamics, clearance=0.0), TAKES, 5)
     speed = np.gradient(q, t[1] - t[0], axis=1)
     acceleration = np.gradient(speed, t[1] - t[0], axis=1)
     pace = np.linalg.norm(desired_joints(np.clip(t, 0.0, motion.duration), motion)[1], axis=1)
@@ -106,13 +125,13 @@ def path_numbers(arm, motion) -> dict[str, float]:
 
 
 @pytest.fixture(scope="module")
-def numbers(arm, trajectory, dynamics) -> dict[str, float]:
+def numbers(arm, trajectory, dynamics, recorded) -> dict[str, float]:
     """Every number of the table, computed."""
     claims = read_yaml(ROOT / "reports/claims.yaml")["claims"]
     stated = published(parse_claims(claims))
     return (
         path_numbers(arm, trajectory)
-        | noise_numbers(arm, trajectory, dynamics, stated.covariance)
+        | noise_numbers(recorded, stated.covariance)
         | torque_numbers(arm, trajectory, dynamics)
     )
 
@@ -140,3 +159,79 @@ def test_every_number_is_within_its_limit(numbers):
         3,
         3,
     )
+
+
+@pytest.fixture(scope="module")
+def modelled(arm, recorded):
+    """Name → (model, free-running poses, noise) of the three models."""
+    q, v, noise, *_ = recorded
+    models = {
+        "additive": ScaledModel(mean_covariance(noise)),
+        "wishart": WishartModel(0.2),
+        "gaussian": GaussianModel(0.12, 25.0),
+    }
+    rng = np.random.default_rng(13)
+    steps = {
+        name: realize(model, arm.chain, q, v, "one_step", rng)[0][:, 1:]
+        for name, model in models.items()
+    }
+    nominal = q[:, 1:] - noise
+    return {name: (models[name], steps[name] - nominal) for name in models}
+
+
+def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded, modelled):
+    _, v, noise, *_ = recorded
+    pace = np.linalg.norm(v, axis=1)
+    moving = pace > 0.95 * pace.max()
+
+    def later(noise: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+        """Correlation of each joint's noise with itself so many steps later, and its band."""
+        x, fast = noise - noise.mean(axis=0), moving[steps:] & moving[:-steps]
+        pairs = zip(x[:, steps:][:, fast].T, x[:, :-steps][:, fast].T, strict=True)
+        correlation = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs]
+        return np.array(correlation), 4 / np.sqrt(len(noise) * fast.sum())
+
+    # a deviation lasts longer than a step, and then it swings back: the arm is held by its servo
+    for steps, least, sign in ((1, 0.3, 1), (5, 0.1, -1)):
+        assert np.all(sign * later(noise, steps)[0] > least)
+        for _, drawn in modelled.values():
+            correlation, band = later(drawn, steps)
+            assert np.all(np.abs(correlation) < band)
+            assert band < least
+
+
+def test_the_noise_does_not_wander_off_and_the_models_do(recorded, modelled):
+    def wandering(noise: np.ndarray) -> np.ndarray:
+        x = noise - noise.mean(axis=0)
+        return x.sum(axis=1).var(axis=0) / x.var(axis=0).sum(axis=0)
+
+    assert np.all(wandering(recorded.noise) < 0.05)
+    for _, drawn in modelled.values():
+        assert np.all(np.abs(wandering(drawn) - 1) < 4 * np.sqrt(2 / len(drawn)))
+
+
+def test_the_noise_grows_with_the_speed_neither_not_at_all_nor_in_proportion(
+    arm, trajectory, dynamics, recorded, modelled
+):
+    q, v, noise, *_ = recorded
+    pace = np.linalg.norm(v, axis=1) / np.linalg.norm(v, axis=1).max()
+    slow, fast = (pace > 0.3) & (pace < 0.6), pace > 0.95
+    middle = q[:, :-1].mean(axis=0)
+
+    def growth(std: np.ndarray) -> np.ndarray:
+        """Std of each joint over speed, slow against fast: 1 where they are in proportion."""
+        per_speed = std / pace[:, None].clip(1e-9)
+        return per_speed[slow].mean(axis=0) / per_speed[fast].mean(axis=0)
+
+    models = {
+        name: growth(np.sqrt(np.diagonal(model.covariance(arm.chain, middle, v), axis1=1, axis2=2)))
+        for name, (model, _) in modelled.items()
+    }
+    assert np.all(models["additive"] > 1.5)
+    for model in ("wishart", "gaussian"):
+        assert np.all(models[model] > 0.8)
+    assert np.all(growth(noise.std(axis=0)) < 0.7)
+    # control: a laboratory whose sway grows in proportion to the speed, or not at all, is seen
+    for exponent, least in ((1.0, 0.8), (0.0, 1.5)):
+        other = replace(dynamics, speed_exponent=exponent)
+        assert np.all(growth(perform(arm, trajectory, other, 25, 14).noise.std(axis=0)) > least)

@@ -1,0 +1,329 @@
+"""The parametric wrench model in plane and space against quadrature, simulation, the paper's
+formulas and limits; the random-matrix model against draws of the whole matrix and a bounded
+optimiser; Σ_S and Ψ_S from recorded Jacobians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cable_systems import directions_about, planar_cables, sample_wrench
+from scipy.integrate import quad
+from scipy.special import i0, i0e, i1, i1e
+from scipy.stats import ks_2samp, matrix_normal, vonmises
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.wrench.matrix import (
+    FORMS,
+    MatrixModel,
+    matrix_model,
+    moment_fit,
+    optimal_sigma_s,
+    sample_wrenches,
+    unbounded_sigma_s,
+)
+from pipeline.wrench.parametric import (
+    LARGE,
+    mean_resultant_length,
+    sample_directions,
+    wrench_covariance,
+    wrench_mean,
+)
+
+BAND = 4.5  # standard errors; six rows have 27 moments, which leave it with probability 2e-4
+
+
+def covariance_z(samples, covariance):
+    """Standardised deviations of the distinct sample (co)variances from ``covariance``."""
+    centred = samples - samples.mean(axis=0)
+    i, j = np.triu_indices(samples.shape[1])
+    products = centred[:, i] * centred[:, j]
+    return (products.mean(axis=0) - covariance[i, j]) * np.sqrt(len(samples)) / products.std(axis=0)
+
+
+def test_the_mean_length_is_a_ratio_of_bessel_functions_in_the_plane_and_of_hyperbolic_in_space():
+    kappa = np.array([0.01, 0.5, 4.0, 169.35, 600.0])
+    np.testing.assert_allclose(mean_resultant_length(kappa, 2), i1(kappa) / i0(kappa), rtol=1e-13)
+    closed = 1 / np.tanh(kappa) - 1 / kappa  # which loses digits as κ falls
+    np.testing.assert_allclose(mean_resultant_length(kappa, 3), closed, rtol=1e-13 / kappa.min())
+    assert np.abs(mean_resultant_length(kappa, 3) - mean_resultant_length(kappa, 2)).min() > 1e-4
+
+
+@pytest.mark.parametrize("p", [2, 3])
+def test_it_is_smooth_where_the_series_takes_over_and_finite_where_bessel_functions_fail(p):
+    below, above = mean_resultant_length(LARGE * np.array([1.0, 1 + 1e-9]), p)
+    assert above == pytest.approx(below, abs=1e-14)
+    lengths = mean_resultant_length(np.array([1e-8, 2e9, 1e15]), p)
+    np.testing.assert_allclose(lengths, [1e-8 / p, 1 - (p - 1) / 4e9, 1.0], rtol=1e-9)
+    assert 1 - lengths[1] == pytest.approx((p - 1) / 4e9, rel=1e-6)
+
+
+@pytest.mark.parametrize("mean", [[0.6, -0.8], [0.0, 0.6, -0.8]])
+def test_drawn_directions_have_the_law_of_an_independent_sampler_and_not_of_another_spread(mean):
+    rng = np.random.default_rng(61)
+    means, kappas = np.array([mean, mean]), np.array([3.0, 40.0])
+    drawn = sample_directions(means, kappas, 4000, rng)
+    assert drawn.shape == (4000, 2, len(mean))
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=-1), 1.0, rtol=1e-12)
+    for cable, kappa in enumerate(kappas):
+        other = directions_about(np.array(mean), kappa, 4000, rng)
+        for component in range(len(mean)):
+            assert ks_2samp(drawn[:, cable, component], other[:, component]).pvalue > 1e-4
+    assert ks_2samp(drawn[:, 0, -1], other[:, -1]).pvalue < 1e-10
+    again = sample_directions(means, kappas, 4000, np.random.default_rng(61))
+    np.testing.assert_array_equal(drawn, again)
+
+
+WIDE = [[4.0, 7.0, 2.5], [0.4, 2.1, 5.0], [0.5, 2.0, 1.0], [3.0, 8.0, 40.0]]
+WIDE = planar_cables(*map(np.array, WIDE))
+APART = replace(WIDE, attachment=np.array([[0.3, -0.2], [-0.5, 0.1], [0.2, 0.6]]))
+SPACE = replace(
+    WIDE,
+    direction=np.array([[0.36, 0.48, 0.8], [-0.6, 0.0, 0.8], [0.0, -0.8, 0.6]]),
+    attachment=np.array([[0.3, -0.2, 0.1], [-0.5, 0.1, 0.4], [0.2, 0.6, -0.3]]),
+)
+SYSTEMS = {"plane, one point": WIDE, "plane": APART, "space": SPACE}
+SYSTEMS["space, one point"] = replace(SPACE, attachment=None)
+
+
+@pytest.mark.parametrize(("theta", "kappa"), [(0.0, 0.5), (0.7, 4.0), (2.5, 169.35), (4.0, 2416.0)])
+def test_moments_of_one_cable_equal_those_integrated_over_its_direction(theta, kappa):
+    tension, sd = 5.0, 1.3
+    law = vonmises(kappa, loc=0.0)
+    edge = min(np.pi, 15 / np.sqrt(kappa))
+
+    def expectation(function):
+        def density(angle):
+            return function(theta + angle) * law.pdf(angle)
+
+        return quad(density, -edge, edge, epsabs=1e-13, epsrel=1e-13)[0]
+
+    mean = tension * np.array([expectation(np.cos), expectation(np.sin)])
+    square, mixed = expectation(lambda a: np.cos(a) ** 2), expectation(lambda a: np.sin(2 * a) / 2)
+    second = (tension**2 + sd**2) * np.array([[square, mixed], [mixed, 1 - square]])
+    cable = planar_cables(*(np.array([value]) for value in (tension, theta, sd, kappa)))
+    np.testing.assert_allclose(wrench_mean(cable), mean, atol=1e-10)
+    np.testing.assert_allclose(wrench_covariance(cable), second - np.outer(mean, mean), atol=1e-9)
+
+
+def test_in_the_plane_the_variances_of_the_force_are_the_papers_formulas():
+    angle = np.arctan2(WIDE.direction[:, 1], WIDE.direction[:, 0])
+    length = i1e(WIDE.concentration) / i0e(WIDE.concentration)
+    second_moment = WIDE.tension**2 + WIDE.tension_sd**2
+    a = second_moment - (length * WIDE.tension) ** 2
+    b = length * second_moment / WIDE.concentration
+    xx = np.sum(a * np.cos(angle) ** 2 - b * np.cos(2 * angle))
+    yy = np.sum(a * np.sin(angle) ** 2 + b * np.cos(2 * angle))
+    xy = np.sum(np.sin(2 * angle) * (a - 2 * b) / 2)
+    np.testing.assert_allclose(wrench_covariance(WIDE), [[xx, xy], [xy, yy]], rtol=1e-13)
+    # the forces of cables with attachments apart are the same
+    np.testing.assert_allclose(wrench_covariance(APART)[:2, :2], [[xx, xy], [xy, yy]], rtol=1e-13)
+
+
+@pytest.mark.parametrize("place", SYSTEMS)
+def test_simulated_wrenches_have_the_closed_forms_moments_and_the_small_angle_law_does_not(place):
+    system = SYSTEMS[place]
+    samples = sample_wrench(system, 100_000, np.random.default_rng(1))
+    mean, covariance = wrench_mean(system), wrench_covariance(system)
+    mean_z = (samples.mean(axis=0) - mean) / np.sqrt(np.diag(covariance) / len(samples))
+    assert samples.shape[1] == {"plane": 3, "space": 6}.get(place, system.dimension)
+    assert np.abs(mean_z).max() < BAND
+    assert np.abs(covariance_z(samples, covariance)).max() < BAND
+    maps, columns = system.maps(), system.jacobian()
+    across = system.tension**2 / system.concentration
+    small_angle = np.einsum("mip,m,mjp->ij", maps, across, maps)
+    small_angle += (columns * (system.tension_sd**2 - across)) @ columns.T
+    assert np.abs(covariance_z(samples, small_angle)).max() > 5 * BAND
+
+
+def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law():
+    kappa = 1e5
+    with np.errstate(over="ignore"):
+        assert np.isinf(i0(kappa))
+    assert mean_resultant_length(kappa, 2) == pytest.approx(1 - 1 / (2 * kappa), abs=1 / kappa**2)
+    cable = planar_cables(*(np.array([v]) for v in (6.0, np.pi / 2, 2.0, kappa)))
+    np.testing.assert_allclose(np.diag(wrench_covariance(cable)), [36.0 / kappa, 4.0], rtol=0.2)
+    np.testing.assert_allclose(wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"concentration": np.zeros(3)}, "concentration > 0"),
+        ({"tension_sd": -np.ones(3)}, "tension_sd"),
+        ({"direction": WIDE.direction[:2]}, "direction has shape"),
+        ({"direction": 2 * WIDE.direction}, "unit vectors"),
+        ({"direction": np.ones((3, 1))}, "and 2 or 3"),
+        ({"attachment": np.zeros((3, 3))}, "attachment has shape"),
+        ({"tension": np.full(3, np.nan)}, "not finite"),
+    ],
+)
+def test_values_without_a_law_are_refused(change, words):
+    with pytest.raises(ModelDomainError, match=words):
+        replace(WIDE, **change)
+
+
+MODEL = MatrixModel(
+    np.array([[0.9, -0.4, 0.1], [0.3, 0.8, -1.0]]),
+    np.array([0.5, -1.0, 2.0]),
+    actuation_cov=np.array([[2.0, 0.5, 0.0], [0.5, 1.0, -0.3], [0.0, -0.3, 1.5]]),
+    psi=np.array([[1.0, 0.3, 0.0], [0.3, 0.6, 0.1], [0.0, 0.1, 1.4]]),
+)
+SIGMA_S = np.array([[0.5, 0.2], [0.2, 0.3]])
+N = 100_000
+
+
+def whole_matrix_wrenches(rng):
+    """W = S·T with S drawn entry by entry: S̲ + Σ_S^½ Z Ψ_S^½."""
+    left, right, of_actuation = map(np.linalg.cholesky, (SIGMA_S, MODEL.psi, MODEL.actuation_cov))
+    noise = left @ rng.standard_normal((N, 2, 3)) @ right.T
+    actuation = MODEL.actuation + rng.standard_normal((N, 3)) @ of_actuation.T
+    return np.einsum("knm,km->kn", MODEL.jacobian + noise, actuation)
+
+
+def random_systems(count, agents, rng):
+    ends = ((1.8, 14), (0, 6.3), (0.5, 2.3), (100, 2400))
+    return planar_cables(*(rng.uniform(*each, (count, agents)) for each in ends))
+
+
+def test_products_of_whole_random_matrices_have_the_closed_forms_moments():
+    samples = whole_matrix_wrenches(np.random.default_rng(3))
+    covariance = MODEL.covariance(SIGMA_S)
+    off = samples.mean(axis=0) - MODEL.jacobian @ MODEL.actuation
+    assert np.abs(off / np.sqrt(np.diag(covariance) / N)).max() < BAND
+    assert np.abs(covariance_z(samples, covariance)).max() < BAND
+    identity = replace(MODEL, psi=np.eye(3))
+    assert np.abs(covariance_z(samples, identity.covariance(SIGMA_S))).max() > 2 * BAND
+
+
+def test_reduced_sampling_has_the_law_of_the_whole_product_and_a_normal_law_has_not():
+    rng = np.random.default_rng(4)
+    whole, reduced = whole_matrix_wrenches(rng), sample_wrenches(MODEL, SIGMA_S, N, rng)
+    normal = rng.multivariate_normal(MODEL.jacobian @ MODEL.actuation, MODEL.covariance(SIGMA_S), N)
+    for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, -0.8]):
+        assert ks_2samp(whole @ direction, reduced @ direction).pvalue > 1e-3
+    assert ks_2samp(whole[:, 0], normal[:, 0]).pvalue < 1e-6
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_optimum_has_the_conditions_of_a_minimum_and_no_feasible_step_from_it_is_lower(form):
+    rng = np.random.default_rng(6)
+    systems = random_systems(400, 2, rng)
+    model, covariance = matrix_model(systems), wrench_covariance(systems)
+    unbounded, mask = unbounded_sigma_s(model, covariance), np.eye(2) if form == "diagonal" else 1
+    closed, held = optimal_sigma_s(unbounded, form)
+    # Karush-Kuhn-Tucker of min ‖Σ − M‖ over Σ ≥ 0, a convex problem
+    multiplier, size = closed - unbounded * mask, np.abs(unbounded).max()
+    for cone in (closed, multiplier):
+        assert np.linalg.eigvalsh(cone).min() > -1e-12 * size
+    assert np.abs(np.trace(closed @ multiplier, axis1=1, axis2=2)).max() < 1e-12 * size**2
+    np.testing.assert_array_equal(held, np.sum(np.linalg.eigvalsh(unbounded * mask) < 0, axis=-1))
+    assert np.sum(held > 0) >= 10 and np.sum(held == 0) >= 10
+
+    def objective(sigma_s):
+        """The paper's norm of the difference of the variances, or of the whole covariances."""
+        return np.linalg.norm((model.covariance(sigma_s) - covariance) * mask, axis=(1, 2))
+
+    for factor in [np.zeros((2, 2)), *rng.normal(size=(20, 2, 2))]:
+        other = 1e-2 * (factor @ factor.T) * mask
+        assert np.all(objective(0.9 * closed + 0.1 * other) >= objective(closed) * (1 - 1e-12))
+
+
+def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_variances_are_greater():
+    systems = random_systems(300, 5, np.random.default_rng(7))
+    model, covariance = matrix_model(systems), wrench_covariance(systems)
+    unbounded = unbounded_sigma_s(model, covariance)
+    full, held = optimal_sigma_s(unbounded, "full")
+    fitted = model.covariance(full)
+    assert 0.5 < np.mean(held == 0) < 1
+    np.testing.assert_allclose(fitted[held == 0], covariance[held == 0], rtol=1e-11, atol=1e-12)
+    assert np.all(np.trace(fitted - covariance, axis1=-2, axis2=-1)[held > 0] > 0)
+    diagonal, entries = optimal_sigma_s(unbounded, "diagonal")
+    difference = model.covariance(diagonal) - covariance
+    np.testing.assert_allclose(np.einsum("...ii->...i", difference)[entries == 0], 0.0, atol=1e-12)
+    # without off-diagonal terms the covariance of the two components is that of the actuation alone
+    assert np.abs(difference[..., 0, 1]).max() > 0.01
+
+
+def test_covariances_that_are_none_and_cables_without_tension_are_refused():
+    rng = np.random.default_rng(8)
+    with pytest.raises(ModelDomainError, match="Σ_S"):
+        sample_wrenches(MODEL, np.array([[1.0, 2.0], [2.0, 1.0]]), 3, rng)
+    with pytest.raises(ModelDomainError, match="need variance"):
+        moment_fit(np.tile(MODEL.jacobian, (5, 1, 1)))
+    with pytest.raises(ModelDomainError, match="tension"):
+        slack = planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))
+        unbounded_sigma_s(matrix_model(slack), np.eye(2))
+
+
+MEAN = np.array([[0.9, -0.4, 0.1, 0.5], [0.3, 0.8, -1.0, 0.2]])
+SIGMA_CABLES = np.array([[5.0, 2.0], [2.0, 3.0]]) * 1e-4
+# its trace is the number of cables
+PSI = np.diag([0.4, 0.6, 2.0, 1.0]) + np.diag([0.1, 0.1, -0.3], 1) + np.diag([0.1, 0.1, -0.3], -1)
+CABLES = MatrixModel(MEAN, np.array([3.0, 5.0, 4.0, 4.5]), 0.2 * np.eye(4), PSI)
+
+
+def recorded(samples, seed, psi=PSI):
+    law = matrix_normal(MEAN, SIGMA_CABLES, psi)
+    return law.rvs(samples, random_state=np.random.default_rng(seed))
+
+
+def test_both_covariances_come_back_and_the_identity_would_not_fit():
+    fits = [moment_fit(recorded(400, seed)) for seed in range(60)]
+    for name, due in (("mean", MEAN), ("sigma_s", SIGMA_CABLES), ("psi", PSI)):
+        values = np.array([getattr(each, name) for each in fits])
+        z = (values.mean(axis=0) - due) / (values.std(axis=0, ddof=1) / np.sqrt(len(fits)))
+        assert np.abs(z).max() < 5  # 34 entries; covariances have a bias of 1/400 that is less
+        if name == "psi":
+            assert np.abs(values.mean(axis=0) - np.eye(4)).max() > 0.5
+            np.testing.assert_allclose([np.trace(value) for value in values], 4.0)
+
+
+def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1_over_kappa():
+    kappa = np.array([100.0, 700.0, 200.0, 400.0])
+    mean = planar_cables(*np.ones((4, 4))).direction
+    directions = sample_directions(mean, kappa, 20_000, np.random.default_rng(6))
+    fit = moment_fit(jacobians := np.swapaxes(directions, 1, 2))
+    psi, x = fit.psi, jacobians - fit.mean
+    # the trace is exact, whatever the law of the columns
+    total = np.mean(np.sum(x**2, axis=(1, 2)))
+    assert np.trace(fit.sigma_s) * np.trace(psi) == pytest.approx(total, rel=1e-12)
+    due = np.diag(4 / kappa / np.sum(1 / kappa))
+    # a variance of 20 000 draws is known to 1 %, a correlation to 0.007
+    np.testing.assert_allclose(np.diag(psi), np.diag(due), rtol=0.045)
+    scale = np.sqrt(np.diag(psi))
+    assert np.abs(psi / np.outer(scale, scale) - np.eye(4)).max() < 0.032
+    assert np.abs(psi - np.eye(4)).max() > 0.5
+
+
+def test_one_law_of_the_tensions_tells_a_trace_with_psi_times_sigma_but_neither_of_the_two():
+    other = replace(CABLES, psi=PSI[::-1, ::-1])
+    sigma_s = SIGMA_CABLES * CABLES.spread() / other.spread()
+    due = CABLES.covariance(SIGMA_CABLES)
+    np.testing.assert_allclose(other.covariance(sigma_s), due, rtol=1e-12)
+    assert np.abs(other.covariance(SIGMA_CABLES) / due - 1).max() > 0.001
+
+
+def test_several_known_tensions_tell_psi_and_sigma_but_for_one_factor():
+    i, j = np.triu_indices(4)
+
+    def psi_coefficients(tensions):  # TᵀΨT is linear in the entries Ψᵢⱼ, i ≤ j
+        return np.where(i == j, 1.0, 2.0) * tensions[:, i] * tensions[:, j]
+
+    rng = np.random.default_rng(42)
+    tensions = rng.uniform(1, 4, (10, 4))  # as many as Ψ has entries
+    still = np.zeros((4, 4))
+    known = [replace(CABLES, actuation=t, actuation_cov=still) for t in tensions]
+    covariances = np.array([model.covariance(SIGMA_CABLES) for model in known])
+    traces = np.trace(covariances, axis1=1, axis2=2)  # tr Σ_S·TᵀΨT
+    psi = np.zeros((4, 4))
+    psi[i, j] = psi[j, i] = np.linalg.solve(psi_coefficients(tensions), traces)
+    psi *= 4 / np.trace(psi)
+    np.testing.assert_allclose(psi, PSI, atol=1e-7)
+    sigma_s = covariances[0] / (tensions[0] @ psi @ tensions[0])
+    np.testing.assert_allclose(sigma_s, SIGMA_CABLES, rtol=1e-7)
+    # one fewer, or one alone in several sizes, leave Ψ open
+    for few in (tensions[:9], np.outer(rng.uniform(1, 4, 10), tensions[0])):
+        assert np.linalg.matrix_rank(psi_coefficients(few)) < 10
