@@ -16,10 +16,10 @@ from pipeline.core.config import CONF
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
+from pipeline.models.draws import realize
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
 from pipeline.models.noise import mean_covariance, process_noise
-from pipeline.models.realizations import realize
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.commands import commanded_steps
