@@ -91,9 +91,14 @@ class SerialChain(Chain):
         """(...,) True where the least singular value of J(q) is below :data:`LEAST_SINGULAR` of its
         scale, or ``q`` is not finite.
         """
-        finite = np.isfinite(q).all(axis=-1)
-        least = self.least_singular_value(np.where(finite[..., None], q, 0.0))
-        return ~(finite & (least >= LEAST_SINGULAR * self.scale))
+        finite, least = np.isfinite(q).all(axis=-1), LEAST_SINGULAR * self.scale
+        jacobian = self.jacobian(np.where(finite[..., None], q, 0.0))
+        gram = jacobian @ jacobian.swapaxes(-1, -2)
+        try:  # a tenth of the time of the singular values, which are above it if that ends
+            np.linalg.cholesky(gram - (1 + 1e-6) * least**2 * np.eye(len(self.task)))
+        except np.linalg.LinAlgError:
+            return ~(finite & (np.linalg.svd(jacobian, compute_uv=False)[..., -1] >= least))
+        return ~finite
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:

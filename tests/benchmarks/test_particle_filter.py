@@ -32,7 +32,7 @@ NEAR = 0.3
 def problem(benchmark, request, size) -> tuple[tuple[str, str, int], Take, int]:
     """Contest, a take of its arm and the number of particles."""
     benchmark.group, contest = request.param, CONTESTS[request.param]
-    return contest, take(size(30, 6), contest[0]), size(10_000, 500)
+    return contest, take(size(320, 6), contest[0]), size(1000, 500)
 
 
 def posterior_of(motion: Take, particles: int, seed: int = 1) -> Posterior:
@@ -70,7 +70,7 @@ def test_peer(benchmark, peer, problem, library):
 def test_threads(benchmark, size, threads):
     if len(os.sched_getaffinity(0)) < 2:
         pytest.skip("a single core")
-    motion, particles, takes = take(size(30, 12)), size(10_000, 500), 16
+    motion, particles, takes = take(size(320, 12)), size(1000, 500), 16
     role = {"role": "ours"} if threads == 2 else {"role": "peer", "target": 1.8}
     state(benchmark, motion, takes * particles, against="one thread", **role)
     one = partial(posterior_of, motion, particles)
