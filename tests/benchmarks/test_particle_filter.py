@@ -24,8 +24,8 @@ CONTESTS = {  # arm, law of the peers, times as fast as every library
 }  # fmt: skip
 THREADS = "Particle filter, Wishart model: takes on two threads"
 LIBRARIES = ("particles", "stonesoup")
-# standard deviations that posterior means of so many particles differ by, at most
-NEAR = 0.3
+# standard deviations that posterior means of so few particles differ by, at most
+NEAR = 0.4
 
 
 @pytest.fixture(params=CONTESTS)
@@ -54,14 +54,14 @@ def test_ours(benchmark, problem):
 
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_peer(benchmark, peer, problem, library):
-    """Its posterior means are ours."""
+    """Its posterior means are ours of ten times as many particles."""
     (_, law, target), motion, particles = problem
     if law == "Algorithm 1" and library != "particles":
         pytest.skip("one library is enough: the law takes nearly all of the time")
     state(benchmark, motion, particles, role="peer", target=target, against=library)
     run = peer(f"{library}_wishart", count=particles, law=law, **motion.plain())
     means = benchmark(run)
-    assert apart(np.array(means), posterior_of(motion, particles)) < NEAR
+    assert apart(np.array(means), posterior_of(motion, 10 * particles)) < NEAR
 
 
 # measured for longer than other contests, as other processes come and go in seconds
