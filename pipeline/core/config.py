@@ -70,6 +70,13 @@ def option_names(group: str) -> list[str]:
     return sorted(file.stem for file in (CONF / group).glob("*.yaml"))
 
 
+def require_dataset(name: object) -> None:
+    """Raise ConfigError with the names of all datasets where ``name`` is none of them."""
+    if name not in (names := option_names("dataset")):
+        message = f"no dataset {name!r}; there are {', '.join(names)}; new-dataset begins another"
+        raise ConfigError(message, key="dataset")
+
+
 def compose_config(params_file: Path) -> Config:
     """Return the validated configuration of ``params_file``; ConfigError with all faults."""
     params = _params(params_file)

@@ -49,14 +49,9 @@ def read(file: Path) -> Datasheet:
         message = "a datasheet needs about: subject, source and licence of its recordings"
         raise ConfigError(message, key="about", file=file)
     if any(unfilled_keys(about)):
-        _refuse(unfilled(file), file)
+        _refuse(unfilled_keys(read_yaml(file)), file)
     validated(About, about, "about", file)
     return Datasheet(file, values)
-
-
-def unfilled(file: Path) -> list[str]:
-    """Return the keys of a YAML file that have ??? for a value."""
-    return list(unfilled_keys(read_yaml(file)))
 
 
 def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:

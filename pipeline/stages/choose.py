@@ -17,16 +17,9 @@ PARAMS, CHOSEN = Path("params.yaml"), Path("data/dataset.txt")
 
 def run() -> None:
     """Write the name; ConfigError with the known datasets where its files are missing."""
-    name, names = read_yaml(PARAMS).get("dataset"), config.option_names("dataset")
-    if name not in names:
-        message = (
-            f"no dataset {name!r}; there are {', '.join(names)}, and new-dataset begins another"
-        )
-        raise ConfigError(message, key="dataset", file=PARAMS)
+    config.require_dataset(name := read_yaml(PARAMS).get("dataset"))
     if not (file := datasheet.path_of(name)).is_file():
-        message = (
-            f"the dataset {name!r} has an option file but no datasheet; new-dataset begins one"
-        )
+        message = f"{name!r} has an option file and no datasheet; new-dataset begins another"
         raise ConfigError(message, key="dataset", file=file)
     CHOSEN.parent.mkdir(exist_ok=True)
     CHOSEN.write_text(f"{name}\n")

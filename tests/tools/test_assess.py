@@ -22,7 +22,7 @@ from pipeline.models import load
 from pipeline.models.model import Commands
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
-from pipeline.tools.assess.command import assessment, new_takes
+from pipeline.tools.assess.command import assessment, new_takes, run_folder
 from pipeline.tools.assess.judge import LEVEL, Innovations, TakeVerdict, filtered, judge
 from pipeline.tools.export.command import exported
 
@@ -140,6 +140,8 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     write_movement(logs / "other", 1, offset=0.5)
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):
         new_takes(logs / "other", settings.dataset, q.mean(axis=0))
+    with pytest.raises(ConfigError, match="of the dataset other, of which no run is here"):
+        run_folder("other", Path("other.json"))
     with pytest.raises(RecordingError, match="no such file"):
         new_takes(logs / "absent", settings.dataset, q.mean(axis=0))
 

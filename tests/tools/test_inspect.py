@@ -201,6 +201,11 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
     assert "? the file does not say the unit of its lengths" in question
     # a terminal acts on nothing that a file holds
     assert "\x1b" not in lines[1] and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in lines[1]
+    # nor is a question repeated
+    (tmp_path / "rows").mkdir()
+    rows_file(tmp_path / "rows", "rigidbody,Hand,1,0", *BODY_ROWS)
+    lines = as_table([*findings, *inspect(tmp_path / "rows")], tmp_path).splitlines()
+    assert lines[-1] == "    ? as for the recording above"
     read = json.loads(as_json(findings))
     assert len(read) == 12 and read[0]["open"][0].keys() == {"question", "option"}
 

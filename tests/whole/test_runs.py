@@ -138,8 +138,8 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
     shown = succeeds(*status, cwd=copy)
     queued = re.findall(r"^\w{7}\s+(\S+)\s.*Queued", shown, re.MULTILINE)
     assert len(queued) == 5
-    # those of the seeds would run everything anew
-    assert "Removed" in succeeds("dvc", "queue", "remove", *queued[2:], cwd=copy)
+    # one is enough, and those of the seeds would run everything anew
+    assert "Removed" in succeeds("dvc", "queue", "remove", queued[0], *queued[2:], cwd=copy)
     # DVC's worker at times reads a message that is half written and waits ever after; what it ran
     # is judged all the same
     with suppress(TimeoutExpired):
@@ -149,13 +149,11 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
     shown = pd.read_csv(StringIO(succeeds(*show, cwd=copy)))
     assert shown.rev.tolist()[:2] == ["workspace", "main"]
     experiments = shown[2:].set_index("Experiment")
-    assert set(experiments.index) == set(queued[:2])
-    assert set(experiments[SET]) == {"qr", "qr_transposed"}
-    # each decomposition is another law and has another σ_B at the recorded level
-    assert shown[FITTED].nunique() == 3
+    assert experiments[SET].to_dict() == {queued[1]: "qr_transposed"}
+    # another law, which has another σ_B at the recorded level
+    assert shown[FITTED].nunique() == 2
 
-    (chosen,) = experiments.index[experiments[SET] == "qr_transposed"]
-    succeeds(*apply[:-1], chosen, cwd=copy)
+    succeeds(*apply[:-1], queued[1], cwd=copy)
     wishart = OmegaConf.load(copy / "data/config.yaml").models.wishart
     assert wishart.decomposition == "qr_transposed"
     status = succeeds("git", "status", "--porcelain", cwd=copy).splitlines()

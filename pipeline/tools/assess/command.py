@@ -70,8 +70,8 @@ def run_folder(dataset: str, model: Path) -> Path:
         composed = folder / config.COMPOSED
         if composed.is_file() and read_yaml(composed)["dataset"]["name"] == dataset:
             return folder
-    message = f"the model is one of {dataset}, and neither params.yaml's dataset nor a run in "
-    message += f"{CHARACTERIZED} is; run `dvc repro` on it, or characterize"
+    message = f"the model is of the dataset {dataset}, of which no run is here; set dataset: "
+    message += f"{dataset} in params.yaml and run `dvc repro`, or run characterize"
     raise ConfigError(message, file=model)
 
 

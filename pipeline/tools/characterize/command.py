@@ -125,7 +125,10 @@ def _dataset(
             text = Path(arm).read_text(errors="replace")
             links = {*re.findall(r'<link\s+name="([^"]+)"', text)}
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        filling.fill(_taken({k: usual[k] for k in usual if k in filling.left}), suggested=True)
+        taken = {key: value for key, value in usual.items() if key in filling.left}
+        for key, value in taken.items():
+            print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
+        filling.fill(taken, suggested=True)
         if "joint_log.start" in filling.left and {*filling.left} <= {*KEYS}:
             filling.fill({}, motion=motion or 1)
             print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
@@ -133,12 +136,6 @@ def _dataset(
     if left := filling.left:
         message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
-
-
-def _taken(values: dict[str, str]) -> dict[str, str]:
-    for key, value in values.items():
-        print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
-    return values
 
 
 @contextmanager

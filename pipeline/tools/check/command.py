@@ -31,9 +31,7 @@ ARGUMENTS = {"name": {"nargs": "?", "metavar": "DATASET", "help": HELP}}
 
 def run(name: str | None = None) -> None:
     """Print a line a fault; ConfigError where there are any."""
-    name, names = name or read_yaml(PARAMS).get("dataset"), config.option_names("dataset")
-    if name not in names:
-        raise ConfigError(f"no dataset {name!r}; there are {', '.join(names)}")
+    config.require_dataset(name := name or read_yaml(PARAMS).get("dataset"))
     option_file = config.CONF / "dataset" / f"{name}.yaml"
     found = dataset_faults(option_file)
     for number, fault in enumerate(found, start=1):

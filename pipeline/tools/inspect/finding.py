@@ -105,11 +105,14 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         alike = (one.units, one.markers, one.bodies, one.suggested, one.format, one.version)
         key = re.sub(r"\d+", "*", str(one.file)), str(alike), str([o for _, o in one.open])
         groups.setdefault(one.file if one.stops else key, []).append(one)
-    printed = []
+    printed, asked = [], []
     for group in groups.values():
+        first, again = group[0], group[0].open == asked
+        asked = first.open
         printed += _lines(group, folder)
-        printed += [f"    ? {question}: {option}" for question, option in group[0].open]
-        printed += [f"    ! {reason}" for reason in group[0].stops]
+        printed += [f"    ? {question}: {option}" for question, option in asked if not again]
+        printed += ["    ? as for the recording above"] * (again and bool(asked))
+        printed += [f"    ! {reason}" for reason in first.stops]
     printed += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
     # names come from the files: no control character reaches the terminal
     return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in p) for p in printed)
