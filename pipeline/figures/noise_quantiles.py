@@ -1,4 +1,4 @@
-"""Quantiles of the noise of a step, held out, against those of the normal law.
+"""Quantiles of the noise of a step, held out, against quantiles of the normal law.
 
 Orange and black: the two speed-scaled models. A panel for each joint: noise in the standard
 deviations that a plain model predicted, of motions that it was not fitted to. Noise as predicted
