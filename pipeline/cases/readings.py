@@ -17,9 +17,10 @@ from pipeline.models.wishart.decomposition import COMPUTED, chosen
 from pipeline.verdicts.claims import Claim, parse_claims
 from pipeline.verdicts.decision import decide, verdict_table
 from pipeline.verdicts.run import ArmNames
-from pipeline.verdicts.wording import FAILS, HOLDS, UNKNOWN, case_text
+from pipeline.verdicts.wording import case_text
 
 PAPER = Path("reports/claims.yaml")
+HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")
 COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}
 

@@ -12,7 +12,7 @@ import pandas as pd
 
 from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
-from pipeline.verdicts import scores, wording
+from pipeline.verdicts import scores
 from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
@@ -42,6 +42,8 @@ PARAMETERS = (
 )
 # numbers of summary.json by model and name of its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
+HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
+SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
 WHOSE = {
     "none": "computations without a recording",
     "synthetic": "synthetic recordings",
@@ -187,16 +189,12 @@ def readings(runs: Sequence[Run]) -> str:
         ruled = own.pivot(index="claim", columns="reading", values="holds")
         ruled = ruled[own["reading"].unique()]  # the run's own first
         first = ruled.iloc[:, 0]
-        changes = (ruled.ne(first, axis=0) & ruled.ne(wording.UNKNOWN)).any(axis=1) & first.ne(
-            wording.UNKNOWN
-        )
+        changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(UNKNOWN)
         for claim, words in ruled[changes].iterrows():
-            signs = words.map(wording.SIGNS)
+            signs = words.map(SIGNS)
             signs.iloc[0] = f"**{signs.iloc[0]}**"
             rows.append({"claim": claim, "dataset": run.dataset, **signs})
-        lacking = own[
-            own["holds"].eq(wording.UNKNOWN) & own["refused"].astype(object).fillna("").ne("")
-        ]
+        lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
         for reading, claims in lacking.groupby("reading", sort=False)["refused"]:
             why = re.split(r" \[|;", claims.iloc[0])[0]
             notes.append(f"- {run.dataset}, {reading}: {len(claims)} claims lack numbers ({why}).")

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from pipeline.verdicts.decision import Case
 
 MISSING = "–"
-HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"  # of a claim under another choice
-SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
 TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 
 
