@@ -138,10 +138,8 @@ def recorded_takes(robot: Robot, motion: Motion) -> Takes:
 
 
 def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:
-    """The camera that measured ``angles``, its noise estimated over ``window`` frames on either
-    side; ``angles`` and ``joints`` are tables of depth camera and motion capture.
-
-    Raises RecordingError where the takes are too few to estimate the noise from.
+    """The camera that measured the table ``angles``, its noise against the table ``joints`` over
+    ``window`` frames on either side; RecordingError for too few takes.
     """
     noise = leave_one_out(errors_of(angles, joints), window=window)
     return Camera(noise, {take.take: take for take in measurements(angles, noise)})

@@ -141,7 +141,7 @@ def case_evidence(
     dt: float,
 ) -> tuple[Evidence, list[str]]:
     """Return all evidence of ``case``, and the refusals of its models and filters.
-    ``outcomes`` are those of the models, by name. Without ``camera`` there is no evidence on sensor
+    ``outcomes`` by model. Without ``camera`` there is no evidence on sensor
     and filter. ``posteriors`` by filter, as :mod:`pipeline.core.filters` names them, and take, or
     why there is none: a filter that was lost on one take is no evidence. ``dt`` in s.
     """

@@ -20,13 +20,13 @@ from pipeline.verdicts.run import ArmNames
 from pipeline.verdicts.wording import case_text
 
 PAPER = Path("reports/claims.yaml")
-HOLDS, FAILS, UNKNOWN = WORDS = ("holds", "fails", "no evidence")
+HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")
 COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}
 
 
 def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
-    """The paper's claims, and after them those of the files ``conclusions``."""
+    """The paper's claims, then the claims of the files ``conclusions``."""
     return tuple(
         claim
         for file in (PAPER, *conclusions)
@@ -37,8 +37,6 @@ def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
 def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
     """A row for every case of ``claims``: the values that its rule compares, ``holds`` of the case,
     and the ``verdict`` of the claim, which holds in every case on which there is evidence.
-
-    ``arm`` is the one of the recordings.
     """
     rows = verdict_table(decide(claims, evidence, "paper", arm)).rename(columns={"id": "claim"})
     rows["holds"] = rows["holds"].map({True: HOLDS, False: FAILS}).fillna(UNKNOWN)

@@ -25,7 +25,7 @@ OUTLYING = 3  # times the greatest of the other lines
 
 
 def draw(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str) -> Figure:
-    """Fig. (STDq): one panel per joint, all on one scale; ``mode`` is that of the simulation."""
+    """Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
     across, size = style.beside(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
     lines = {"recorded": style.RECORDED} | style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)

@@ -1,7 +1,7 @@
 """Noise of the joint angles from the depth camera, over the time of the motion.
 
 (a) Mean and (b) standard deviation over the test takes of the angle from the depth image minus the
-one from motion capture, frame by frame. To look at: a mean away from zero is a bias, and what
+angle from motion capture, frame by frame. To look at: a mean away from zero is a bias, and what
 changes over the motion the filter must know frame by frame.
 """
 

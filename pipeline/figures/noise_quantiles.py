@@ -1,4 +1,4 @@
-"""Quantiles of the noise of a step, held out, against those of the normal law.
+"""Quantiles of the noise of a step, held out, against quantiles of the normal law.
 
 Black: speed-scaled; orange: speed-scaled, Student's t; blue: distance-scaled, Student's t.
 A panel for each joint: noise in the standard deviations that a plain model predicted, of motions

@@ -1,7 +1,7 @@
 """Error of the matrix model of the wrench, by number of cables.
 
 Histograms over random test systems of the distance between the output variances of the matrix model
-and those of the parametric model, relative to the latter; one colour per number of cables m, dark
+and of the parametric model, relative to the latter; one colour per number of cables m, dark
 for few and light for many, with the mean and the greatest error. To look at: where the histograms
 move as cables are added.
 """

@@ -236,7 +236,7 @@ def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
 
 
 def _ranges(run: Run) -> str:
-    """The ranges of all motions, and those of the analysed one."""
+    """Ranges of all motions and of the analysed motion."""
     tables = [run.tables[name] for name in ("motion_ranges", "ranges") if name in run.tables]
     seen = pd.concat(tables).drop_duplicates(["quantity", "name"])
     rows = seen[["quantity", "name", "unit", "least", "greatest"]].itertuples(index=False)

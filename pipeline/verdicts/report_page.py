@@ -128,7 +128,7 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
 
 
 def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
-    """The verdicts without a recording, those of ``here``, then those of the other robots."""
+    """Verdicts without a recording, from ``here``, then from the other robots."""
     by_name = {whose.dataset: whose for whose in decided}
     names = dict.fromkeys([d.WITHOUT_RECORDING, here.dataset, *ROBOTS])
     return [by_name[name] for name in names if name in by_name]

@@ -131,10 +131,11 @@ def filter_verdict(run: Run) -> str:
     else:
         text = f"On {run.dataset} no particle filter has {above}."
     if smaller := [name for name in smaller if name not in (*particle, MEMORY)]:
-        text += f" These have a smaller rms error in every joint: {_labels(smaller)}."
+        text += " These have a smaller rms error than the training mean in every joint: "
+        text += f"{_labels(smaller)}."
     if MEMORY in names:
-        has = "has" if MEMORY in higher else "has not"
-        text += f" The linear autoregressive filter {has} a higher log score."
+        has = "has a" if MEMORY in higher else "has no"
+        text += f" The linear autoregressive filter {has} higher log score than the training mean."
     return text
 
 

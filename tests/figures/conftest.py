@@ -42,20 +42,17 @@ def wrenches(rng) -> dict[str, pd.DataFrame]:
     fx, fy = (c.ravel() for c in cells)
     tables = {"force_density": [], "wrench_planes": [], "wrench_marginals": []}
     for source, width in (("measured", 1.0), ("modelled", 2.0)):
+        plane = {"x": x, "y": y, "density": np.exp(-(x**2 + y**2) / (2 * width**2)) / width**2}
+        line = {"value": grid, "density": np.exp(-(grid**2) / (2 * width**2)) / width}
         for name in ("C1", "C2"):
-            own = {"configuration": name, "source": source}
-            density = {"fx": fx, "fy": fy, "density": rng.random(len(fx))}
-            tables["force_density"].append(pd.DataFrame(own | density))
+            own = {"configuration": name, "source": source, "fx": fx, "fy": fy}
+            tables["force_density"].append(pd.DataFrame(own | {"density": rng.random(len(fx))}))
         for name in ("T3", "T4"):
             own = {"configuration": name, "source": source}
-            for pair in (("fx", "fy"), ("mx", "mz")):
-                density = np.exp(-(x**2 + y**2) / (2 * width**2)) / width**2
-                table = {"row_x": pair[0], "row_y": pair[1], "x": x, "y": y, "density": density}
-                tables["wrench_planes"].append(pd.DataFrame(own | table))
+            for a, b in (("fx", "fy"), ("mx", "mz")):
+                tables["wrench_planes"].append(pd.DataFrame(own | {"row_x": a, "row_y": b} | plane))
             for row in ("fx", "mz"):
-                density = np.exp(-(grid**2) / (2 * width**2)) / width
-                table = {"row": row, "value": grid, "density": density}
-                tables["wrench_marginals"].append(pd.DataFrame(own | table))
+                tables["wrench_marginals"].append(pd.DataFrame(own | {"row": row} | line))
     return {name: stacked(parts) for name, parts in tables.items()}
 
 

@@ -81,12 +81,17 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
 
 
 @pytest.fixture(scope="module")
-def base(common) -> pd.DataFrame:
-    return verdicts(Condition("wrench", 1), common)
+def cables(common) -> Common:
+    return replace(common, claims=tuple(c for c in CLAIMS if c.id.startswith("wrench")))
 
 
-def test_the_wrench_has_verdicts_that_follow_its_bounds(common, base):
-    wide = verdicts(Condition("wrench", 1, (("kappa", 0.01),)), common)
+@pytest.fixture(scope="module")
+def base(cables) -> pd.DataFrame:
+    return verdicts(Condition("wrench", 1), cables)
+
+
+def test_the_wrench_has_verdicts_that_follow_its_bounds(cables, base):
+    wide = verdicts(Condition("wrench", 1, (("kappa", 0.01),)), cables)
     held, other = (rows.drop_duplicates("claim").set_index("claim") for rows in (base, wide))
     assert held["verdict"]["wrench-mean-error-falls"] == "holds"
     values = [rows["value"]["wrench-greatest-error-20"] for rows in (held, other)]
@@ -100,11 +105,11 @@ def counted(condition, common):
     return verdicts(condition, common)
 
 
-def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, base, tmp_path, monkeypatch):
+def test_a_condition_of_a_killed_run_is_not_evaluated_again(cables, base, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     grid = [Condition("wrench", seed) for seed in (1, 2)]
     monkeypatch.setattr(stage, "verdicts", counted)
-    monkeypatch.setattr(stage, "laboratory_grid", lambda *_: (grid, common))
+    monkeypatch.setattr(stage, "laboratory_grid", lambda *_: (grid, cables))
     settings = SimpleNamespace(compute=Compute(workers=1))
     killed = stage.laboratory_verdicts(settings, None, None)
     assert next(killed)[0] == "wrench"

@@ -13,18 +13,9 @@ import pytest
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
+from pipeline.verdicts import paper
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide_each
-from pipeline.verdicts.paper import (
-    MISSING,
-    Source,
-    citations,
-    cited,
-    equations_page,
-    errata_page,
-    parse_errata,
-    parse_items,
-)
 from pipeline.verdicts.run import Run, read_run
 
 EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
@@ -37,7 +28,7 @@ FURTHER = [
     EQUATION | {"label": "const1"},
     FIGURE | {"without_code": "a photograph"},
 ]
-SMALL = parse_items([EQUATION, *FURTHER])
+SMALL = paper.parse_items([EQUATION, *FURTHER])
 
 
 @pytest.mark.parametrize(
@@ -51,9 +42,11 @@ SMALL = parse_items([EQUATION, *FURTHER])
     ],
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
-    assert cited(docstring, SMALL) == names
-    between = parse_items([EQUATION, *(EQUATION | {"label": name} for name in ("middle", "last"))])
-    assert cited("(NormStd)–(last)", between) == {"NormStd", "middle", "last"}
+    assert paper.cited(docstring, SMALL) == names
+    between = paper.parse_items(
+        [EQUATION, *(EQUATION | {"label": name} for name in ("middle", "last"))]
+    )
+    assert paper.cited("(NormStd)–(last)", between) == {"NormStd", "middle", "last"}
 
 
 @pytest.mark.parametrize(
@@ -64,7 +57,7 @@ def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(tm
     file = tmp_path / "code/step.py"
     file.write_text(f'class Step:\n    def sample(self):\n        """{docstring}."""\n')
     with pytest.raises(ConfigError, match="which the paper does not have") as refused:
-        citations(tmp_path / "code", SMALL)
+        paper.citations(tmp_path / "code", SMALL)
     assert refused.value.evidence["file"] == file
     assert refused.value.evidence["name"] == "code.step.Step.sample"
 
@@ -81,7 +74,7 @@ def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_pa
     (folder / "d.py").write_text(
         "\n".join([*texts, 'def e():\n    """Theorem 1"""\n', "def f(): pass\n"])
     )
-    sources = citations(tmp_path / "code", SMALL)
+    sources = paper.citations(tmp_path / "code", SMALL)
     names = {item: [source.name for source in by] for item, by in sources.items()}
     assert [source.tests_alone for source in sources["const1"]] == [True]
     expected = {
@@ -94,9 +87,9 @@ def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_pa
 
 def test_each_item_has_its_row_with_links_to_what_implements_and_shows_it():
     sources = {item.cited_as: [] for item in SMALL}
-    sources["NormStd"] = [Source("pipeline.a.b", Path("pipeline/a.py"))]
-    sources["cost"] = [Source("pipeline.c", Path("pipeline/c.py"), tests_alone=True)]
-    rows = equations_page(SMALL, sources).splitlines()
+    sources["NormStd"] = [paper.Source("pipeline.a.b", Path("pipeline/a.py"))]
+    sources["cost"] = [paper.Source("pipeline.c", Path("pipeline/c.py"), tests_alone=True)]
+    rows = paper.equations_page(SMALL, sources).splitlines()
     shown = "| [`pipeline.a.b`](../pipeline/a.py) | [`test_c`](../tests/a/test_b.py) |"
     assert rows[-5] == f"| Eq. 1 (NormStd) | Sec. 3 | A \\|norm\\|. {shown}"
     titles = [row.split(" | ")[0].removeprefix("| ") for row in rows[-5:]]
@@ -119,14 +112,14 @@ def test_each_item_has_its_row_with_links_to_what_implements_and_shows_it():
 )
 def test_a_malformed_item_is_refused_with_its_key(changes, key):
     with pytest.raises(ConfigError) as refused:
-        parse_items([EQUATION | changes, *FURTHER])
+        paper.parse_items([EQUATION | changes, *FURTHER])
     assert refused.value.evidence["key"].startswith(key)
 
 
 ROOT = Path(__file__).parents[2]
 PAPER = ROOT.parent / "shared/paper"
-ITEMS = parse_items(config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"])
-SOURCES = citations(ROOT / "pipeline", ITEMS)
+ITEMS = paper.parse_items(config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"])
+SOURCES = paper.citations(ROOT / "pipeline", ITEMS)
 DISPLAY = r"\\begin\{(equation|align|eqnarray|empheq)\}(.*?)\\end\{\1\}"
 PICTURE = r"\\begin\{(figure\*?)\}.*?\\label\{(\w+)\}"
 NAMED = r"\\textbf\{(Definition|Theorem) \d\}|\\begin\{(algorithm)\}"
@@ -247,7 +240,7 @@ JOINTS = ["shoulder", "elbow", "wrist"]
 def page(evidence, **changes) -> str:
     run = Run("lab", "paper", True, JOINTS, ["x", "z", "phi"], {}, {"fit": evidence}, {})
     decided = decide_each(parse_claims([CLAIM]), [run], [])
-    return errata_page(parse_errata([ENTRY | changes]), run, decided)
+    return paper.errata_page(paper.parse_errata([ENTRY | changes]), run, decided)
 
 
 def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
@@ -255,7 +248,7 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
     assert "**The paper** (Sec. 4): It is 0.25." in text
     assert "**In fact**: It is 0.2877." in text
     assert "- `tests/models/test_noise.py::test_one`" in text
-    assert f"It is {MISSING}." in page({})
+    assert f"It is {paper.MISSING}." in page({})
     # a variance a step as the standard deviation of the sum of so many steps
     added = {"claim": "sigma", "number": "published", "steps": 64}
     assert "It is 4." in page({}, values=VALUES | {"published": added})
@@ -278,16 +271,16 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
 )
 def test_a_malformed_entry_is_refused_with_its_name_and_key(changes, key):
     with pytest.raises(ConfigError) as refused:
-        parse_errata([ENTRY | changes])
+        paper.parse_errata([ENTRY | changes])
     assert refused.value.evidence["erratum"] == "bias"
     assert refused.value.evidence["key"].startswith(key)
 
 
 def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist():
-    errata = parse_errata(config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"])
+    errata = paper.parse_errata(config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"])
     run = read_run(ROOT / "reports/datasets/youbot.json")
     claims = parse_claims(config.read_yaml(ROOT / "reports/claims.yaml")["claims"])
-    assert MISSING not in errata_page(errata, run, decide_each(claims, [run], []))
+    assert paper.MISSING not in paper.errata_page(errata, run, decide_each(claims, [run], []))
     assert len({erratum.id for erratum in errata}) == len(errata)
     for erratum in errata:
         for test in erratum.tests:

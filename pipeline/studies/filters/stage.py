@@ -178,7 +178,7 @@ def better_or_worse(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def error_ratio(rows: pd.DataFrame) -> pd.Series:
-    """Return the mean of each of ``rows`` over that of the training mean."""
+    """Return the mean of each of ``rows`` over the training mean's."""
     return rows["mean"] / (rows["mean"] - rows["difference"].fillna(0.0))
 
 

@@ -2,7 +2,7 @@
 motion: the covariance of its next pose by each motion model, from the exact law of the legs' steps.
 
 From the pose the legs and J⁻¹ follow in closed form; where J⁻¹ is singular the legs do not hold the
-platform (Gosselin and Angeles 1990). A pose (12,) is that of the platform's frame in the base's:
+platform (Gosselin and Angeles 1990). A pose (12,) has the platform's frame in the base's:
 position (3, m) and rotation (9, row by row). The task's rows are its velocity and its angular
 velocity in the base's axes, the latter times a characteristic length.
 """
@@ -82,8 +82,8 @@ class PlatformMotion(Mechanism):
         return np.linalg.inv(self.inverse_jacobian(q))
 
     def covariances(self, model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (K, 6, 6) covariance of the legs after one step in m², and the one of the next
-        pose, J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length: of first order in the legs' noise.
+        """Return the (K, 6, 6) covariances of the legs after one step and of the next pose in m²,
+        J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length: of first order in the legs' noise.
         """
         legs, jacobian = model.covariance(self, self.q, self.v), self.jacobian(self.q)
         return legs, jacobian @ legs @ np.swapaxes(jacobian, -1, -2)
@@ -99,10 +99,8 @@ def straight(
     robot: Hexapod, start: np.ndarray, end: np.ndarray, limits: tuple[float, float], places: int
 ) -> PlatformMotion:
     """Return the motion from pose ``start`` (12,) to ``end`` (12,) at constant velocity and angular
-    velocity, in ``places`` equal steps; ``limits`` in m are those of the legs.
-
-    Raises ConfigError if a leg is beyond its limits, or if the legs do not hold the platform at a
-    pose or in between.
+    velocity, in ``places`` equal steps; ``limits`` of the legs in m. Raises ConfigError
+    if a leg is beyond its limits, or if the legs do not hold the platform.
     """
     before, after = (Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end))
     shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()

@@ -56,10 +56,8 @@ class Bench:
 
 
 def bench_of(file: Path, task: Sequence[str], pace: float) -> Bench:
-    """Return the arm of a dataset's option ``file`` with the rows ``task`` to plan, its own where
-    none are named; its motion's duration, rests and ramps divided by ``pace``.
-
-    Raises ConfigError for what is no arm, task or motion of it.
+    """Return the arm of a dataset's option ``file``, with the rows ``task`` to plan (its own where
+    none are named) and its motion's times divided by ``pace``; ConfigError.
     """
     section = read_yaml(file)
     robot = validated(Robot, section["robot"], "robot", file)
@@ -90,10 +88,8 @@ class Rig:
 
     def poses(self, path: np.ndarray, name: str) -> np.ndarray:
         """Return the (takes, M+1, n) poses in rad of the ``path`` (M+1, n) in rad performed by the
-        takes ``name``, at the exposures of a motion capture without noise of its own.
-
-        Raises ConfigError for a path that the arm cannot follow, SingularJacobianError where it
-        comes to a pose at which the sway has no law.
+        takes ``name``, without noise of motion capture. Raises ConfigError for a path that the arm
+        cannot follow, SingularJacobianError where the sway has no law.
         """
         motion, built = JointPath(path, self.bench.rate), self.bench.built
         motion.require_followable(built)

@@ -102,7 +102,7 @@ def cameras(
     """Return the depth camera on each of the CLOCKS, its noise estimated on that clock.
 
     ``angles`` has times by the estimated ``offsets`` in s of the takes' clocks; ``periods`` in s
-    are those of a frame and of a step. The joint angles stay as they were articulated.
+    of a frame and of a step. The joint angles stay as they were articulated.
     """
     (frame, step), t = periods, angles["t"]
     times = (t, t - angles["take"].map(offsets), t + frame, t - frame, np.rint(t / step) * step)

@@ -145,7 +145,7 @@ class Widths(NamedTuple):
 
     @property
     def difference(self) -> np.ndarray:
-        """(R, P) width of the Wishart model over the one of the Gaussian model."""
+        """(R, P) width of the Wishart model over the Gaussian model's."""
         total, n = np.linalg.norm(self.wishart, axis=-1).T, self.wishart.shape[-1]
         return total / (np.sqrt(n) * self.gaussian)
 
@@ -208,7 +208,7 @@ def evidence_rows(
     """Return the rows of the table ``evidence`` of one prior, whose paths are ``drawn``: for each
     of the ``tolerances`` f, and for the integral over f in ``span``, which is uniform in ln ln f.
 
-    Likelihoods are over the one of pivoted LU; intervals by the number of paths.
+    Likelihoods are over pivoted LU's; intervals by the number of paths.
     """
     quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
     grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []

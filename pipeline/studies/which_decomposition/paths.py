@@ -28,7 +28,7 @@ SPEED_TOLERANCE = 0.02  # relative, of the peak speed of a path of the task
 @dataclass(frozen=True)
 class TimeLaw:
     """Steps of a motion: rest, linear ramp, constant speed, linear ramp, rest; there and back both
-    in half the time each. Ranges are those of uniform laws.
+    in half the time each. Ranges belong to uniform laws.
 
     ``once`` is the share of the duration that the motion takes: below 1 it is as much faster and
     repeated. Means over all steps do not depend on the number of repetitions.
@@ -96,7 +96,7 @@ def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.
 def _feasible(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
 ) -> Paths:
-    """The feasible ones of a batch of paths start + size·shape, in the joints or in the task."""
+    """Feasible paths of a batch start + size·shape, in the joints or in the task."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
     q = q[~chain.singular(q)]
     q = q[frobenius(chain.inverse_jacobian(q)) < bound]

@@ -170,9 +170,8 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
 
 
 def level_rows(recorded: Recorded) -> pd.DataFrame:
-    """Return the table ``level``: σ_B by moments, at which the trace of the exact covariance of a
-    step, averaged over steps and takes, plus that of the measurement noise is the recorded one. A
-    reading without such a σ_B, as where a pivot vanishes on the motion, has gaps.
+    """Return the table ``level``: σ_B by moments, at which the mean trace of a step's covariance
+    and of the measurement noise is the recorded trace; NaN where a pivot vanishes on the motion.
 
     Raises ModelDomainError where the motion never rests and the measurement noise is not stated.
     """
