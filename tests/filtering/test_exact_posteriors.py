@@ -12,8 +12,7 @@ import pytest
 from exact_posterior import distance, kalman
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal, norm
-from sliding_arm import sliding_arm
-from space_arms import LWR4, link_poses
+from space_arms import LWR4, link_poses, sliding_arm
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
