@@ -91,9 +91,16 @@ class SerialChain(Chain):
         """(...,) True where the least singular value of J(q) is below :data:`LEAST_SINGULAR` of its
         scale, or ``q`` is not finite.
         """
-        finite = np.isfinite(q).all(axis=-1)
-        least = self.least_singular_value(np.where(finite[..., None], q, 0.0))
-        return ~(finite & (least >= LEAST_SINGULAR * self.scale))
+        finite, least = np.isfinite(q).all(axis=-1), LEAST_SINGULAR * self.scale
+        jacobian = self.jacobian(np.where(finite[..., None], q, 0.0))
+        square, others = jacobian @ jacobian.swapaxes(-1, -2), len(self.task) - 1
+        # the least squared singular value is det JJᵀ over the product of the others, which is at
+        # most a power of their mean: far above the bound no decomposition is needed
+        mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
+        near = ~(np.linalg.det(square) > 4 * least**2 * mean**others)
+        result = np.array(~finite)
+        result[near] |= ~(np.linalg.svd(jacobian[near], compute_uv=False)[..., -1] >= least)
+        return result[()]
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
