@@ -71,20 +71,3 @@ def points(robot: Robot, markers: dict, q: np.ndarray) -> np.ndarray:
         local = np.array(list(held.values()))
         places.append(position[:, None] + np.einsum("nab,mb->nma", rotation, local))
     return np.concatenate(places, axis=1)
-
-
-def sliding_arm(axes: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> SerialChain:
-    """Three joints that slide along the unit vectors ``axes`` (3, 3), a row a joint: the Jacobian
-    is the same at every pose, and under normal noise the particle filter has the Kalman filter for
-    its exact posterior.
-    """
-    placements, before = [], np.eye(3)
-    for axis in np.asarray(axes, dtype=float):
-        frame = np.linalg.svd(axis[None])[2].T[:, [1, 2, 0]]  # its third column along the axis
-        frame[:, 2] = axis
-        frame[:, 0] *= np.sign(np.linalg.det(frame))
-        placements.append([*(before.T @ frame).ravel(), 0.0, 0.0, 0.0])
-        before = frame
-    placements.append([*before.T.ravel(), 0.0, 0.0, 0.0])
-    limits = lower, upper, np.ones(3)
-    return SerialChain(("x", "y", "z"), 1.0, np.array(placements), np.ones(3, bool), *limits)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from planar_poses import chain
-from space_arms import sliding_arm
+from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.serial import SerialChain

@@ -12,7 +12,8 @@ import pytest
 from exact_posterior import distance, kalman
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal, norm
-from space_arms import LWR4, link_poses, sliding_arm
+from sliding_arm import sliding_arm
+from space_arms import LWR4, link_poses
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
