@@ -93,12 +93,14 @@ class SerialChain(Chain):
         """
         finite, least = np.isfinite(q).all(axis=-1), LEAST_SINGULAR * self.scale
         jacobian = self.jacobian(np.where(finite[..., None], q, 0.0))
-        gram = jacobian @ jacobian.swapaxes(-1, -2)
-        try:  # a tenth of the time of the singular values, which are above it if that ends
-            np.linalg.cholesky(gram - (1 + 1e-6) * least**2 * np.eye(len(self.task)))
-        except np.linalg.LinAlgError:
-            return ~(finite & (np.linalg.svd(jacobian, compute_uv=False)[..., -1] >= least))
-        return ~finite
+        square, others = jacobian @ jacobian.swapaxes(-1, -2), len(self.task) - 1
+        # the least squared singular value is det JJᵀ over the product of the others, which is at
+        # most a power of their mean: far above the bound no decomposition is needed
+        mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
+        near = ~(np.linalg.det(square) > 4 * least**2 * mean**others)
+        result = np.array(~finite)
+        result[near] |= ~(np.linalg.svd(jacobian[near], compute_uv=False)[..., -1] >= least)
+        return result[()]
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:

@@ -10,10 +10,9 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from pipeline.core.options.analysis import Positive
+from pipeline.core.options.analysis import NotNegative, Positive
 from pipeline.core.validation import Fault, options
 
-NotNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 BurstLength = Annotated[float, Field(ge=1)]  # frames, mean of the geometric length
 

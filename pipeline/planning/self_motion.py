@@ -19,7 +19,7 @@ ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curv
 COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
 SAME = 1e-4  # rad, between two solutions that are one
 LONGEST, PILOTS = 4000, 5  # points of a curve; steps at which its length is taken
-TOGETHER = 64  # curves that are followed at once, so many that a call's own time does not count
+TOGETHER = 32  # curves that are followed in one batch, where the time of a call itself is small
 
 
 def stages(problem: Problem, spacing: float, spacings: float) -> np.ndarray:
