@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.arm.planar import BLOCK
+from pipeline.models.draws import block_for
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
 from pipeline.models.normal import root
@@ -17,20 +17,18 @@ from pipeline.randommatrix.wishart import degrees_of_freedom
 
 
 def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
-    """(P, 3) draws of the next poses after ``q`` (P, 3) in rad under ``v`` (3,) or (P, 3), and
-    how many were clipped; a block at a time, as the compiled laws draw.
+    """(P, n) draws of the next poses after ``q`` (P, n) in rad under one command ``v`` or one for
+    each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
-    v = np.broadcast_to(v, q.shape)
+    v, size = np.broadcast_to(v, (len(q), np.shape(v)[-1])), block_for(chain).shape[1]
     blocks = [
-        _block(model, chain, q[i : i + BLOCK], v[i : i + BLOCK], rng)
-        for i in range(0, len(q), BLOCK)
+        _block(model, chain, q[i : i + size], v[i : i + size], rng) for i in range(0, len(q), size)
     ]
     return np.concatenate([drawn for drawn, _ in blocks]), sum(number for _, number in blocks)
 
 
 def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
-    inverse = chain.inverse_jacobian(q)
-    dq = np.matvec(inverse, v)
+    dq = chain.nominal_step(q, v)
     match model:
         case ScaledModel(gain=None):
             return q + dq + rng.standard_normal(q.shape) @ root(model.floor), 0
@@ -38,9 +36,10 @@ def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
             at_rest = rng.standard_normal(q.shape) @ root(model.floor)
             return q + dq + at_rest + dq * (rng.standard_normal(q.shape) @ root(model.gain)), 0
         case GaussianModel():
-            norm = frobenius(inverse)
-            scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / 9
-            noise = np.sqrt(scale * np.vecdot(v, v))[:, None] * rng.standard_normal(q.shape)
+            inverse, task = chain.inverse_jacobian(q), v[:, : len(chain.task)]
+            norm, entries = frobenius(inverse), inverse[0].size
+            scale = model.alpha**2 * np.maximum(model.u**2 - norm**2, 0.0) / entries
+            noise = np.sqrt(scale * np.vecdot(task, task))[:, None] * rng.standard_normal(q.shape)
             return q + dq + noise, int(np.count_nonzero(norm > model.u))
         case WishartModel():
             return q + _wishart(model, chain, q, v, rng), 0

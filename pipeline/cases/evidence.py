@@ -19,12 +19,12 @@ from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models import kinds
 from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of
+from pipeline.models.draws import realize, realized_moments
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.models.options import Options
 from pipeline.models.prediction import modelled_noise
-from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores

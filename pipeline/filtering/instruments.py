@@ -81,8 +81,7 @@ class EncoderNoise:
 
 
 def encoder_noise(errors: np.ndarray, dt: float) -> EncoderNoise:
-    """Estimate the noise from ``errors`` (takes, K, n) in rad, reading minus motion capture at
-    every step of ``dt`` (s).
+    """Estimate the noise from ``errors`` (takes, K, n), rad, reading minus truth every ``dt`` s.
 
     The correlation time is the sum of the correlations over all lags, of either sign, one value for
     all joints. The covariance of a step is pooled over as long on either side, about the mean of

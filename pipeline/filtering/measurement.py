@@ -43,8 +43,7 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True)
 class Measurements:
-    """The F frames of one take; ContractError where shapes disagree or a value is not finite, F = 0
-    is allowed.
+    """The F ≥ 0 frames of one take; ContractError for shapes that disagree, values not finite.
 
     A pose of the tip is its position and its rotation, row by row, displaced by d = 6 numbers, a
     way and a rotation vector, in m and rad in the base's axes. Of n joint angles d is n.

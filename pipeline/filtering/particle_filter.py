@@ -130,8 +130,7 @@ def domain_of(chain: Chain) -> Domain:
 def initial_particles(
     start: Start, chain: Chain, count: int, rng: np.random.Generator, take: str
 ) -> tuple[np.ndarray, int]:
-    """Draw (count, n) poses of the start's normal law within D_q; return them and the number of
-    rejected draws.
+    """Return (count, n) draws of the start's law within D_q, and the number of rejected ones.
 
     Raises ModelDomainError for moments that no normal law has, and DegenerateFilterError where
     ``count`` draws in a row lie outside.

@@ -49,9 +49,7 @@ def repeat(below, chosen):
 
 @inner
 def systematic(weights, chosen, scratch, rng):
-    """Shift a comb of P equidistant points by one uniform: counts are ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa
-    1996).
-    """
+    """Shift P equidistant points by one uniform: counts ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa 1996)."""
     below, count, shift = scratch[0], len(weights), rng.random()
     cumulate(weights, below)
     for i in range(count):
@@ -99,9 +97,7 @@ def independent(weights, chosen, points, cumulative, rng):
 
 @inner
 def residual(weights, chosen, scratch, rng):
-    """Keep ⌊P·w_i⌋ copies for certain and draw the others independently from what is left of the
-    weights (Liu & Chen 1998).
-    """
+    """Keep ⌊P·w_i⌋ copies and draw the others from what is left of w (Liu & Chen 1998)."""
     count, kept = len(weights), 0
     left = scratch[0][:count]
     for i in range(count):

@@ -60,9 +60,7 @@ def weigh(arm, space, frames, frame, before, q, log_weights, scratch):
 
 @inner
 def displacement(arm, measured, poses, rest, count):
-    """Fill ``rest`` (6, count) with the displacements of the ``measured`` tip of ``arm`` from its
-    pose at ``poses`` (n, count).
-    """
+    """Fill ``rest`` (6, count), displacements of the ``measured`` tip from ``poses`` (n, count)."""
     # the whole pose, in metres and radians, whatever the task
     whole = ArmConstants(
         arm.plane, arm.frames, arm.sliding, np.arange(ROWS), np.ones(ROWS), arm.least
@@ -181,8 +179,7 @@ def sequential_importance_sampling(
     outside (M+1,); the log-evidence; and the step at which all weights vanished or −1.
 
     ``law`` moves the particles from their first ``poses`` (n, P) in rad, which are overwritten, and
-    ``frames`` weigh them. Below an effective sample size of ``threshold``·P the ``scheme``
-    resamples.
+    ``frames`` weigh them. Below a sample size of ``threshold``·P the ``scheme`` resamples.
     """
     (n, count), grid = poses.shape, len(commands.v) + 1
     mean, covariance = np.empty((grid, n)), np.empty((grid, n, n))

@@ -1,5 +1,4 @@
-"""Standard errors and intervals of an estimator by the bootstrap over takes (Efron and Tibshirani,
-1993, Sec. 6 and 13).
+"""Errors and intervals of an estimator by the bootstrap over takes (Efron & Tibshirani 1993).
 
 Takes are independent of each other, the steps of a take are not. So whole takes are drawn with
 replacement, and the estimator is applied to each resampling: by what it kept of each take, or anew.
@@ -35,9 +34,7 @@ class Spread(NamedTuple):
 
 
 def resampled_estimator(recorded: Recorded, options: Options, found: Estimate) -> Estimator:
-    """The estimates of ``options`` from any of the takes of ``recorded``; ``found`` is the estimate
-    from all of them.
-    """
+    """Estimates of ``options`` from any takes of ``recorded``; ``found`` is from all of them."""
     return found.from_takes or partial(_anew, recorded, options)
 
 
@@ -46,9 +43,7 @@ def _anew(recorded: Recorded, options: Options, takes: np.ndarray) -> Estimates:
 
 
 def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Estimates | None:
-    """The estimates from one resampling of ``takes`` takes; None where it has none, as where one
-    take was drawn every time.
-    """
+    """Estimates from one resampling of ``takes`` takes; None where they have none."""
     try:
         return estimator(rng.integers(takes, size=takes))
     except (ModelDomainError, SolverError):
@@ -56,9 +51,7 @@ def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Est
 
 
 def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]:
-    """The spread of every estimate that all replicates have, and how many replicates have none; no
-    spread for fewer than two.
-    """
+    """Spread of every estimate of all (two or more) replicates; number of those without one."""
     table = _together(replicates)
     values = {
         name: Spread(float(each.std(ddof=1)), *map(float, percentile_interval(each.to_numpy())))

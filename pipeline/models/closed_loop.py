@@ -1,5 +1,4 @@
-"""The closed loop: the commands of an arm that corrects a share of what it is off its path, and
-that share by marginal likelihood.
+"""Commands of an arm that corrects a share of its deviation, and that share by likelihood.
 
 Closed-loop inverse kinematics (Siciliano et al., Robotics, 2009, Sec. 3.7): in place of v a model's
 law takes the command v_k + κ(x*_k − x(q_k)), κ = KΔt ∈ [0, 1]; open loop, the paper's form, is κ =
@@ -109,10 +108,7 @@ def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recor
 
 
 def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
-    """The model and κ of the closed loop whose fit is in ``folder``; None where there is none.
-
-    Raises what :func:`pipeline.models.kinds.fitted_model` does.
-    """
+    """The model and κ of the closed loop whose fit is in ``folder``; None where there is none."""
     closed = folder / FOLDER
     if not closed.is_dir():
         return None
@@ -151,8 +147,7 @@ def closed_loop_of(
 
 
 def fit_closed_loop(recorded: Recorded, options: Options, found: Estimate) -> ClosedLoopFit:
-    """κ̂ and the parameters by the estimator of ``options``, in turn until κ̂ has settled; those in
-    ``found`` are of the open loop.
+    """κ̂ and the parameters by ``options``, in turn until κ̂ settles; ``found`` is of the open loop.
 
     Raises ModelDomainError for a single take, without a known measurement noise or a covariance,
     SolverError where the two do not settle, and what the estimator raises.

@@ -18,9 +18,7 @@ TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own
 
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
-    """The optimal value to the least of TOLERANCES that the solver reaches; raises SolverError for
-    any status but optimal.
-    """
+    """Optimal value to the least of TOLERANCES that the solver reaches, or SolverError."""
     for tolerance in TOLERANCES:
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         try:

@@ -1,6 +1,4 @@
-"""Reader of exported motion models. It needs NumPy alone, and is what the tool export copies into
-the one Python file beside a model.
-"""
+"""Reader of exported models by NumPy alone, which the tool export copies beside a model."""
 
 from __future__ import annotations
 

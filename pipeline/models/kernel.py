@@ -64,8 +64,7 @@ def move(
     rng: np.random.Generator,
 ) -> int:
     """Fill ``moved`` (n, P) with draws of the next poses after ``q`` (n, P) in rad under the
-    command v + ``share``·(``target`` − x(q)), block by block; return for how many the noise was
-    clipped.
+    command v + ``share``·(``target`` − x(q)), by blocks; return how many had their noise clipped.
 
     A pose is NaN after a step from a singular one, where no model is defined. ``space`` is None of
     a planar chain, 1 of a serial one; ``block`` a buffer with the rows of the ``arm``; ``command``

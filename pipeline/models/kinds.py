@@ -19,12 +19,11 @@ import pipeline.models
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 
 if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
+    from numpy.random import Generator
 
     from pipeline.models.model import MotionModel
     from pipeline.models.options import Options
-    from pipeline.models.steps import Estimate, Recorded, Truth
+    from pipeline.models.steps import Estimate, Examined, Recorded, Truth
 
 NO_MODEL = "reason"  # in place of parameters: why the recordings give none
 
@@ -67,12 +66,8 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 
 
 def examined(
-    recorded: Recorded,
-    options: Options,
-    estimate: Estimate | None,
-    checks: int,
-    rng: np.random.Generator,
-) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
+) -> Examined:
     """Numbers and tables beside an ``estimate`` (None where the takes give none); ``rng`` chooses
     ``checks`` convex problems to solve as printed.
     """
@@ -111,9 +106,7 @@ def fitted_model(folder: Path) -> MotionModel:
 
 
 def fitted_models(names: Iterable[str], folder: Path, stage: str) -> dict[str, MotionModel]:
-    """Models of these ``names`` in ``folder``; one without a fit is left out, and its reason
-    printed as a line of the ``stage``.
-    """
+    """Models of these ``names`` in ``folder``; the ``stage`` prints why others are left out."""
     models = {}
     for name in names:
         try:

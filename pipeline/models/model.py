@@ -72,8 +72,7 @@ class MotionModel(Protocol):
     """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt.
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or longer is a command. All methods
-    raise SingularJacobianError where J(q) has no inverse, the moments ModelDomainError where they
-    do not exist.
+    raise SingularJacobianError where J(q) has no inverse, missing moments ModelDomainError.
     """
 
     def law(self, chain: Chain) -> Law:

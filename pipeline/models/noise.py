@@ -15,8 +15,7 @@ def process_noise(chain: Chain, q: np.ndarray, command: np.ndarray) -> np.ndarra
 
     ``q`` (takes, M+1, n) measured joint angles in rad; ``command`` (M, m) steps ẋᵈ_kΔt (m, rad), or
     (M, m + n) as the interface of chains has them. Measured minus nominal, as the additive model
-    (InvDiffRndm) and (Omegk) need it; (OmgReal) prints the opposite sign. Raises
-    SingularJacobianError.
+    (InvDiffRndm) and (Omegk) need it; (OmgReal) prints the opposite sign.
     """
     chain.require_regular(q[:, :-1], what="measured pose")
     nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], command)
@@ -24,9 +23,7 @@ def process_noise(chain: Chain, q: np.ndarray, command: np.ndarray) -> np.ndarra
 
 
 def mean_covariance(noise: np.ndarray) -> np.ndarray:
-    """(n, n) (1/M) Σ_k Σ̂_k in rad², the mean of the sample covariances of ``noise`` ω (takes, M,
-    n) at each step: the paper's Σ̂_ω.
-    """
+    """(n, n) Σ̂_ω = (1/M) Σ_k Σ̂_k in rad², Σ̂_k the covariance of ``noise`` ω (takes, M, n)."""
     return takes_moments(noise)[1].mean(axis=0)
 
 
@@ -34,8 +31,7 @@ def measurement_covariance(noise: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(n, n) Σ_m in rad²: the mean of the sample covariances of ``noise`` ω (takes, M, n) over the
     steps without a command, v_k = 0, where ω is the noise of its two measured poses alone.
 
-    ``v`` (M, m) or longer, commands. Raises ModelDomainError where the motion never rests, or for a
-    single take.
+    ``v`` (M, m) or longer. Raises ModelDomainError for a motion without rest or a single take.
     """
     still = ~np.any(v, axis=-1)
     if not np.any(still):
@@ -51,8 +47,7 @@ def rest_covariance(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     in rad over the takes, at the steps without a command.
 
     A measured pose's noise, and with it what a take is off all through, which Σ_m, of differences,
-    does not hold; a closed loop takes the arm at rest to be on its path. Raises as
-    :func:`measurement_covariance`.
+    does not hold; a closed loop takes the arm at rest to be on its path.
     """
     return measurement_covariance(q[:, :-1], v)
 

@@ -34,9 +34,7 @@ def principal_axes(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def root(covariance: np.ndarray) -> np.ndarray:
-    """(n, n) symmetric square root of ``covariance`` (n, n), which may be singular; raises as
-    :func:`principal_axes`.
-    """
+    """(n, n) symmetric square root of ``covariance`` (n, n), which may be singular."""
     variances, axes = principal_axes(covariance)
     return (axes * np.sqrt(variances)) @ axes.T
 

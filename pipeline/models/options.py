@@ -1,6 +1,4 @@
-"""Options that the option file of every motion model holds; a model adds its own in
-``KIND/options.py``.
-"""
+"""Options of every motion model; a model adds its own in ``KIND/fit.py``."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,11 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import measurement_covariance
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Examined = tuple[dict[str, float], dict[str, "pd.DataFrame"]]  # numbers and tables by name
 
 
 @dataclass(frozen=True)
@@ -81,9 +86,7 @@ class Truth(NamedTuple):
 
 
 def mean_log_likelihood(recorded: Recorded, model: MotionModel) -> float:
-    """Mean log density in nats (rad⁻ⁿ) of the recorded steps, rest included, under ``model`` with
-    Σ_m added.
-    """
+    """Mean log density in nats (rad⁻ⁿ) of the recorded steps under ``model`` with Σ_m added."""
     steps = recorded.chain, recorded.q, recorded.v, recorded.q_next
     return float(model.log_density(*steps, recorded.measurement).mean())
 
@@ -91,8 +94,7 @@ def mean_log_likelihood(recorded: Recorded, model: MotionModel) -> float:
 def moving_steps(
     q: np.ndarray, v: np.ndarray, noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command, the only
-    ones that inform a matrix model.
+    """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command.
 
     ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, m) or (takes, M, m) or longer. Raises
     ModelDomainError for a motion at rest throughout.
@@ -108,9 +110,7 @@ def moving_steps(
 
 @dataclass(frozen=True)
 class TakeVariances:
-    """Recorded variances of any of the takes of a motion, for estimates from moments and their
-    resamplings.
-    """
+    """Variances of any takes of a motion, for estimates from moments and their resamplings."""
 
     noise: np.ndarray  # (takes, M·n) ω in rad, about its mean over the takes
     still: np.ndarray  # (M,) steps that the measurement noise is taken from, where it is not known
@@ -130,8 +130,7 @@ class TakeVariances:
         """Traces (M,) of the sample covariance of the ``takes`` with these numbers, as often as
         each is named, at each step, and the trace of the measurement noise, in rad².
 
-        Raises ModelDomainError for a single take, and where the mean of the traces is not above the
-        measurement's.
+        Raises ModelDomainError for a single take and where no variance is left to the motion.
         """
         counts = np.bincount(takes, minlength=len(self.noise)).astype(float)
         different = int(np.count_nonzero(counts))

@@ -11,9 +11,7 @@ SYMMETRY_TOLERANCE = 1e-12
 
 
 def cholesky(matrix: np.ndarray, *, what: str) -> np.ndarray:
-    """(..., p, p) lower Cholesky factor; raises ModelDomainError naming ``what`` where it is not
-    positive definite.
-    """
+    """(..., p, p) lower Cholesky factor; ModelDomainError names ``what`` where there is none."""
     # NumPy's routine reads the lower triangle alone, and passes on what is not a number
     scale = np.abs(matrix).max()
     if (
@@ -50,8 +48,7 @@ def sample(
 def log_density(
     x: np.ndarray, mean: np.ndarray, rows: np.ndarray, columns: np.ndarray
 ) -> np.ndarray:
-    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q); the other arguments as in
-    :func:`sample`.
+    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q); others as in :func:`sample`.
 
     By Theorem 1 it is that of Xᵀ with Σ and Ψ exchanged. It serves tests alone.
     """

@@ -1,6 +1,4 @@
-"""χ² and normal variates of a block of poses in compiled code: those that NumPy's Generator draws,
-bit for bit.
-"""
+"""χ² and normal variates in compiled code, those that NumPy's Generator draws bit for bit."""
 
 from __future__ import annotations
 
@@ -42,9 +40,7 @@ def draw_variates(
 
 @inner
 def _gamma(rng: np.random.Generator, scale: float, slope: float) -> float:
-    """A gamma variate of shape above 1 as NumPy draws it (Marsaglia & Tsang 2000), whose constants
-    NumPy and numba compute anew for each.
-    """
+    """A gamma variate of shape above 1 as NumPy draws it (Marsaglia & Tsang 2000)."""
     while True:
         x = rng.standard_normal()
         v = 1.0 + slope * x

@@ -1,5 +1,4 @@
-"""The Wishart distribution W_n(d, Σ) with real degrees of freedom, and the MaxEnt law of a random
-matrix with mean I.
+"""The Wishart law W_n(d, Σ) of real degrees of freedom, and the MaxEnt law of matrices of mean I.
 
 Definition 2, Theorems 3 and 4, Eqs. (NormStd) and (Thetaa).
 """
@@ -67,8 +66,7 @@ def mean(d: float, sigma: np.ndarray) -> np.ndarray:
 
 
 def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
-    """Supremum of σ_B for which B ~ W_n(d, I/d), d = (n+1)/σ_B², has a density and B⁻¹ its first
-    ``inverse_moments`` moments.
+    """Supremum of σ_B for which B ~ W_n(d, I/d) has a density and B⁻¹ ``inverse_moments`` moments.
 
     They exist for d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance): Eq. (invmomnt).
     A matrix of one number has a density for every σ_B.
@@ -78,15 +76,12 @@ def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
 
 
 def maxent_theta(sigma_b: float, n: int) -> float:
-    """θ of Eq. (Thetaa) for the mean B̲ = I_n, where {tr B̲}²/tr B̲² = n: θ = (n+1)/σ_B² −
-    (n+1).
-    """
+    """θ = (n+1)/σ_B² − (n+1) of Eq. (Thetaa) for the mean I_n, where {tr B̲}²/tr B̲² = n."""
     return (1 + n) / sigma_b**2 - (n + 1)
 
 
 def degrees_of_freedom(sigma_b: float, n: int) -> float:
-    """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) with mean I_n and normalised standard
-    deviation ``sigma_b``.
+    """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) of mean I_n and dispersion ``sigma_b``.
 
     That law solves Eqs. (Maxenmeas)–(invmomnt).
     Raises ModelDomainError where σ_B is not positive or so large that B has no density.
@@ -102,8 +97,7 @@ def degrees_of_freedom(sigma_b: float, n: int) -> float:
 
 
 def normalized_std(samples: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """(...,) normalised standard deviation of Eq. (NormStd) over the first axis of ``samples`` (N,
-    ..., n, n).
+    """(...,) normalised standard deviation, Eq. (NormStd), of ``samples`` (N, ..., n, n).
 
     sqrt(mean ‖B − E[B]‖_F² / ‖E[B]‖_F²) with a given ``expected`` E[B] (n, n): no degree of freedom
     is spent on a sample mean.

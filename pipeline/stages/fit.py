@@ -17,9 +17,9 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import bootstrap, kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
+from pipeline.models.draws import realize, realized_moments
 from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
-from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.steps import Estimate, Recorded, mean_log_likelihood
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE

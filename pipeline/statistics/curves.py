@@ -1,12 +1,10 @@
-"""Modelled and recorded standard deviations over time, joint by joint: their agreement, tests and
-differences between models.
+"""Modelled and recorded standard deviations over time: agreement, tests, differences of models.
 
 A test of one joint compares the correlation of both standard deviations over time with a limit: √½,
 where the model explains half of the variation, or, if lower, a quantile of the correlation over
 draws of as many takes from the model itself, as few takes make the recorded curve uncertain. The
-power is the share of draws of constant noise that the limit rejects. Draws
-have the model's law at each step; their ranks follow a first-order autoregression as the recorded
-steps do on average (a Gaussian copula).
+power is the share of draws of constant noise that the limit rejects. Draws have the model's law at
+each step; their ranks follow the recorded first-order autoregression (a Gaussian copula).
 """
 
 from __future__ import annotations
@@ -37,9 +35,7 @@ NO_NOISE = "no_noise"  # in the place of a model
 
 @dataclass(frozen=True)
 class ModelledNoise:
-    """Exact moments of a model's process noise ω at the recorded poses and at the recorded level,
-    and draws of it.
-    """
+    """Moments and draws of a model's process noise ω at the recorded poses and level."""
 
     motion: np.ndarray  # (M, n) rad², mean over the takes of the variance of a step
     measurement: np.ndarray  # (n,) rad², variances of the measurement noise
@@ -158,9 +154,7 @@ def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.
 
 
 def _autoregression(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(M, REPLICATES, takes) standard normal variates, correlated from step to step as ``noise``
-    (takes, M) is.
-    """
+    """(M, REPLICATES, takes) standard normals, correlated as steps of ``noise`` (takes, M)."""
     takes, count = noise.shape
     share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
     variates = rng.standard_normal((count, REPLICATES, takes))
@@ -255,9 +249,7 @@ def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def _variances(counts: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(R, M, n) sample variances over the takes of ``noise`` (takes, M, n), as often as ``counts``
-    (R, takes) names them.
-    """
+    """(R, M, n) sample variances of ``noise`` (takes, M, n), takes by ``counts`` (R, takes)."""
     flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
     mean = counts @ flat / takes
     squares = np.maximum(counts @ flat**2 / takes - mean**2, 0)

@@ -22,8 +22,7 @@ PERMUTATIONS = 1999
 
 
 def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
-    """h_i = (MAD_i/0.6745)·(4/((p+2)N))^{1/(p+4)}, (p,), in the units of independent ``samples``
-    (N, p); MAD about the median.
+    """(p,) h_i = (MAD_i/0.6745)·(4/((p+2)N))^{1/(p+4)} of independent ``samples`` (N, p).
 
     Raises ModelDomainError where more than half of a variable's samples are equal.
     """
@@ -124,9 +123,7 @@ def autocorrelation_time(record: np.ndarray) -> float:
 
 
 def thinned(record: np.ndarray) -> np.ndarray:
-    """Every ⌈2τ⌉-th sample of ``record`` (N, p), at most ``MOST``, (K, p); raises ModelDomainError
-    where fewer than two are left.
-    """
+    """(K, p) each ⌈2τ⌉-th of ``record`` (N, p), ``MOST`` at most; ModelDomainError for one."""
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:
         message = "the record is too short beside its autocorrelation time: record for longer"

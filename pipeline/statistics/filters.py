@@ -45,8 +45,7 @@ def filter_tables(
     steady: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[dict[str, pd.DataFrame], list[str]]:
-    """Return the tables by name, and the posteriors that are not scored as normal laws, with the
-    reason.
+    """Return the tables by name, and why posteriors are not scored as normal laws.
 
     ``filter_scores`` of every filter and joint; ``bound_comparison`` of the models' filters;
     ``filter_comparison`` of all to the first model's, ``filter_against_none`` to the training mean.

@@ -1,5 +1,4 @@
-"""Scores of stated laws by the outcomes: proper scores (Gneiting & Raftery 2007), calibration and
-sharpness.
+"""Proper scores of stated laws (Gneiting & Raftery 2007), calibration and sharpness.
 
 A logarithmic score is a log density at the outcome and best when great, an energy score a distance
 and best when small. The last axis holds the n components of an outcome, those before it are cases.
@@ -109,9 +108,7 @@ def log_determinant(covariance: np.ndarray) -> np.ndarray:
 
 
 def normal_log_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n); raises
-    ModelDomainError like :func:`nees`.
-    """
+    """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n)."""
     constant = error.shape[-1] * np.log(2 * np.pi)
     return -(nees(error, covariance) + log_determinant(covariance) + constant) / 2
 
@@ -184,9 +181,7 @@ def _where_known(values: np.ndarray, holds: np.ndarray) -> np.ndarray:
 
 
 def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
-    """Tabulate every score of every model, and its paired difference over the takes to the model
-    ``rival`` with the 95 % interval.
-    """
+    """Tabulate every score of every model and its paired difference to ``rival`` over the takes."""
     rows = []
     for model, own in scores.items():
         for name, values in own.items():

@@ -106,9 +106,7 @@ def jackknife_difference(values: np.ndarray) -> Difference:
 
 
 def drawn_takes(takes: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """Numbers of the takes of each of REPLICATES resamplings, without those of one take alone, in
-    which nothing varies.
-    """
+    """Numbers of the takes of each of REPLICATES resamplings, without those of one take alone."""
     drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
     return [numbers for numbers in drawn if np.ptp(numbers) > 0]
 

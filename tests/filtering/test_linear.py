@@ -70,31 +70,6 @@ def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
         linear_filter(path, -prior, [frames], DT, CHAIN)
 
 
-def test_of_a_first_order_law_it_is_the_kalman_filter():
-    grid, n, keep = 40, 3, 0.9
-    spread = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, 2.0]]) * 1e-4
-    prior = np.einsum("kl,ij->kilj", toeplitz(keep ** np.arange(grid)), spread)
-    path, _, frames, _ = drawn(grid, n, [0.033, 0.066, 0.1, 0.133, 0.3], seed=7)
-    (mean,), (covariance,) = linear_filter(path, prior, [frames], DT, CHAIN)
-    frame, step, shares = frames.schedule(grid - 1, DT)
-    # the poses before and after a step
-    state, known = np.zeros(2 * n), np.tile(spread, (2, 2))
-    move = np.block([[np.zeros((n, n)), np.eye(n)], [np.zeros((n, n)), keep * np.eye(n)]])
-    added = np.zeros((2 * n, 2 * n))
-    added[n:, n:] = (1 - keep**2) * spread
-    for k in range(grid):
-        if k > 0:
-            state, known = move @ state, move @ known @ move.T + added
-        for j, share in zip(frame[step == k], shares[step == k], strict=True):
-            looks = np.hstack([(1 - share) * np.eye(n), share * np.eye(n)])
-            point = (1 - share) * path[k - 1] + share * path[k]
-            gain = np.linalg.solve(looks @ known @ looks.T + frames.covariance[j], looks @ known).T
-            state = state + gain @ (frames.y[j] - frames.bias[j] - point - looks @ state)
-            known = known - gain @ looks @ known
-        np.testing.assert_allclose(mean[k] - path[k], state[n:], rtol=1e-8, atol=1e-12)
-        np.testing.assert_allclose(covariance[k], known[n:, n:], rtol=1e-7, atol=1e-14)
-
-
 def test_by_the_pose_of_the_tip_it_is_the_filter_of_the_joints_seen_through_the_jacobian():
     """Six rows tell of small deviations of the joints before the last what the joints would."""
     rng, q = np.random.default_rng(5), np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])

@@ -12,6 +12,7 @@ from compiled_calls import chosen_by, from_python
 from oracles import READINGS
 from plain_filter import PLAIN_SCHEMES, plain_filter
 from scipy.stats import norm
+from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.planar import BLOCK
@@ -25,7 +26,7 @@ from pipeline.filtering.particle_filter import (
     particle_filter,
 )
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.filtering.sampling import keep_inside, normalise
+from pipeline.filtering.sampling import keep_inside
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel
@@ -168,14 +169,11 @@ def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs
     assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))
 
 
-def test_effective_sample_size_counts_the_particles_among_which_weight_is_shared():
-    shared, weights = np.log(np.append(np.full(10, 3.0), np.full(30, 1e-300))), np.empty(40)
-    assert from_python(normalise)(np.zeros(40), weights)[0] == pytest.approx(40)
-    assert from_python(normalise)(shared, weights) == pytest.approx((10, np.log(30)))
-    np.testing.assert_allclose(weights, np.append(np.full(10, 0.1), np.zeros(30)), atol=1e-15)
-    assert from_python(normalise)(np.append(0.0, np.full(39, -np.inf)), weights)[0] == 1.0
-
-
+# an arm whose joints are its task, J = I, its limits out of the way
+FREE = sliding_arm(np.eye(3), np.full(3, -50.0), np.full(3, 50.0))
+# its elbow is at a right angle where the joints are at zero
+BENT = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
+ELBOW = PlanarChain(np.zeros(2), BENT, np.ones(3), np.full(3, -50.0), np.full(3, 50.0), np.ones(3))
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
 START = replace(STILL, covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]]))
 DIFFUSING, EXACT = ScaledModel(0.005**2 * np.eye(3)), ScaledModel(np.zeros((3, 3)))
@@ -201,12 +199,12 @@ def along(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(t, DT * np.arange(len(path)), q) for q in path.T], axis=1)
 
 
-def test_without_any_noise_the_filter_follows_the_commanded_polygon(free):
+def test_without_any_noise_the_filter_follows_the_commanded_polygon():
     t = np.array([0.0, 0.0175, 0.03, 0.0312, 0.0388])
     steps = 0.1 * np.random.default_rng(2).standard_normal((5, 3))
     y = along(t, steps) + 0.01
     measurements = seen(t, y, 0.003, 0.01)
-    posterior = filtered(EXACT, free, steps, STILL, measurements, particles=50)
+    posterior = filtered(EXACT, FREE, steps, STILL, measurements, particles=50)
     np.testing.assert_allclose(posterior.mean, along(DT * np.arange(6), steps), atol=1e-14)
     assert np.all(np.abs(posterior.covariance) < 1e-28)
     assert posterior.measured.tolist() == [True, False, True, True, True, False]
@@ -214,40 +212,40 @@ def test_without_any_noise_the_filter_follows_the_commanded_polygon(free):
     assert posterior.log_evidence == pytest.approx(expected, rel=1e-12)
 
 
-def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not(free):
+def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
     t = np.arange(0.0, 3.2, 1 / 30)
     y = along(t, STEPS) + 0.02 * np.random.default_rng(11).standard_normal((len(t), 3))
     ess = {}
     for scheme in ("none", "systematic"):
-        posterior = filtered(DIFFUSING, free, STEPS, START, seen(t, y), resampling=scheme)
+        posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), resampling=scheme)
         ess[scheme] = posterior.ess[160:][posterior.measured[160:]]
     assert np.max(ess["none"]) < 10 and np.median(ess["systematic"]) > 200
 
 
-def test_a_far_outlier_is_weighed_without_underflow(free):
+def test_a_far_outlier_is_weighed_without_underflow():
     far = seen([0.02], np.full((1, 3), 40.0), std=1e-3)
-    posterior = filtered(DIFFUSING, free, STEPS[:5], START, far, particles=100)
+    posterior = filtered(DIFFUSING, FREE, STEPS[:5], START, far, particles=100)
     assert posterior.ess[2] == pytest.approx(1.0)
     assert -np.inf < posterior.log_evidence < -1e8
 
 
-def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_name(free, elbow):
+def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_name():
     # the elbow stretches at q2 = −π/2, which the third step reaches with share 1
     def stretching(share: float) -> np.ndarray:
         move = share * (-np.pi / 2 - STILL.mean[1]) / 3
         path = STILL.mean + np.outer(np.arange(4), [0.0, move, 0.0])
-        return np.matvec(elbow.jacobian(path[:-1]), np.diff(path, axis=0))
+        return np.matvec(ELBOW.jacobian(path[:-1]), np.diff(path, axis=0))
 
-    narrow = replace(free, upper=np.array([0.335, 50.0, 50.0]))
+    narrow = replace(FREE, upper=np.array([0.335, 50.0, 50.0]))
     for arm, steps, step in (
         (narrow, STEPS[:9], 4),
-        (free, np.full((3, 3), np.nan), 1),
-        (elbow, stretching(1.0), 3),
+        (FREE, np.full((3, 3), np.nan), 1),
+        (ELBOW, stretching(1.0), 3),
     ):
         with pytest.raises(DegenerateFilterError, match="every particle has left") as caught:
             filtered(EXACT, arm, steps, STILL, particles=20)
         assert caught.value.evidence == {"take": "test01", "step": step, "time": DT * step}
-    assert filtered(EXACT, elbow, stretching(0.9), STILL, particles=5).outside.sum() == 0
+    assert filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5).outside.sum() == 0
 
 
 @pytest.mark.parametrize(
@@ -258,9 +256,9 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
         (replace(STILL, mean=np.full(3, 60.0)), DegenerateFilterError, "start poses lies within"),
     ],
 )
-def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(start, error, words, free):
+def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(start, error, words):
     with pytest.raises(error, match=words):
-        filtered(EXACT, free, STEPS, start, particles=5)
+        filtered(EXACT, FREE, STEPS, start, particles=5)
 
 
 @pytest.mark.parametrize(

@@ -88,17 +88,6 @@ def test_a_longer_buffer_changes_no_choice_and_nothing_is_written_behind(name, w
         assert np.array_equal(long, short)
 
 
-def test_systematic_and_residual_counts_are_bounded_and_independent_ones_are_not():
-    weights = np.random.default_rng(5).dirichlet(np.full(50, 0.3))
-    certain = np.floor(50 * weights)
-    systematic, residual, multinomial = (
-        counts_of(name, weights, 5, 300) - certain
-        for name in ("systematic", "residual", "multinomial")
-    )
-    assert np.all((systematic == 0) | (systematic == 1))
-    assert np.all(residual >= 0) and np.any(multinomial < 0)
-
-
 @pytest.mark.parametrize("scheme", DRAWING)
 def test_weights_at_the_ends_of_their_range(scheme):
     for sole in (0, 4, 9):

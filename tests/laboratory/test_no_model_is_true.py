@@ -10,9 +10,9 @@ import pytest
 from pipeline.core.columns import values
 from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.swing import desired_trajectory
+from pipeline.models.draws import realize
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import mean_covariance, process_noise
-from pipeline.models.realizations import realize
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 

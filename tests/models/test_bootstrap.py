@@ -4,6 +4,8 @@ recordings.
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -12,8 +14,7 @@ from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
 from pipeline.models.kinds import estimate
 from pipeline.models.noise import mean_covariance
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.law import WishartModel, action_log_density
-from pipeline.randommatrix.wishart import degrees_of_freedom, sample
+from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.recovery.stage import drawn
 
 ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
@@ -84,31 +85,13 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
 ):
     recorded = wishart(chain, poses, step, 8, 2)
     options = kinds.options_type(kind)(kind, estimator=estimator)
-    found = estimate(recorded, options)
+    found = pickle.loads(pickle.dumps(estimate(recorded, options)))  # as a worker returns it
     name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]
     for takes in (np.arange(8), np.array([0, 0, 3, 5, 5, 5, 6, 7]), np.array([1, 2])):
         anew = estimate(recorded.subset(takes), options).estimates[name]
         assert found.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
     # control: the last takes have another estimate than all
     assert abs(found.estimates[name] / anew - 1) > max(2e-3, tolerance)
-
-
-def test_the_likelihoods_standard_error_is_what_the_fisher_information_says(chain, poses, step):
-    """The information of one step is the variance of its score, which draws of B give without any
-    fit.
-    """
-    d, action = degrees_of_freedom(0.25, 3), np.tile([1.0, 0.0, 0.0], (50_000, 1))
-    b = sample(d, np.eye(3) / d, (50_000,), np.random.default_rng(7))
-    drawn_action = np.linalg.solve(b, action[..., None])[..., 0]
-    ahead, behind = (
-        action_log_density(drawn_action, action, 4 / (0.25 * np.exp(h)) ** 2) for h in (1e-3, -1e-3)
-    )
-    expected = 0.25 / np.sqrt(np.var((ahead - behind) / 2e-3) * 40 * 20)
-    recorded, rng = wishart(chain, poses, step, 40, 5), np.random.default_rng(4)
-    estimator = resampled_estimator(recorded, LIKELIHOOD, estimate(recorded, LIKELIHOOD))
-    result, _ = spreads([replicate(estimator, 40, rng) for _ in range(100)])
-    assert 0.8 < result["sigma_b"].standard_error / expected < 1.25
-    assert result["sigma_b"].low < 0.25 < result["sigma_b"].high
 
 
 def test_a_replicate_without_an_estimate_is_counted_and_no_number(chain, poses, step):

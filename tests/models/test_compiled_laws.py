@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import READINGS
+from oracles import READINGS, least_p_value
 from plain_laws import plain_steps
 from scipy import stats
 from scipy.spatial.transform import Rotation
@@ -76,16 +76,6 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(3))[0], moved) == (
             not v.any() and not isinstance(model, ScaledModel)
         )
-
-
-def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
-    """Least p-value of two-sample Kolmogorov–Smirnov tests of every coordinate, of sums of them and
-    of the distance from the common middle.
-    """
-    axes = np.concatenate([np.eye(3), RNG(3).normal(size=(3, 4))], axis=1)
-    views = [np.column_stack([x @ axes, np.linalg.norm(x - np.median(other, axis=0), axis=1)])
-             for x in (one, other)]  # fmt: skip
-    return min(stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True))
 
 
 def standardised(
@@ -252,48 +242,18 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
 
 
 @pytest.mark.parametrize("n, m", SIZES)
-def test_normal_models_steps_have_their_moments_whatever_the_size(n, m):
+def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
     chain = serial_arm(n, m)
     q, command = command_of(chain)
-    nominal = chain.nominal_step(q, command)
-    factor = 1e-3 * RNG(5).standard_normal((n, n))
+    q, factor = q + 0.1 * RNG(6).standard_normal((300, n)), 1e-3 * RNG(5).standard_normal((n, n))
     noise, gain = factor @ factor.T + 1e-8 * np.eye(n), 0.04 * np.eye(n)
-    norm = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)))
-    variance = 0.1**2 * (4 * norm**2 - norm**2) / (n * m) * command[:m] @ command[:m]
-    for model, covariance in (
-        (ScaledModel(noise), noise),
-        (ScaledModel(noise, gain), noise + gain * np.outer(nominal, nominal)),
-        (GaussianModel(0.1, 2 * norm), variance * np.eye(n)),
-    ):
-        drawn, clipped = draw_steps(model, chain, np.tile(q, (DRAWS, 1)), command, RNG(4))
-        apart, off = standardised(drawn, q + nominal, covariance)
-        assert apart < 5 and off < 0.03 and clipped == 0
-        assert standardised(drawn, q + nominal, 1.1 * covariance)[1] > 0.05
-    _, clipped = draw_steps(GaussianModel(0.1, 0.9 * norm), chain, q[None], command, RNG(4))
-    assert clipped == 1
-
-
-def in_space(chain: PlanarChain) -> SerialChain:
-    """The serial chain of a planar one: joint axes along the plane's y axis or against it."""
-    axes = [np.array([[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]]) for sign in chain.signs]
-    frames = [np.eye(3), *axes, np.eye(3)]
-    ways = np.zeros((4, 3))
-    ways[:, [0, 2]] = np.vstack([chain.origin, chain.links])
-    placements = [
-        np.append((before.T @ after).ravel(), before.T @ way)
-        for before, after, way in zip(frames[:-1], frames[1:], ways, strict=True)
-    ]
-    ends = chain.lower, chain.upper, chain.max_speed
-    return SerialChain(("x", "z", "phi"), 1.0, np.array(placements), np.zeros(3, bool), *ends)
-
-
-@pytest.mark.parametrize("name", ["additive", "scaled", "gaussian"])
-def test_normal_steps_of_a_planar_arm_are_the_same_numbers_by_either_way(name, chain, poses, step):
-    # fewer than a block: the order of the numbers follows the blocks, of which the planar are wider
-    one, clipped = draw_steps(MODELS[name], chain, poses[:60], step, RNG())
-    other, same = draw_steps(MODELS[name], in_space(chain), poses[:60], step, RNG())
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
-    assert clipped == same
+    norms = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)), axis=(1, 2))
+    bounded = GaussianModel(0.1, float(np.median(norms)))
+    for model in (ScaledModel(noise), ScaledModel(noise, gain), bounded):
+        moved, clipped = draw_steps(model, chain, q, command, RNG(4))
+        expected, expected_clipped = plain_steps(model, chain, q, command, RNG(4))
+        assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
+        assert clipped == expected_clipped == (150 if model is bounded else 0)
     with pytest.raises(ModelDomainError, match="run the stage fit"):
         NORMAL["scaled"].law(serial_arm(7, 6))
 

@@ -14,13 +14,11 @@ from random_arm import motion, random_arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
-from pipeline.models.closed_loop import MeanPath, fit_closed_loop
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, compared, estimate
 from pipeline.models.model import frobenius
-from pipeline.models.noise import process_noise
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
@@ -292,39 +290,3 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
         return max(errors)
 
     assert error(model) < band < error(model.with_trace(*at, factor**2 * variance))
-
-
-@every_arm
-@pytest.mark.parametrize("kind", ["additive", pytest.param("wishart", marks=pytest.mark.slow)])
-def test_the_share_of_the_closed_loop_comes_back(n, m, kind):
-    """Band: 4.5 standard errors, which tell the share from one a third as large again."""
-    case = scene(n, m)
-    arm, path = case.arm, MeanPath(case.arm, case.q)
-    model, options = {
-        "additive": (
-            ScaledModel(case.covariance),
-            kinds.options_type("additive")("additive", estimator="shrinkage"),
-        ),
-        "wishart": (
-            WishartModel(0.2, Decomposition("qr_transposed")),
-            wishart("likelihood", "qr_transposed"),
-        ),
-    }[kind]
-
-    def fitted(share: float):
-        rng = np.random.default_rng(3)
-        q = np.tile(case.q[0], (COUNT, STEPS + 1, 1))
-        for k in range(STEPS):
-            v = path.v[k] * np.ones((COUNT, 1))
-            v[:, :m] += share * arm.displacement(arm.pose(q[:, k]), arm.pose(case.q[k]))
-            q[:, k + 1] = q[:, k] if k < REST else draw(model, arm, q[:, k], v, rng)
-        q += rng.multivariate_normal(np.zeros(n), case.measurement / 2, q.shape[:2])
-        noise, joints = process_noise(arm, q, path.v), tuple(f"joint_{j}" for j in range(n))
-        data = Recorded(arm, q[:, :-1], path.v, noise, joints, case.measurement)
-        return fit_closed_loop(data, options, estimate(data, options))
-
-    fit = fitted(0.4)
-    assert abs(fit.share - 0.4) < 4.5 * fit.standard_error < 0.13
-    # control: another loop
-    other = fitted(0.6)
-    assert abs(other.share - 0.4) > 4.5 * other.standard_error

@@ -12,8 +12,8 @@ import pytest
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
-from pipeline.models import realizations
-from pipeline.models.draws import draw_steps
+from pipeline.models import draws
+from pipeline.models.draws import draw_steps, realize, realized_moments
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.noise import (
     mean_covariance,
@@ -22,7 +22,6 @@ from pipeline.models.noise import (
     recorded_deviation,
     rest_covariance,
 )
-from pipeline.models.realizations import realize, realized_moments
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded, at_recorded_level
 from pipeline.models.wishart.decomposition import Decomposition
@@ -158,37 +157,23 @@ def takes(poses: np.ndarray, count: int, steps: int) -> np.ndarray:
     return poses[:count, None] + wander
 
 
-def test_without_noise_a_free_run_adds_up_its_nominal_steps(chain, poses, step, rng):
-    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
-    simulated, clipped, lost = realize(SILENT, chain, q, v, "free_running", rng)
-    for take, run in zip(q, simulated, strict=True):
-        at = take[0]
-        for k in range(8):
-            at = at + np.linalg.solve(chain.jacobian(at), v[k])
-            np.testing.assert_allclose(run[k + 1], at, rtol=1e-10)
-    assert clipped == lost == 0
-
-
-def test_without_noise_a_single_step_starts_where_the_recording_was(chain, poses, step, rng):
-    q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
-    simulated, _, _ = realize(SILENT, chain, q, v, "one_step", rng)
-    nominal = q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
-    np.testing.assert_allclose(simulated[:, 1:], nominal, rtol=1e-10)
-    # control: running freely it comes to other places
-    assert np.abs(realize(SILENT, chain, q, v, "free_running", rng)[0] - simulated).max() > 1e-3
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_equal_streams_give_equal_realisations_and_each_starts_at_its_own_take(
-    mode, chain, poses, step
+def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run_adds_them_up(
+    chain, poses, step, rng
 ):
     q, v = takes(poses, 5, 8), np.tile(step, (8, 1))
     recorded = q.copy()
-    first, again, other = (
-        realize(NOISY, chain, q, v, mode, np.random.default_rng(seed))[0] for seed in (1, 1, 2)
-    )
-    assert np.array_equal(first, again) and not np.array_equal(first, other)
-    assert np.array_equal(first[:, 0], q[:, 0]) and np.array_equal(q, recorded)
+    single, run = (realize(SILENT, chain, q, v, mode, rng) for mode in MODES)
+    nominal = q[:, :-1] + np.linalg.solve(chain.jacobian(q[:, :-1]), v[..., None])[..., 0]
+    np.testing.assert_allclose(single[0][:, 1:], nominal, rtol=1e-10)
+    at = q[:, 0]
+    for k in range(8):
+        at = at + np.linalg.solve(chain.jacobian(at), v[k][:, None])[..., 0]
+        np.testing.assert_allclose(run[0][:, k + 1], at, rtol=1e-10)
+    assert single[1:] == run[1:] == (0, 0)
+    assert np.array_equal(run[0][:, 0], q[:, 0]) and np.array_equal(q, recorded)
+    # recorded poses that differ do not count as spread of single steps
+    _, deviation, _ = realized_moments(SILENT, chain, q, v, "one_step", single[0])
+    assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -240,34 +225,19 @@ def test_a_realisation_that_comes_to_a_singular_pose_is_lost_and_counted(
         following[0] = straight(chain, following[0]) if len(following) == 6 else following[0]
         return following, clipped
 
-    monkeypatch.setattr(realizations, "draw_steps", straightening)
+    monkeypatch.setattr(draws, "draw_steps", straightening)
     q, v = takes(poses, 6, 5), np.tile(step, (5, 1))
     simulated, _, lost = realize(SILENT, chain, q, v, "free_running", rng)
-    assert lost == 1
-    assert (
-        np.isfinite(simulated[1:]).all()
-        and np.isfinite(simulated[0, :2]).all()
-        and np.isnan(simulated[0, 2:]).all()
-    )
+    assert lost == 1 and np.isfinite(simulated[1:]).all()
+    assert np.isfinite(simulated[0, :2]).all() and np.isnan(simulated[0, 2:]).all()
 
 
-def test_recorded_poses_that_differ_do_not_count_as_spread_of_single_steps(chain, poses, step, rng):
-    q, v = takes(poses, 50, 4), np.tile(step, (4, 1))
-    realized, _, _ = realize(SILENT, chain, q, v, "one_step", rng)
-    _, deviation, _ = realized_moments(SILENT, chain, q, v, "one_step", realized)
-    assert deviation.max() < 1e-12 < realized.std(axis=0).min()
-
-
-def test_a_model_without_covariance_has_a_mean_and_a_reason_and_no_spread(chain, poses, step, rng):
+def test_what_has_no_spread_has_a_reason(chain, poses, step, rng):
+    """A model without a covariance, and a single realisation that survives."""
     wide, q, v = WishartModel(0.9), takes(poses, 5, 4), np.tile(step, (4, 1))
     realized, _, _ = realize(wide, chain, q, v, "one_step", rng)
     mean, deviation, refused = realized_moments(wide, chain, q, v, "one_step", realized)
     assert np.isfinite(mean).all() and np.isnan(deviation).all() and "covariance" in refused
-
-
-def test_the_spread_of_a_single_surviving_realisation_is_refused(chain, poses, step):
-    q, v = takes(poses, 3, 4), np.tile(step, (4, 1))
-    realized = np.array(q)
     realized[1:, 2:] = np.nan
     with pytest.raises(ModelDomainError, match="fewer than two") as refusal:
         realized_moments(NOISY, chain, q, v, "free_running", realized)

@@ -140,6 +140,9 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     np.testing.assert_allclose(
         wishart.normalized_std(draws, np.eye(n)), np.sqrt(squared.mean()), rtol=1e-12
     )
+    # SciPy's density, which integrates to one
+    expected = stats.wishart(d, np.eye(n) / d).logpdf(np.moveaxis(draws[:50], 0, -1))
+    np.testing.assert_allclose(wishart.log_density(draws[:50], d, np.eye(n) / d), expected, 1e-8)
 
 
 @every_size

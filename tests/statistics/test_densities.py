@@ -56,21 +56,6 @@ def test_binning_agrees_with_direct_summation_also_on_a_grid_that_leaves_samples
     np.testing.assert_allclose(density, due, rtol=1e-12)
 
 
-def test_no_kernel_is_off_by_more_than_stated_wherever_its_sample_lies(monkeypatch):
-    x = np.linspace(-4.0, 4.0, 81)
-    one = np.ones(2)
-
-    def worst():
-        places = np.random.default_rng(9).uniform(-0.5, 0.5, (40, 1, 2))
-        off = [kernel_density(at, x, x, one) - direct_summation(at, x, x, one) for at in places]
-        return np.abs(off).max() * 2 * np.pi
-
-    assert worst() < 8e-4
-    # the control: two nodes a bandwidth are too few
-    monkeypatch.setattr(densities, "NODES_PER_BANDWIDTH", 2)
-    assert worst() > 8e-4
-
-
 def test_the_bandwidth_of_a_normal_sample_is_the_normal_reference_and_outliers_leave_it_alone():
     samples = draw(40_000)
     reference = np.sqrt(np.diag(COVARIANCE)) * 40_000 ** (-1 / 6)  # (4/((p+2)N))^{1/(p+4)} at p = 2

@@ -232,6 +232,6 @@ def test_every_item_has_a_function_or_needs_none_and_tests_that_exist_and_use_it
 
 def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     name = "test_theta_follows_the_papers_equation_for_any_size"
-    by = used("tests/randommatrix/test_wishart.py", name)
+    by = used("tests/randommatrix/test_laws.py", name)
     assert "pipeline.randommatrix.wishart.maxent_theta" in by
     assert "pipeline.randommatrix.wishart.sample" not in by

@@ -1,6 +1,4 @@
-"""Σ_ω of the additive model: the paper's mean of the sample covariances, or that shrunk and without
-the measurement noise.
-"""
+"""Σ_ω of the additive model: the mean sample covariance, or that shrunk and without Σ_m."""
 
 from __future__ import annotations
 

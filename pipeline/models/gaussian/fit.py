@@ -16,6 +16,7 @@ from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 from pydantic import Field
 
 from pipeline.core import validation
@@ -25,7 +26,7 @@ from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.model import frobenius, task_step
 from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import axis_log_density, principal_axes
-from pipeline.models.steps import Estimate, Recorded, TakeVariances, Truth, moving_steps
+from pipeline.models.steps import Estimate, Examined, Recorded, TakeVariances, Truth, moving_steps
 from pipeline.statistics.takes import takes_moments
 
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ tried, as shares of the greatest ‖J̲⁺‖
@@ -49,9 +50,7 @@ class Options(base.Options):
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """(α, u) by the estimator that ``options`` name; raises what that estimator raises, and
-    ModelDomainError for a motion at rest throughout.
-    """
+    """(α, u) by the estimator of ``options``; ModelDomainError for a motion at rest throughout."""
     squares = _square_speeds(recorded)
     if not np.any(squares):
         message = "the motion is at rest at every step: alpha and u have no effect to fit"
@@ -126,12 +125,8 @@ def _estimate(fit: GaussianFit, mean_square: float, from_takes=None) -> Estimate
 
 
 def examined(
-    recorded: Recorded,
-    options: Options,
-    estimate: Estimate | None,
-    checks: int,
-    rng: np.random.Generator,
-) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
+) -> Examined:
     """The table ``ridge``, and the greatest gap between Σ_k and the solution of the log-det problem
     as printed, at ``checks`` of the steps, evenly spread.
     """
@@ -215,7 +210,7 @@ class StepMeans:
         total variance of the ``takes``, and of these the u of the variance's course over time.
 
         Minimised is Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step
-        k less the measurement's, under mean α²g_k = mean t_k; raises as :class:`TakeVariances`.
+        k less the measurement's, under mean α²g_k = mean t_k.
         """
         speeds, norms = self.speeds[takes].mean(axis=0), self.norms[takes].mean(axis=0)
         traces, measured = self.variances.of_motion(takes)

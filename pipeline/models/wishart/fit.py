@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, get
 
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 from pydantic import Field, model_validator
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import options as base
 from pipeline.models.model import task_step
-from pipeline.models.steps import Estimate, Recorded, TakeVariances, Truth, moving_steps
+from pipeline.models.steps import Estimate, Examined, Recorded, TakeVariances, Truth, moving_steps
 from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen, factors
 from pipeline.models.wishart.law import StepSquares, WishartModel, dispersion_of_trace, step_squares
 from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
@@ -38,9 +39,7 @@ Estimator = Literal["moments", "paper", "likelihood"]
 
 @validation.options(kw_only=True)
 class Options(base.Options):
-    """``estimator``: ``moments`` (the recorded total variance), ``paper`` (the convex problem on
-    every step) or ``likelihood``.
-    """
+    """``estimator``: ``moments``, ``paper`` (a convex problem on every step) or ``likelihood``."""
 
     estimator: Estimator = "moments"
     decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = "by_shape"
@@ -104,12 +103,8 @@ def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
 
 
 def examined(
-    recorded: Recorded,
-    options: Options,
-    estimate: Estimate | None,
-    checks: int,
-    rng: np.random.Generator,
-) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
+    recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
+) -> Examined:
     """The greatest gap between the closed form and (BsampOpt) at ``checks`` of the steps that move,
     and the table ``sigma_b_weights``, of the recorded takes and of as many that are drawn from the
     model of the ``estimate``, where there is one.
@@ -159,7 +154,7 @@ def _check(recorded, decomposition, solved, floor, checks, rng) -> dict[str, flo
     return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
 
 
-def _drawn_from(model: WishartModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+def _drawn_from(model: WishartModel, recorded: Recorded, rng: Generator) -> Recorded:
     """Steps of the ``model`` from the recorded poses and commands, with measurement noise."""
     from pipeline.models.draws import draw_steps  # here, as it loads the compiler
 
@@ -196,9 +191,6 @@ class DispersionFit(NamedTuple):
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
     """σ̂_B at which the mean of tr Cov over the takes and steps, plus the trace of the measurement
     noise, is the recorded total variance; it depends on no weight and no bound.
-
-    Raises SingularJacobianError, and ModelDomainError as :class:`TakeVariances` and
-    :func:`dispersion_of_trace`.
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
     squares = StepSquares(*(each.mean(axis=1) for each in step_squares(a, back)))
@@ -300,8 +292,6 @@ def _by_problems(squares: np.ndarray, takes: np.ndarray) -> dict[str, float]:
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
     """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density
     of a step plus the measurement noise, without which the slowest steps would decide.
-
-    Raises SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 

@@ -1,8 +1,6 @@
-"""The random Jacobian of maximum entropy: J = J₁BJ₂ with B ~ W_m(d, I/d) (Eqs. LUDecom, Thetaa;
-Algorithm 1).
+"""Random Jacobian J = J₁BJ₂ with B ~ W_m(d, I/d) (Eqs. LUDecom, Thetaa; Algorithm 1).
 
-One step needs only B⁻¹a, a = J₁⁻¹v, and its law is exact: with r = ‖a‖ and R orthonormal of first
-column a/r,
+One step needs only B⁻¹a, a = J₁⁻¹v, and its law is exact: with r = ‖a‖, R orthonormal, Re₁ = a/r,
 
     B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − m + 1),   T = N(0, I_{m−1})/sqrt(χ²(d − m + 2)),
 
@@ -82,9 +80,7 @@ class WishartModel:
         return Law(kind, parameters, sets=1, each=m - 1, degrees=np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + d/(d−m−1)·J⁺v and the null-space step in rad; ModelDomainError for
-        σ_B ≥ 1.
-        """
+        """(..., n) q + d/(d−m−1)·J⁺v and the null-space step in rad; needs σ_B < 1."""
         m = len(chain.task)
         d = _degrees_with_moments(self.sigma_b, 1, m)
         perturbed = chain.nominal_step(q, task_step(chain, v))
@@ -166,9 +162,7 @@ def build(parameters: dict[str, Any]) -> WishartModel:
 
 
 def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
-    """(...,) log density of B⁻¹a at ``w`` (..., m), for ``a`` (..., m) not zero; −inf where
-    wᵀa ≤ 0.
-    """
+    """(...,) log density of B⁻¹a at ``w`` (..., m), ``a`` (..., m) not zero; −inf where wᵀa ≤ 0."""
     m = a.shape[-1]
     r = np.sqrt(np.vecdot(a, a))
     e, u = a / r[..., None], w / r[..., None]

@@ -43,8 +43,7 @@ class Perturbations(NamedTuple):
 
 
 def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[float, float]:
-    """(α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m), from ``rest_noise``, the root mean square
-    of ‖ω‖ recorded at rest, in rad.
+    """(α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m) by ``rest_noise``, rms ‖ω‖ at rest, rad.
 
     The paper leaves them open. Here a residual of the size of the measurement noise costs as much
     as a perturbation of B⁻¹ by its own norm: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. Raises
@@ -69,8 +68,7 @@ def fit_perturbations(
 
     ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m) and ``back`` J₂⁺ (N, n, m)
     of :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε. At rest (a = 0) S = 0.
-    Raises ModelDomainError for noise that is not finite, SolverError where the optimum was not
-    reached or J₂ is all but singular.
+    Raises ModelDomainError for noise that is not finite, SolverError without an optimum.
     """
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
@@ -129,9 +127,7 @@ def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> float:
 
 @inner
 def _solve(factor: np.ndarray, case: np.ndarray, side: int, solution: int) -> float:
-    """Write M⁻¹b into row ``solution`` of ``case`` for its row ``side`` b and the ``factor`` of M;
-    return bᵀM⁻¹b.
-    """
+    """Write M⁻¹b, b row ``side``, M by its ``factor``, into row ``solution``; return bᵀM⁻¹b."""
     m, square = len(factor), 0.0
     for i in range(m):
         entry = case[side, i]
@@ -184,8 +180,7 @@ def place(
 def perturb(
     noise: np.ndarray, a: np.ndarray, back: np.ndarray, ratio: float, delta: float, steps: int
 ) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m) and ``back`` (N, n, m) for the weight
-    ``ratio`` λ and ``delta`` δ.
+    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m), ``back`` (N, n, m), λ and δ.
 
     Return the number of the first whose A is all but singular or whose λ(s) is not λ after
     ``steps`` places, −1 for none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).

@@ -91,9 +91,7 @@ def _log_integrand(case: np.ndarray, d: float, law: tuple, s: float, h: float) -
 
 @inner
 def _mode(case: np.ndarray, d: float, law: tuple) -> tuple[float, float, float, float, float]:
-    """A mode (s, h) by Fisher scoring, steps halved where they would descend, and the covariance
-    (ss, sh, hh) it suggests.
-    """
+    """A mode (s, h) by Fisher scoring with halved steps, and the covariance (ss, sh, hh) there."""
     # from where the noise-free step would be, or from the law's own middle where that is none
     (shape, freedom), s, h = law, np.log(max(case[0], 0.1)), np.log(d)
     ss = sh = hh = 0.0
