@@ -147,7 +147,7 @@ def closed_loop_of(
 
 
 def fit_closed_loop(recorded: Recorded, options: Options, found: Estimate) -> ClosedLoopFit:
-    """κ̂ and the parameters by ``options``, in turn until κ̂ settles; ``found`` is of the open loop.
+    """κ̂ and the parameters by ``options``, in turn till κ̂ settles; ``found`` is the open loop's.
 
     Raises ModelDomainError for a single take, without a known measurement noise or a covariance,
     SolverError where the two do not settle, and what the estimator raises.

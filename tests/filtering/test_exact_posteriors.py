@@ -58,25 +58,18 @@ FRAMES = measured_path(np.arange(18) / 30 + 0.004)
 BAND = np.array([2.0, 2.0, 4.0])
 
 
-def kalman(
-    steps: np.ndarray,
-    dt: float,
-    inverse: np.ndarray,
-    start: Start,
-    noise: np.ndarray,
-    measurements: Measurements,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Exact filtering means (M+1, 3), covariances (M+1, 3, 3) and log-evidence, on the pair of
-    poses that bound a step.; ``inverse`` (3, 3) is what a step of the task moves the joints by.
+def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, float]:
+    """Exact filtering means (M+1, 3), covariances (M+1, 3, 3) and log-evidence of the linear model,
+    on the pair of poses that bound a step.
     """
-    frames, due, shares = measurements.schedule(len(steps), dt)
-    mean, covariance = np.tile(start.mean, 2), np.tile(start.covariance, (2, 2))
+    frames, due, shares = measurements.schedule(len(STEPS), DT)
+    mean, covariance = np.tile(START.mean, 2), np.tile(START.covariance, (2, 2))
     means, covariances, evidence = [], [], 0.0
-    for k in range(len(steps) + 1):
+    for k in range(len(STEPS) + 1):
         if k > 0:
             last = covariance[3:, 3:]
-            mean = np.concatenate([mean[3:], mean[3:] + inverse @ steps[k - 1]])
-            covariance = np.block([[last, last], [last, last + noise]])
+            mean = np.concatenate([mean[3:], mean[3:] + INVERSE @ STEPS[k - 1]])
+            covariance = np.block([[last, last], [last, last + NOISE]])
         for frame, share in zip(frames[due == k], shares[due == k], strict=True):
             looks = np.hstack([(1 - share) * np.eye(3), share * np.eye(3)])
             spread = looks @ covariance @ looks.T + measurements.covariance[frame]
@@ -96,17 +89,13 @@ def distance(
     of the log-evidence, each in standard errors taken from the independent runs; about 1 where the
     filter is right.
     """
-    deviations = []
-    for values, exact in (
-        (np.array([run.mean for run in runs]), mean),
-        (np.array([run.covariance for run in runs]), covariance),
-        (np.array([run.log_evidence for run in runs]), np.array(evidence)),
-    ):
-        error = values.std(axis=0, ddof=1) / np.sqrt(len(runs))
+    deviations, known = [], {"mean": mean, "covariance": covariance, "log_evidence": evidence}
+    for name, exact in known.items():
+        values = np.array([getattr(run, name) for run in runs])
+        error = np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(runs)))
         varies = error > 1e-15
-        deviations.append(
-            np.sqrt(np.mean(((values.mean(axis=0) - exact)[varies] / error[varies]) ** 2))
-        )
+        off = np.asarray(values.mean(axis=0) - exact)[varies] / error[varies]
+        deviations.append(np.sqrt(np.mean(off**2)))
     return np.array(deviations)
 
 
@@ -119,7 +108,7 @@ def runs_of(model, chain, steps, start, measurements, options, seeds=range(16)) 
 def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme):
     options = FilterOptions(2000, scheme)
     runs = runs_of(ScaledModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
-    exact = kalman(STEPS, DT, INVERSE, START, NOISE, FRAMES)
+    exact = kalman(FRAMES)
     assert all(run.resampled.any() for run in runs)
     assert np.all(distance(runs, *exact) < BAND)
     # control: motion noise half as large again
@@ -130,7 +119,7 @@ def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filter
 def test_without_measurements_the_prior_propagates():
     unseen, model = measured_path(np.empty(0)), ScaledModel(NOISE)
     (posterior,) = runs_of(model, LINEAR, STEPS, START, unseen, FilterOptions(4000), seeds=(5,))
-    mean, covariance, _ = kalman(STEPS, DT, INVERSE, START, NOISE, unseen)
+    mean, covariance, _ = kalman(unseen)
     exact, own = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, posterior.covariance))
     assert np.max(np.abs(posterior.mean - mean) / np.sqrt(exact / 4000)) < 4.5
     # the standard error of a normal sample's variance is √(2/P) of it

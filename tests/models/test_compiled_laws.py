@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import READINGS
+from oracles import READINGS, least_p_value
 from plain_laws import plain_steps
 from scipy import stats
 from scipy.spatial.transform import Rotation
@@ -76,16 +76,6 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(3))[0], moved) == (
             not v.any() and not isinstance(model, ScaledModel)
         )
-
-
-def least_p_value(one: np.ndarray, other: np.ndarray) -> float:
-    """Least p-value of two-sample Kolmogorov–Smirnov tests of every coordinate, of sums of them and
-    of the distance from the common middle.
-    """
-    axes = np.concatenate([np.eye(3), RNG(3).normal(size=(3, 4))], axis=1)
-    views = [np.column_stack([x @ axes, np.linalg.norm(x - np.median(other, axis=0), axis=1)])
-             for x in (one, other)]  # fmt: skip
-    return min(stats.ks_2samp(*pair).pvalue for pair in zip(*(x.T for x in views), strict=True))
 
 
 def standardised(

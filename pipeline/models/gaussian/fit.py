@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -25,14 +26,7 @@ from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.model import frobenius, task_step
 from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import axis_log_density, principal_axes
-from pipeline.models.steps import (
-    Estimate,
-    Examined,
-    Recorded,
-    TakeVariances,
-    Truth,
-    moving_steps,
-)
+from pipeline.models.steps import Estimate, Examined, Recorded, TakeVariances, Truth, moving_steps
 from pipeline.statistics.takes import takes_moments
 
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ tried, as shares of the greatest ‖J̲⁺‖
@@ -69,17 +63,18 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         steps = *takes_moments(recorded.noise), speeds, norms, len(recorded.chain.task)
         fit = fit_distance(*steps, options.beta, EXTENSIONS * norms.max())
         return _estimate(fit, _mean_square(norms**2, squares))
-    means, every = StepMeans.of(recorded), np.arange(len(recorded.q))
+    means, takes = StepMeans.of(recorded), np.arange(len(recorded.q))
     if options.estimator == "moments":
-        fit, fit_takes = means.fit(every), means.fit
+        fit, from_takes = means.fit(takes), means.fit
     else:
         likelihood = fit_likelihood(recorded)
-        fit, fit_takes = likelihood.fit, likelihood.from_takes
+        fit, from_takes = likelihood.fit, likelihood.from_takes
+    return _estimate(fit, means.mean_square(takes), partial(_of_takes, means, from_takes))
 
-    def from_takes(takes: np.ndarray) -> dict[str, float]:
-        return _values(*fit_takes(takes)[:2], means.mean_square(takes))
 
-    return _estimate(fit, means.mean_square(every), from_takes)
+def _of_takes(means: StepMeans, from_takes: Callable, takes: np.ndarray) -> dict[str, float]:
+    alpha, u = from_takes(takes)[:2]
+    return _values(alpha, u, means.mean_square(takes))
 
 
 def compared(options: Options) -> dict[str, Options]:

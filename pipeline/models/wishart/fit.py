@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
@@ -18,14 +19,7 @@ from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import options as base
 from pipeline.models.model import task_step
-from pipeline.models.steps import (
-    Estimate,
-    Examined,
-    Recorded,
-    TakeVariances,
-    Truth,
-    moving_steps,
-)
+from pipeline.models.steps import Estimate, Examined, Recorded, TakeVariances, Truth, moving_steps
 from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen, factors
 from pipeline.models.wishart.law import StepSquares, WishartModel, dispersion_of_trace, step_squares
 from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
@@ -75,13 +69,9 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         case "paper":
             fit = fit_paper(*given, options.floor, options.ratio_factor)
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
-    return Estimate(
-        _parameters(fit.sigma_b, given[1]),
-        {"sigma_b": fit.sigma_b},
-        {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit},
-        fit,
-        lambda takes: {"sigma_b": fit.from_takes(takes)},
-    )
+    diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
+    values = {"sigma_b": fit.sigma_b}
+    return Estimate(_parameters(fit.sigma_b, given[1]), values, diagnostics, fit, fit.from_takes)
 
 
 def compared(options: Options) -> dict[str, Options]:
@@ -190,10 +180,10 @@ def _meeting_ratio(problems: Problems, curve: np.ndarray, sigma_b: float) -> flo
 
 
 class DispersionFit(NamedTuple):
-    """σ̂_B; ``problems`` of the paper's estimator alone."""
+    """σ̂_B, and its estimate from chosen takes; ``problems`` of the paper's estimator alone."""
 
     sigma_b: float
-    from_takes: Callable[[np.ndarray], float]  # numbers of the takes → σ̂_B
+    from_takes: Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
     diagnostics: Mapping[str, float] = {}
     problems: SolvedProblems | None = None
 
@@ -204,14 +194,16 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionF
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
     squares = StepSquares(*(each.mean(axis=1) for each in step_squares(a, back)))
-    variances, m = TakeVariances.of(recorded), a.shape[-1]
+    from_takes = partial(_by_moments, squares, TakeVariances.of(recorded), a.shape[-1])
+    return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
 
-    def from_takes(takes: np.ndarray) -> float:
-        traces, measured = variances.of_motion(takes)
-        own = StepSquares(*(each[takes].mean() for each in squares))
-        return dispersion_of_trace(own, float(traces.mean()) - measured, m)
 
-    return DispersionFit(from_takes(np.arange(len(a))), from_takes)
+def _by_moments(
+    squares: StepSquares, variances: TakeVariances, m: int, takes: np.ndarray
+) -> dict[str, float]:
+    traces, measured = variances.of_motion(takes)
+    own = StepSquares(*(each[takes].mean() for each in squares))
+    return {"sigma_b": dispersion_of_trace(own, float(traces.mean()) - measured, m)}
 
 
 class Problems(NamedTuple):
@@ -288,12 +280,13 @@ def fit_paper(
         "problems_without_perturbation": int(np.count_nonzero(~fits.s.any(axis=(1, 2)))),
         "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fits.bound)),
     }
-
-    def from_takes(takes: np.ndarray) -> float:
-        counts = np.bincount(takes, minlength=len(solved.squares))
-        return float(np.sqrt(counts @ solved.squares / counts.sum()).mean())
-
+    from_takes = partial(_by_problems, solved.squares)
     return DispersionFit(float(dispersions.mean()), from_takes, diagnostics, solved)
+
+
+def _by_problems(squares: np.ndarray, takes: np.ndarray) -> dict[str, float]:
+    counts = np.bincount(takes, minlength=len(squares))
+    return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
@@ -319,16 +312,21 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     log_likelihoods = np.stack([by_take(x) for x in nodes], axis=1)
     best = _greatest(nodes, log_likelihoods.sum(axis=0))
     at_end = best in (low, high)
-
-    def from_takes(takes: np.ndarray) -> float:
-        own = _greatest(nodes, log_likelihoods[takes].sum(axis=0))
-        if not at_end and own in (nodes[0], nodes[-1]):
-            message = "the likelihood of these takes is greatest beyond where it was evaluated"
-            raise ModelDomainError(message, takes=takes.tolist())
-        return float(np.exp(own))
-
+    from_takes = partial(_by_likelihood, nodes, log_likelihoods, at_end)
     diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
     return DispersionFit(float(np.exp(best)), from_takes, diagnostics)
+
+
+def _by_likelihood(
+    nodes: np.ndarray, log_likelihoods: np.ndarray, at_end: bool, takes: np.ndarray
+) -> dict[str, float]:
+    best = _greatest(nodes, log_likelihoods[takes].sum(axis=0))
+    if not at_end and best in (nodes[0], nodes[-1]):
+        raise ModelDomainError(
+            "the likelihood of these takes is greatest beyond where it was evaluated",
+            takes=takes.tolist(),
+        )
+    return {"sigma_b": float(np.exp(best))}
 
 
 def _greatest(x: np.ndarray, values: np.ndarray) -> float:
