@@ -97,6 +97,14 @@ def test_a_time_of_day_is_named_and_its_table_is_read_without_a_time(tmp_path):
     np.testing.assert_allclose(log.signals["target"], Q, atol=1e-6)
 
 
+@pytest.mark.parametrize("column", [("actual_main_voltage", 2, "48.%d"), ("", 0, "%d")])
+def test_units_are_those_of_the_time_and_of_the_joints_whatever_is_beside_them(tmp_path, column):
+    (tmp_path / "run.csv").write_text(beside(*column))
+    facts = inspect(tmp_path / "run.csv")[0].facts
+    assert facts["greatest"] < 2 and facts["step_of_time"] == 0.008
+    assert facts["signals"] == SIGNALS and facts["time"] == "time"
+
+
 FOREIGN = {
     "TRC": ("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\nFrame#\tTime\tA\n1\t0.0\t1\n", "C3D"),
     "Qualisys ": ("FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n", "C3D"),
