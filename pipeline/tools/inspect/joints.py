@@ -85,7 +85,7 @@ def table(finding: Finding, form: Format) -> None:
         return
     sheet.require_cells()
     values = dict(zip(sheet.numeric, sheet.values(sheet.numeric).T, strict=True))
-    if any(line.strip() == "endheader" for line in sheet.header):
+    if any(line.strip(" ,;\t") == "endheader" for line in sheet.header):
         finding.version = "of OpenSim (MOT, STO)"
     finding.facts |= {"rows": len(sheet.rows), "columns": sheet.width}
     finding.facts |= {"separator": sheet.separator, "decimal": sheet.decimal}
