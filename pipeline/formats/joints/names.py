@@ -26,11 +26,12 @@ OTHER = _words(
     "power tcp pose poses ee flange tool force forces wrench orientation quaternion quat rotation",
     "error errors err residual status bits mode digital analog input output register control",
     "scaling fraction safety execution time timestamp gripper finger noise std raw id seq frame",
+    "action actions",
 )
 MEASURED = _words("actual act measured meas msr feedback fbk real observed ist")
 COMMANDED = _words(
     "target tgt desired des commanded command commands cmd reference ref setpoint goal nominal",
-    "planned soll",
+    "planned soll targets setpoints references goals",
 )
 STATE = {"state", "states"}  # measured, beside no word for a command
 JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
