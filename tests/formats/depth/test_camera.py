@@ -8,6 +8,7 @@ import json
 import os
 from dataclasses import replace
 from functools import partial
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -185,6 +186,17 @@ def test_a_camera_has_the_intrinsics_of_its_info(version):
     ):
         with pytest.raises(RecordingError, match=words):
             camera_info(other.for_version(version), width=640, height=480, file="take.bag")
+
+
+def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):
+    """The workers of Dask are daemons, as those of a pool are."""
+    file = tmp_path / "c.yaml"
+    file.write_text(CALIBRATIONS["ros.yaml"])
+    with get_context("fork").Pool(1) as pool:
+        assert pool.apply(read_intrinsics, (file,), SIZE) == CAMERA
+        file.write_text("a: [\n")
+        with pytest.raises(RecordingError, match="no calibration"):
+            pool.apply(read_intrinsics, (file,), SIZE)
 
 
 def test_a_library_that_fails_on_a_calibration_is_one_message(tmp_path, monkeypatch):
