@@ -64,6 +64,7 @@ TABLES = {
     "words": (beside("mode", 1, "IDLE"), {"mode": "words"}),
     "quoted words with commas": (beside("mode", 1, '"a, b"'), {"mode": "words"}),
     "dates": (beside("clock", 1, "2024-03-05 10:15:%d.5"), {"clock": "dates or times"}),
+    "a header beyond 16 KiB": (beside("x" * 30_000, 5, "1.5"), {}),
     "footer": (table() + "end of file\n", {}),
     "footer with a number": (table() + "\nSummary: 60 rows\nEnd\n", {}),
 }
