@@ -193,8 +193,6 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "has no number; fill it in"),
     "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
     "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "cx, cy; the file has cam0"),
-    "realsense.json": (
-        '{"fx": 6, "fy": 7, "ppx": 3.5, "ppy": 2.5, "coeffs": [0, 0, 0, 0, 0.1]}', "fx 6"),
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
     "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
     "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),

@@ -197,10 +197,13 @@ def _values(file: Path) -> tuple[Mapping, bool]:
     held = [one.get("intrinsic", one) if isinstance(one, Mapping) else one for one in held if one]
     if not held or not all(isinstance(one, Mapping) for one in held):
         raise RecordingError(message, file=file)
-    plain = [{REALSENSE.get(key, key): one[key] for key in one if key != "header"} for one in held]
+    plain = [{key: value for key, value in one.items() if key != "header"} for one in held]
     if any(other != plain[0] for other in plain):
         message = f"the file holds {len(held)} calibrations, not all of them equal; keep one"
         raise RecordingError(message, file=file)
+    if "ppx" in plain[0]:
+        named = {REALSENSE.get(key, key): value for key, value in plain[0].items()}
+        return {"distortion_model": "that is not stated"} | named, is_json
     return plain[0], is_json
 
 

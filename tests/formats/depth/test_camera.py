@@ -109,6 +109,10 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
     assert "equidistant" in refusal(file, stated)
     for key in ("dist", "distortion", "coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: [0.1, 0.2, 0.3, 0.4]}))
+    realsense = {"fx": 5, "fy": 6, "ppx": 4, "ppy": 3, "coeffs": [0.1, 0, 0, 0, 0]}
+    found = read(file, json.dumps(realsense | {"model": "distortion.brown_conrady"}))
+    assert (found.fy, found.cx, found.distortion[0]) == (6, 4, 0.1)
+    assert "not stated" in refusal(file, json.dumps(realsense))
     # the control: nothing is distorted
     assert read(file, json.dumps(camera | other | {"D": [0] * 4})).distortion == (0, 0, 0, 0)
 
