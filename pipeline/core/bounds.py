@@ -9,7 +9,7 @@ import resource
 from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import replace
-from multiprocessing import Pipe, get_context
+from multiprocessing import Pipe, current_process, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -102,6 +102,11 @@ class Sandbox:
         exception of it, and where it takes longer than the bound ``seconds``, more memory than
         ``memory_mib`` beside what the process has, or ends the process.
         """
+        if current_process().daemon:  # as a worker of Dask, which may have no process of its own
+            try:
+                return function(*arguments)
+            except Exception as error:
+                raise _as_refusal(error, bounds().memory_mib) from None
         if self._process is None:
             self._connection, other = Pipe()
             # a fork has at once all that is imported; nothing that has threads has run here

@@ -24,7 +24,7 @@ from typing import Any
 from pipeline.core.bounds import call_alone, read_whole
 from pipeline.core.errors import ConfigError, RecordingError
 
-BYTES = 16_384  # of a file's head
+BYTES = 1 << 16  # of a file's head: the labels and rows of some hundred columns
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 
 

@@ -60,11 +60,11 @@ TABLES = {
     "comment": (table("# recorded on Monday", mark=" "), {}),
     "title, padded": (table("Arm test of 5 March,,,,"), {}),
     "byte-order mark and CRLF": ("\ufeff" + table("Rate,125").replace("\n", "\r\n"), {}),
-    "quotes": (table().replace("q_0", '"q_0"'), {}),
     "empty last column": (table(last="note"), {"note": "nothing"}),
     "words": (beside("mode", 1, "IDLE"), {"mode": "words"}),
     "quoted words with commas": (beside("mode", 1, '"a, b"'), {"mode": "words"}),
     "dates": (beside("clock", 1, "2024-03-05 10:15:%d.5"), {"clock": "dates or times"}),
+    "a header beyond 16 KiB": (beside("x" * 30_000, 5, "1.5"), {}),
     "footer": (table() + "end of file\n", {}),
     "footer with a number": (table() + "\nSummary: 60 rows\nEnd\n", {}),
 }
@@ -95,6 +95,14 @@ def test_a_time_of_day_is_named_and_its_table_is_read_without_a_time(tmp_path):
     assert finding.facts["signals"] == SIGNALS and "time" not in finding.facts
     log = read_joint_table(tmp_path / "run.csv", LogOptions(None, 125.0, joints=2, signals=SIGNALS))
     np.testing.assert_allclose(log.signals["target"], Q, atol=1e-6)
+
+
+@pytest.mark.parametrize("column", [("actual_main_voltage", 2, "48.%d"), ("", 0, "%d")])
+def test_units_are_those_of_the_time_and_of_the_joints_whatever_is_beside_them(tmp_path, column):
+    (tmp_path / "run.csv").write_text(beside(*column))
+    facts = inspect(tmp_path / "run.csv")[0].facts
+    assert facts["greatest"] < 2 and facts["step_of_time"] == 0.008
+    assert facts["signals"] == SIGNALS and facts["time"] == "time"
 
 
 FOREIGN = {
@@ -185,7 +193,6 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "has no number; fill it in"),
     "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
     "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "cx, cy; the file has cam0"),
-    "realsense.json": ('{"fx": 6.0, "fy": 6.0, "ppx": 3.5, "ppy": 2.5}', "has fx, fy, ppx"),
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
     "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
     "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),

@@ -93,7 +93,7 @@ def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(zoo, 
     assert (len(findings["columns.csv"].markers), findings["columns.csv"].bodies) == (9, ["Base"])
     facts = {"commas.csv": ("decimal", ","), "FT7.cal": ("serial", "FT7")}
     facts |= {"camera.yaml": ("cx", 16.0), "sized.json": ("width", 32), "cloud.pcd": ("points", 1)}
-    facts |= {"q.csv": ("step_of_column_0", 0.008), "indexed/depth.txt": ("frames", 4)}
+    facts |= {"q.csv": ("step_of_time", 0.008), "indexed/depth.txt": ("frames", 4)}
     facts |= {"single.png": ("values", [1000.0, 1000.0])}
     assert {name: (key, findings[name].facts[key]) for name, (key, _) in facts.items()} == facts
     assert findings["q.csv"].rate is None, "the unit of the times is not stated"

@@ -1,5 +1,5 @@
 """Intrinsics of a depth camera, as calibration tools write them: OpenCV's YAML or XML, plain YAML
-(as ROS calibrates), plain JSON and Open3D's JSON.
+(as ROS calibrates), plain JSON, that of Open3D and of RealSense.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_C
 DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d")
 BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distortion
 # distortion models, as tools name them, of OpenCV's coefficients
-MODELS = ("plumb_bob", "radtan", "rational_polynomial", "none")
+MODELS = ("plumb_bob", "radtan", "rational_polynomial", "distortion.brown_conrady", "none")
+# names of RealSense: names of this module
+REALSENSE = {"ppx": "cx", "ppy": "cy", "coeffs": "D", "model": "distortion_model"}
 FOCAL = ("fx", "fy", "cx", "cy")
 SIZE = (("width", "height"), ("image_width", "image_height"), ("image_Width", "image_Height"))
 ANY_SIZE = (10**6, 10**6)  # px, holds every principal point
@@ -199,6 +201,9 @@ def _values(file: Path) -> tuple[Mapping, bool]:
     if any(other != plain[0] for other in plain):
         message = f"the file holds {len(held)} calibrations, not all of them equal; keep one"
         raise RecordingError(message, file=file)
+    if "ppx" in plain[0]:
+        named = {REALSENSE.get(key, key): value for key, value in plain[0].items()}
+        return {"distortion_model": "that is not stated"} | named, is_json
     return plain[0], is_json
 
 

@@ -22,8 +22,10 @@ FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 OPTION = "dataset.force.log"
 KEY = f"{OPTION}.columns"
 FEWEST = 10  # samples of a record; what holds fewer may be settings that look like numbers
-AXIS = re.compile(r"(?:.*[./])?(f|force|t|torque|m|moment)[ _.]?([xyz])\s*(?:[(\[].*[)\]])?")
-TIMES = re.compile(r"t|time ?(stamp)?", re.IGNORECASE)
+AXIS = re.compile(
+    r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
+)
+TIMES = re.compile(r"t|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
 JITTER = 0.1  # of the median step
 

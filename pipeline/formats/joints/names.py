@@ -26,15 +26,17 @@ OTHER = _words(
     "power tcp pose poses ee flange tool force forces wrench orientation quaternion quat rotation",
     "error errors err residual status bits mode digital analog input output register control",
     "scaling fraction safety execution time timestamp gripper finger noise std raw id seq frame",
+    "action actions",
 )
 MEASURED = _words("actual act measured meas msr feedback fbk real observed ist")
 COMMANDED = _words(
     "target tgt desired des commanded command commands cmd reference ref setpoint goal nominal",
-    "planned soll",
+    "planned soll targets setpoints references goals",
 )
 STATE = {"state", "states"}  # measured, beside no word for a command
 JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
 PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of a pose
+COORDINATES = {*"xyzw"}  # last words of a vector or a quaternion
 FOLLOWS = 0.05  # of the motion, by which a command may miss the measured angles
 INTEGRAL = 0.1  # of the motion, by which the integral of a speed may miss it
 UNIT_NORM = 1e-3  # by which four columns that are a quaternion may be off a length of 1
@@ -80,6 +82,8 @@ def meaning(name: str) -> Meaning:
     number = next((int(word) for word in reversed(words) if word.isdigit()), None)
     if number is not None:
         del words[max(k for k, word in enumerate(words) if word.isdigit())]
+    if len(words) > 1:  # tq alone is a commanded q
+        words = ["torque" if word == "tq" else word for word in words]
     role, quantity, rest = "", "", []
     for word in " ".join(SHORT.get(word, word) for word in words).split():
         if word in MEASURED:
@@ -129,7 +133,7 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         if parts and what.number is not None and parts[1] + parts[3]:
             numbered.setdefault(parts[1] + parts[3], {})[int(parts[2])] = label
         role = what.role or ("actual" if what.quantity == "position" else "")
-        if role and what.rest and what.is_angle:
+        if role and what.rest and what.is_angle and what.rest[-1] not in COORDINATES:
             worded.setdefault(role, []).append(label)
     groups = {name: [held[n] for n in sorted(held)] for name, held in numbered.items()}
     joints = {frozenset((meaning(n).rest, meaning(n).number) for n in w) for w in worded.values()}

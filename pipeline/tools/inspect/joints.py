@@ -83,7 +83,7 @@ def table(finding: Finding, form: Format) -> None:
         return
     sheet.require_cells()
     values = dict(zip(sheet.numeric, sheet.values(sheet.numeric).T, strict=True))
-    if any(line.strip() == "endheader" for line in sheet.header):
+    if any(line.strip(" ,;\t") == "endheader" for line in sheet.header):
         finding.version = "of OpenSim (MOT, STO)"
     finding.facts |= {"rows": len(sheet.rows), "columns": sheet.width}
     finding.facts |= {"separator": sheet.separator, "decimal": sheet.decimal}
@@ -93,7 +93,7 @@ def table(finding: Finding, form: Format) -> None:
     clock = [n for n, held in values.items() if len(held) > 2 and (np.diff(held) > 0).all()]
     finding.facts["increasing_columns"] = clock
     if finding.timed:
-        finding.facts["step_of_column_0"] = round(float(np.median(np.diff(values[0]))), 9)
+        finding.facts["step_of_time"] = round(float(np.median(np.diff(values[0]))), 9)
         others = [np.abs(held).max() for column, held in values.items() if column]
         finding.facts["greatest"] = float(max(others, default=0.0))
     if sheet.labels:
@@ -118,11 +118,14 @@ def _labelled(
     timed = [n for n in clock if named_like("time", [labels[n]])] or [n for n in clock if n == 0]
     if timed:
         finding.facts["time"] = labels[timed[0]]
+        finding.facts["step_of_time"] = round(float(np.median(np.diff(values[timed[0]]))), 9)
     columns = {labels[n]: held for n, held in values.items()}
     if len(columns) < len(values):
         return  # two columns have one label: numbers name them
     time = values[timed[0]] if timed else None
     signals, guesses = signals_of([*columns], time, columns.__getitem__)
+    if angles := [columns[label] for held in signals.values() for label in held]:
+        finding.facts["greatest"] = float(np.abs(angles).max())
     if certain := {name: held for name, held in signals.items() if name not in guesses}:
         finding.facts["signals"] = certain
     if guesses:

@@ -283,7 +283,7 @@ def suggested_values(
         differing = ", ".join(f"{text_of(name)}: {value}" for name, value in each.items())
         alike = len({*each.values()}) == 1
         found[f"joint_log.{key}"] = next(iter(each.values())) if alike else f"{{{differing}}}"
-    steps = {one.facts.get("step_of_column_0") for one in tables} - {None}
+    steps = {one.facts.get("step_of_time") for one in tables} - {None}
     units = {time_unit(step) for step in steps}
     if len(units) == 1:
         found.setdefault("joint_log.time_unit", units.pop())

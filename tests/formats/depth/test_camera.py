@@ -8,6 +8,7 @@ import json
 import os
 from dataclasses import replace
 from functools import partial
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -108,6 +109,10 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
     assert "equidistant" in refusal(file, stated)
     for key in ("dist", "distortion", "coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: [0.1, 0.2, 0.3, 0.4]}))
+    realsense = {"fx": 5, "fy": 6, "ppx": 4, "ppy": 3, "coeffs": [0.1, 0, 0, 0, 0]}
+    found = read(file, json.dumps(realsense | {"model": "distortion.brown_conrady"}))
+    assert (found.fy, found.cx, found.distortion[0]) == (6, 4, 0.1)
+    assert "not stated" in refusal(file, json.dumps(realsense))
     # the control: nothing is distorted
     assert read(file, json.dumps(camera | other | {"D": [0] * 4})).distortion == (0, 0, 0, 0)
 
@@ -185,6 +190,17 @@ def test_a_camera_has_the_intrinsics_of_its_info(version):
     ):
         with pytest.raises(RecordingError, match=words):
             camera_info(other.for_version(version), width=640, height=480, file="take.bag")
+
+
+def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):
+    """The workers of Dask are daemons, as those of a pool are."""
+    file = tmp_path / "c.yaml"
+    file.write_text(CALIBRATIONS["ros.yaml"])
+    with get_context("fork").Pool(1) as pool:
+        assert pool.apply(read_intrinsics, (file,), SIZE) == CAMERA
+        file.write_text("a: [\n")
+        with pytest.raises(RecordingError, match="no calibration"):
+            pool.apply(read_intrinsics, (file,), SIZE)
 
 
 def test_a_library_that_fails_on_a_calibration_is_one_message(tmp_path, monkeypatch):

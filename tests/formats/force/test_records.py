@@ -173,6 +173,18 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     np.testing.assert_allclose(result.time, [0, 0.01])
 
 
+def test_labels_of_other_programs_name_their_axes_and_times(tmp_path):
+    names = ("{}{}", "{} {} (N)", "field.wrench.{}.{}", "/ft/wrench/{}/{}", "wrench_{}_{}")
+    for name, time in zip(
+        names, ("time", "t", "Time Stamp", "time_stamp", "timestamp"), strict=True
+    ):
+        labels = ",".join([time, *(name.format("force", axis) for axis in "xyz"), "tool_tx"])
+        file = table(tmp_path, *(f"{k / 100},1,2,{k},9" for k in range(12)), header=labels + "\n")
+        record = read_force_table(file, ForceLogOptions(force_unit="N", time_unit="s"))
+        assert record.force[3].tolist() == [1, 2, 3] and record.rate == pytest.approx(100)
+        assert np.isnan(record.torque).all()
+
+
 def test_doubled_rows_jitter_and_gaps_are_counted(tmp_path):
     times = [0.0, 0.01, 0.02, 0.02, 0.03, 0.0315, 0.04, 0.05, 0.09, 0.1, 0.11, 0.11]
     rows = [f"{t:.4f},{i},0,0,0,0,0" for i, t in enumerate(times)]

@@ -65,6 +65,13 @@ LABELS = [
     (n("q_{}") + n("measured_{}") + n("target_{}"), {"target": n("target_{}")}),
     (["t", "q_0", "q_1", "qd_0", "qd_1"], {"actual": n("q_{}")}),
     (["actual_x", "actual_y", "actual_z", "actual_qw", "actual_qx"], {}),
+    (n("actual_q_{}") + n("target_q_{}") + n("measured_tq_{}"),
+     both(n("actual_q_{}"), n("target_q_{}"))),
+    (["observation.state.a.pos", "observation.state.b.pos", "action.a.pos", "action.b.pos"],
+     {"actual": ["observation.state.a.pos", "observation.state.b.pos"]}),
+    (n("joint_positions.{}") + n("joint_targets.{}"),
+     both(n("joint_positions.{}"), n("joint_targets.{}"))),
+    (["p_RS_R_x [m]", "q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"], {}),
     (["time", "fx", "fy", "fz", "j1", "j2"], {}),
 ]  # fmt: skip
 
