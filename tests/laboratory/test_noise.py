@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
-from pipeline.verdicts.recommendation import recommended
 from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
@@ -35,6 +34,7 @@ from pipeline.recordings.commands import commanded_steps
 from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.studies.which_decomposition.evidence import published
 from pipeline.verdicts.claims import parse_claims
+from pipeline.verdicts.model_card import recommended
 
 ROOT = CONF.parents[1]
 TAKES = 60
