@@ -83,7 +83,7 @@ def _unrecognised(finding: Finding, head: Head) -> Finding:
     elif head.suffix in (".csv", ".tsv") or (cells and min(map(len, cells)) > 2):
         reason = "labels or words without rows of numbers below: record or export it again"
     else:
-        reason = "text without numbers between commas, semicolons, tabs or blanks"
+        reason = "text without a table of numbers (between commas, semicolons, tabs or blanks)"
     finding.facts["reason"] = reason
     return finding
 
