@@ -247,7 +247,7 @@ def test_the_noise_grows_with_the_speed_neither_not_at_all_nor_in_proportion(
         assert np.all(growth(perform(arm, trajectory, other, 25, 14).noise.std(axis=0)) > least)
 
 
-RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 4
+RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
 POSE_NOISE = 3e-5  # rad, of a joint angle from the motion capture
 PHYSICS = {
     "as it is": PhysicsFactors(),
@@ -261,7 +261,7 @@ PHYSICS = {
     "any speed alike": PhysicsFactors(speed_exponent=0.0),
     "lasting": PhysicsFactors(lasting=4.0),
 }
-KNOWN, FRESH, WIDTH = 10, 6, 0.3  # motions to fit and choose by, to score on; rad between poses
+KNOWN, FRESH, WIDTH = 10, 8, 0.3  # motions to fit and choose by, to score on; rad between poses
 MATRIX = ("wishart", "gaussian")
 LIMIT = 0.05  # nats a step
 
