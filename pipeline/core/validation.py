@@ -29,7 +29,9 @@ class Fault(ValueError):
 
 @dataclass_transform(field_specifiers=(Field,))
 def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
-    """Decorate a section's type: a pydantic dataclass that forbids other keys."""
+    """Decorate the type of a section: a pydantic dataclass, with the ``arguments`` of one, that
+    takes no other keys and raises ConfigError.
+    """
 
     def decorate(cls: type[T]) -> type[T]:
         made = pydantic_dataclasses.dataclass(cls, config=RULES, **arguments)

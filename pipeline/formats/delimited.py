@@ -95,6 +95,8 @@ def numbers_of(
     rounded; NaN where ``gaps`` and a cell is missing.
 
     ``line_numbers`` (N) are the rows' places in the file. Cells of other columns may hold anything.
+    Raises RecordingError with the line for a row with more or fewer cells than the first one, a
+    cell that is not a number, one beyond GREATEST, and a missing one unless ``gaps``.
     """
 
     def cells_at(row: int) -> list[str]:

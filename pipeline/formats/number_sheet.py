@@ -165,6 +165,11 @@ def read_sheet(
 ) -> Sheet:
     """Return the table in ``file``, split by ``separator`` (comma, semicolon, tab or blank) with
     the given ``decimal`` mark, or as found.
+
+    Raises RecordingError for a known format that is no table, for lines that are neither header nor
+    rows, and, naming the options below ``key``, for points and commas in one table and for whole
+    numbers between commas under no header, which may be halves of decimal fractions. Raises
+    ConfigError for options that are no separator or mark.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):

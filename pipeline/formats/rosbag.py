@@ -79,7 +79,8 @@ def messages(
     the ``numbers``, in the order of their recording; memory holds one message and its chunk.
 
     ``pick`` runs in the process that reads, and is pickled; a message has the attributes of its ROS
-    definition.
+    definition. Raises RecordingError for a bag that is missing, truncated, damaged or unindexed,
+    for fewer messages than it announces, and, with the message's number from 0, as ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:

@@ -26,6 +26,10 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     families x and v of the task's rows in m, m, rad and per second, the family q of the joints in
     rad, or both. The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint,
     or all, in any order.
+
+    Raises RecordingError, with the line where there is one, for missing columns, fewer than two
+    rows, no finite number, steps that are not positive and equal within a microsecond, an angle
+    that jumps by more than half a turn, and a last row without line end.
     """
 
     def choose(labels: list[str]) -> list[str]:

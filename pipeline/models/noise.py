@@ -15,7 +15,8 @@ def process_noise(chain: Chain, q: np.ndarray, command: np.ndarray) -> np.ndarra
 
     ``q`` (takes, M+1, n) measured joint angles in rad; ``command`` (M, m) steps ẋᵈ_kΔt (m, rad), or
     (M, m + n) as the interface of chains has them. Measured minus nominal, as the additive model
-    (InvDiffRndm) and (Omegk) need it; (OmgReal) prints the opposite sign.
+    (InvDiffRndm) and (Omegk) need it; (OmgReal) prints the opposite sign. Raises
+    SingularJacobianError.
     """
     chain.require_regular(q[:, :-1], what="measured pose")
     nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], command)

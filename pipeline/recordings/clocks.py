@@ -44,7 +44,8 @@ def find_offset(
     each component and their lag-one correlation.
 
     ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
-    any units, b interpolated by a cubic spline.
+    any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
+    too short, do not move, are not alike or fit best at the edge of ``search`` (s).
     """
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
@@ -148,7 +149,7 @@ def on_motion_clock(
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
     clock, and the quality of the offset: the stated one, else by the centroids in the plane of the
-    arm's points and of its labelled markers.
+    arm's points and of its labelled markers. Raises RecordingError where none can be found.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []

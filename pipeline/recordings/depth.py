@@ -50,7 +50,7 @@ def frame_rows(
     own clock, and their quality; write the arm's points below ``folder``.
 
     ``frozen_frames``, whose points of the arm are those of the frame before, are counted and left
-    out.
+    out. Raises RecordingError for frames that are no depth images.
     """
     take, path = named
     sequence = DepthSequence(path, depth, arm, raw)
@@ -75,7 +75,8 @@ class DepthSequence:
     time.
 
     ``time`` (F,) s since the motion capture's start by the camera's own clock; ``references`` (F,):
-    file, or ``bag#message``; ``counts`` grow as frames are read.
+    file, or ``bag#message``; ``counts`` grow as frames are read. Raises RecordingError for files
+    that cannot be read or contradict each other, ConfigError for what the options leave open.
     """
 
     def __init__(self, path: Path, depth: Depth, arm: Arm, raw: Path) -> None:

@@ -27,7 +27,7 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     on, moments about the option ``point``, and their quality.
 
     Saturated or frozen samples are left out before the bias is subtracted: a sensor measures the
-    whole load.
+    whole load. Raises ConfigError for a format that does not exist.
     """
     log, file = force.log, raw / force.configurations[name].file
     calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
@@ -57,7 +57,8 @@ def remove_bias(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return time, wrench less bias, and bias, the mean of the first ``tare_seconds``, which are
     dropped, of a record ``time`` (N,) s, ``wrench`` (N, c) N and N·m; with 0 its instrument tared
-    it.
+    it. Raises RecordingError for values that are not finite, an interval too short for a mean, or a
+    record that ends with it.
     """
     if not (finite := np.isfinite(wrench).all(axis=1)).all():
         message, step = "the force record has values that are not finite", int(finite.argmin())

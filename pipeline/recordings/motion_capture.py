@@ -86,7 +86,8 @@ def marker_rows(
     link, others as unlabelled (link 0; none where bodies stand for links), and its quality.
 
     Skipped frames, and ``frozen_frames`` that repeat every position of the frame before, are
-    missing samples.
+    missing samples. Raises RecordingError for a take of another rate or length, or without a marker
+    or body.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)

@@ -39,7 +39,8 @@ def read_movement(
 
     Rows uneven by a tenth to half of a step (``uneven_rows``, ``clock_jitter`` in s) are taken row
     by row by the ``clock`` rows, or interpolated by a cubic spline (``resampled_rows``) by times;
-    None refuses them.
+    None refuses them. Raises RecordingError for clocks that disagree or do not keep to ``rate``
+    (1/s).
     """
     from scipy.interpolate import CubicSpline
 
@@ -114,6 +115,7 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
 def read_log(file: Path, options: LogOptions) -> JointLog:
     """Read the log in ``file`` in whichever format it begins, else as a plain table; signals times
     their factors, angles without jumps of whole turns (``unwrapped_jumps``), prismatic joints in m.
+    Raises RecordingError for other joints, angles beyond four turns, and jumps of no whole turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
@@ -226,7 +228,8 @@ def read_logged_movement(
     circular: np.ndarray | bool = True,
 ) -> LoggedMovement:
     """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
-    ``circular``: which joints turn.
+    ``circular``: which joints turn. Raises RecordingError for logs that cannot be read, have no
+    even clock or are no pair; ConfigError where the options do not say where both stand.
     """
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}

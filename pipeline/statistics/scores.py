@@ -108,7 +108,9 @@ def log_determinant(covariance: np.ndarray) -> np.ndarray:
 
 
 def normal_log_score(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n)."""
+    """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n); raises
+    ModelDomainError like :func:`nees`.
+    """
     constant = error.shape[-1] * np.log(2 * np.pi)
     return -(nees(error, covariance) + log_determinant(covariance) + constant) / 2
 

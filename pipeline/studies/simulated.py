@@ -145,7 +145,9 @@ def perform(
 
 
 def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
-    """Return the steps between ``poses`` (takes, M+1, n) in rad under the motion's commands."""
+    """Return the steps between ``poses`` (takes, M+1, n) in rad under the commands of the motion;
+    raises SingularJacobianError.
+    """
     table = desired_trajectory(laboratory.chain, laboratory.motion)
     v = commanded_steps(table, laboratory.motion.rate)
     noise = process_noise(laboratory.chain, poses, v)
@@ -165,7 +167,11 @@ def measured(
 def observe(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
-    """Simulate takes, and the depth camera of the test takes with its estimated noise."""
+    """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
+    estimated as by the stages.
+
+    Raises SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
+    """
     fitted = perform(laboratory, factors, seed, "train", training)
     kept = perform(laboratory, factors, seed, "test", test)
     poses, others = (

@@ -82,7 +82,9 @@ class Source(NamedTuple):
 
 
 def parse_items(entries: object) -> list[Item]:
-    """Return the items of a YAML list, numbered in its order, which is the paper's."""
+    """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
+    ConfigError with the item and the key.
+    """
     items, counted = [], Counter()
     for item in parsed_entries(Item, entries, "item"):
         counted[item.kind] += 1

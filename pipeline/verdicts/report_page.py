@@ -86,7 +86,9 @@ def summary(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
-    """Return the README's ``text`` with the results of ``here`` between its marks."""
+    """Return the ``text`` of the README with the results of ``here`` between its marks. Raises
+    ContractError if it has none.
+    """
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")

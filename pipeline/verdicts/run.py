@@ -75,7 +75,9 @@ class Reference:
         return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
 
     def in_case(self, case: Mapping[str, object]) -> Reference:
-        """Return this reference with the values of ``case`` in its placeholders."""
+        """Return this reference with the values of ``case`` in its placeholders. Raises ConfigError
+        for one that the case does not have.
+        """
 
         def value(place: re.Match) -> str:
             if JOINT.fullmatch(place[0]):
@@ -163,7 +165,9 @@ class Run:
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
-    """Read the runs of a folder by their datasets' names, ``first`` before all others."""
+    """Read the runs of a folder by the names of their datasets, ``first`` before all others. Raises
+    ContractError if that one is missing, or for a file that ``Run.to_json`` did not write.
+    """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
         message = f"there is no evidence of the dataset {first}; run the stage score with it"

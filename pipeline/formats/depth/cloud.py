@@ -87,6 +87,9 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
     """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame, as in PCL
     and Open3D; other fields than x, y, z are passed over, as are bytes behind the announced points,
     which are counted: PCL pads files to whole pages.
+
+    Raises RecordingError for content that is truncated, of another format, without x, y and z, or
+    with data other than the header announces.
     """
     is_ply = _is_ply(content)
     if not (is_ply or _is_pcd(content) or Path(file).suffix.lower() == ".pcd"):

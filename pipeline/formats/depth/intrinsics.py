@@ -113,7 +113,9 @@ def read_intrinsics(
 
     ``matrix`` and ``distortion`` name the keys where they are not the usual ones, or where the file
     holds several. Only JSON may leave the distortion out, for a camera without. Of the messages of
-    a CameraInfo that ROS prints, all must be equal but for their headers.
+    a CameraInfo that ROS prints, all must be equal but for their headers. Raises RecordingError for
+    a file of none of the formats, a key that is not there or not the only one (naming those that
+    are), values that are no camera's, a distortion model that is not OpenCV's, and another size.
     """
     # a library may end on damaged text, or take any time
     values, is_json = read_alone(_values, Path(file), file=file, advice="export it again")

@@ -17,6 +17,9 @@ WRENCH = ("geometry_msgs/msg/WrenchStamped",)
 def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
     """Return the record of the option's ``topic`` in the bag ``file``, or of the only one of its
     type; times are those of the messages' headers, ``counts`` those of a table of forces.
+
+    Raises RecordingError for a bag that cannot be read, no topic or more than one, no message, and
+    values that are not finite or times that go back, by the sample from 0.
     """
     # here, as most force logs are no bags
     from pipeline.formats.rosbag import choose_topic, messages

@@ -180,7 +180,8 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     Without a column t, samples follow each other at the option's rate.
 
     ``counts``: ``repeated_rows`` and ``zero_rows``, both kept; ``blank_rows``; ``cut_rows``; and
-    with times those of :func:`read_clock`.
+    with times those of :func:`read_clock`. Raises RecordingError, with the line and the option that
+    settles it, for axes or units that nothing names, a time that goes back, and malformed rows.
     """
     sheet = force_sheet(file, options)
 
@@ -295,7 +296,9 @@ def read_clock(
 
     Counts: ``doubled_rows`` (the same sample at the same time, not kept), ``equal_times`` (another
     sample at the same time, kept), ``uneven_steps`` (off the median by more than a tenth of it:
-    jitter) and ``missing_samples`` (that would fit into the longer steps).
+    jitter) and ``missing_samples`` (that would fit into the longer steps). Raises RecordingError,
+    with the number in ``places`` (N) of the ``place`` (line, sample) there, for a time that goes
+    back, and for one that most samples share with the one before.
     """
     steps = np.diff(time)
     if (steps < 0).any():

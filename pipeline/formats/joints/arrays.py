@@ -97,6 +97,10 @@ class NamedArrays:
 def read_arrays(file: Path, options: LogOptions) -> JointLog:
     """Return the signals of ``options`` in ``file``, by default the measured and the commanded
     angles by their names.
+
+    Raises RecordingError for a damaged file; with the array and row (from 0), for another shape
+    than (N, joints), numbers that are not finite and times that do not increase; with the option
+    that settles it for a name that is not there or not the only one.
     """
     head = Head.read(file)
     if head.content.startswith(HDF5):

@@ -33,6 +33,10 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     ``rows_without_command`` (before the first or after the last, left out),
     ``messages_of_other_joints`` (passed over), ``doubled_rows`` (messages that repeat the one
     before, dropped) and ``unwrapped_jumps`` of circular joints.
+
+    Raises RecordingError for a bag that cannot be read, no topic or several that could be meant,
+    and, with the message from 0, for some of the joints, a missing value and a time that does not
+    increase.
     """
     joints, counts = tuple(options.names), Counter()
     logs = {}

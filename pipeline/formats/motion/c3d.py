@@ -34,6 +34,10 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     Points that POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a
     model, not markers: they are passed over and counted, as are labels beyond the points, analog
     channels and force plates.
+
+    Raises RecordingError for a file that cannot be read, is no C3D, is of a big-endian MIPS
+    processor, is shorter than its header says, makes the library fail, or has no marker, no rate or
+    no unit.
     """
     points, announced, first = _first_block(file)
     require("markers", points, "points", file)

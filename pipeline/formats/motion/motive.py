@@ -32,6 +32,9 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     without line end, dropped), ``repeated_rows`` (to the letter); by columns, ``solved_replaced``
     and ``solved_only`` markers, ``unused_columns`` and ``skipped_bones``; by rows, ``stray_ids``,
     ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
+
+    Raises RecordingError, with the line where there is one, for a file without unit, rate, marker
+    and body, for a unit other than the asked one, and for truncated, malformed or disordered rows.
     """
     text = read_text(file)
     first = cells_of(text.lines[0], ",", file=file, number=1)[:1] if text.lines else []

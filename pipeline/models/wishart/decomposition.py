@@ -94,6 +94,8 @@ def factors(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """a = J₁⁻¹v (..., m), J₂⁺ (..., n, m) and ½ ln det J₂J₂ᵀ (...,) of J = J₁J₂, Eq. (LUDecom), at
     joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer.
+
+    Raises SingularJacobianError.
     """
     chain.require_regular(q)
     return split(chain.jacobian(q), task_step(chain, v), decomposition)

@@ -191,6 +191,9 @@ class DispersionFit(NamedTuple):
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
     """σ̂_B at which the mean of tr Cov over the takes and steps, plus the trace of the measurement
     noise, is the recorded total variance; it depends on no weight and no bound.
+
+    Raises SingularJacobianError, and ModelDomainError as :class:`TakeVariances` and
+    :func:`dispersion_of_trace`.
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
     squares = StepSquares(*(each.mean(axis=1) for each in step_squares(a, back)))
@@ -292,6 +295,8 @@ def _by_problems(squares: np.ndarray, takes: np.ndarray) -> dict[str, float]:
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
     """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density
     of a step plus the measurement noise, without which the slowest steps would decide.
+
+    Raises SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 

@@ -80,7 +80,9 @@ class WishartModel:
         return Law(kind, parameters, sets=1, each=m - 1, degrees=np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n) q + d/(d−m−1)·J⁺v and the null-space step in rad; needs σ_B < 1."""
+        """(..., n) q + d/(d−m−1)·J⁺v and the null-space step in rad; ModelDomainError for
+        σ_B ≥ 1.
+        """
         m = len(chain.task)
         d = _degrees_with_moments(self.sigma_b, 1, m)
         perturbed = chain.nominal_step(q, task_step(chain, v))

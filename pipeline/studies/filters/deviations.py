@@ -41,7 +41,9 @@ def deviations(
     dynamics: DynamicsOptions,
     path: np.ndarray,
 ) -> Deviations:
-    """Return the moments about the mean ``path`` (M+1, n) in rad, where J is taken."""
+    """Return the moments about the mean ``path`` (M+1, n) in rad, where J is taken; raises
+    SingularJacobianError.
+    """
     t, n = servo_times(trajectory, dynamics), path.shape[-1]
     at = np.searchsorted(t, (np.arange(len(path)) - 0.25) / trajectory.rate)
     goal, speed = desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)

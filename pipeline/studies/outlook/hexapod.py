@@ -90,7 +90,9 @@ class PlatformMotion(Mechanism):
 
 
 def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return the pose (..., 12) of a ``position`` (..., 3) in m and a rotation vector (..., 3)."""
+    """Return the pose (..., 12) at ``position`` (..., 3) in m, turned by the rotation vector
+    ``turn`` (..., 3) in rad.
+    """
     rotation = Rotation.from_rotvec(np.reshape(turn, (-1, 3))).as_matrix()
     return np.concatenate([position, rotation.reshape(*np.shape(turn)[:-1], 9)], axis=-1)
 
@@ -99,8 +101,10 @@ def straight(
     robot: Hexapod, start: np.ndarray, end: np.ndarray, limits: tuple[float, float], places: int
 ) -> PlatformMotion:
     """Return the motion from pose ``start`` (12,) to ``end`` (12,) at constant velocity and angular
-    velocity, in ``places`` equal steps; ``limits`` of the legs in m. Raises ConfigError
-    if a leg is beyond its limits, or if the legs do not hold the platform.
+    velocity, in ``places`` equal steps; ``limits`` in m are those of the legs.
+
+    Raises ConfigError if a leg is beyond its limits, or if the legs do not hold the platform at a
+    pose or in between.
     """
     before, after = (Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end))
     shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()

@@ -50,7 +50,9 @@ class Bench:
         return self.trajectory.rate
 
     def command(self, path: np.ndarray) -> np.ndarray:
-        """Return the commands (M, m + n) of a ``path`` (M+1, n); (M, m) if no choice is left."""
+        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad, see
+        :mod:`pipeline.models.model`; (M, m) of a task that leaves no choice.
+        """
         table = trajectory_table(self.chain, path, self.rate, self.joints)
         return commanded_steps(table, self.rate)
 

@@ -95,7 +95,11 @@ def fixed_motions(bench: Bench, options: Options) -> Motions:
 
 
 def planned(bench: Bench, model: MotionModel, options: Options) -> np.ndarray:
-    """Return the motion (M+1, n) in rad of least Σ tr Cov; ModelDomainError if all are equal."""
+    """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``.
+
+    Raises InfeasibleError, and ModelDomainError for a model without a covariance or with the same
+    covariance at every step.
+    """
     cost, path = uncertainty(model, bench.chain, "trace"), bench.recorded
     problem = problem_of(bench, options, 0.0)
     each = cost(path[:-1], problem.steps)

@@ -36,7 +36,9 @@ SPANS = 10  # parts of the motion that are looked at one by one
 
 
 class Innovations(NamedTuple):
-    """``error`` (T, M, n) rad, measured minus predicted, with ``covariance`` S (T, M, n, n)."""
+    """Measured minus predicted poses ``error`` (T, M, n) in rad of T takes, and the predicted
+    ``covariance`` S (T, M, n, n) in rad².
+    """
 
     error: np.ndarray
     covariance: np.ndarray
