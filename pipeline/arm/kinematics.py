@@ -39,14 +39,15 @@ def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndar
         fill(block, k, 1.0 if k in (3, 7, 11) else 0.0, count)
     for frame in range(n + 2):
         turn, joint = arm.frames[frame, FRAME_TURN], frame - 1
-        fill(block, SINE, turn, count)
         if 0 <= joint < n and arm.sliding[joint] == 0.0:
             angle = q[joint, start : start + count]
             for i in range(count):
-                flat[SINE * WIDTH + i] += angle[i]
-        for i in range(count):
-            sine, cosine = sine_cosine(flat[SINE * WIDTH + i])
-            flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i] = sine, cosine
+                sine, cosine = sine_cosine(turn + angle[i])
+                flat[SINE * WIDTH + i], flat[COSINE * WIDTH + i] = sine, cosine
+        else:
+            sine, cosine = sine_cosine(turn)
+            fill(block, SINE, sine, count)
+            fill(block, COSINE, cosine, count)
         _follow(0, arm.frames[frame], flat, count)
         _follow(1, arm.frames[frame], flat, count)
         _follow(2, arm.frames[frame], flat, count)
