@@ -27,7 +27,7 @@ def draw(noise_quantiles: pd.DataFrame) -> Figure:
     joints = list(dict.fromkeys(noise_quantiles["joint"]))
     across = style.beside(len(joints))
     lines = -(-len(joints) // across)
-    figure, grid = style.panels(style.TWO_COLUMNS, 0.4 + 1.6 * lines, lines, across)
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.6 * lines, lines, across)
     for axes in grid.flat[len(joints) :]:
         axes.remove()
     ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()
@@ -39,5 +39,5 @@ def draw(noise_quantiles: pd.DataFrame) -> Figure:
         axes.set(title=joint.replace("_", " "), xlabel="normal quantile (std)")
     for axes in grid[:, 0]:
         axes.set_ylabel("noise (predicted std)")
-    grid[0, 0].legend(loc="upper left")
+    style.legend(figure)
     return figure
