@@ -68,20 +68,23 @@ def test_logs_of_a_bench_become_a_card_and_a_model_that_a_new_recording_is_asses
 
 
 @pytest.mark.slow
-def test_the_logs_of_a_real_arm_take_one_command(project):
-    if not (RECORDINGS / "ur5").is_dir():
+@pytest.mark.parametrize("robot", ["ur5", "lwr4"])
+def test_the_logs_of_a_real_arm_take_one_command(robot, project):
+    if not (RECORDINGS / robot).is_dir():
         pytest.skip("the recordings of the real robots are not here")
     begun = time.monotonic()
-    words = ("--urdf", "pipeline/arm/ur5.urdf", "--name", "lab")
-    done = pipeline(project, "characterize", RECORDINGS / "ur5", *words)
+    words = ("--urdf", f"pipeline/arm/{robot}.urdf", "--name", "lab")
+    done = pipeline(project, "characterize", RECORDINGS / robot, *words)
     assert done.returncode == 0, done.stderr
     assert time.monotonic() - begun < SECONDS
     assert "**Model for another motion: " in done.stdout and "took about.subject" in done.stdout
     (file,) = (project / "data/export").glob("lab_*.json")
-    # joint 1 alone at full speed, where 94 to 108 µrad were recorded and a fit to a motion in which
-    # it stood still said 14 867
-    covariance = load(file).covariance_of_joint_step(np.array([8e-3, 0, 0, 0, 0, 0]))
-    assert 5e-5 < np.sqrt(covariance[0, 0]) < 6e-4
+    model = load(file)
+    if robot == "ur5":
+        # joint 1 alone at full speed, where 94 to 108 µrad were recorded and a fit to a motion in
+        # which it stood still said 14 867
+        std = np.sqrt(model.covariance_of_joint_step(np.array([8e-3, 0, 0, 0, 0, 0]))[0, 0])
+        assert 5e-5 < std < 3e-4
 
 
 def test_what_is_not_there_is_refused_before_anything_is_written(root, logs):

@@ -137,9 +137,11 @@ def error(known: dict, name: str) -> float:
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_the_readmes_filter_planner_and_frame_use_the_model_of_a_real_arm(tmp_path, monkeypatch):
+@pytest.mark.parametrize(("name", "home"), [("ur5", np.zeros(6)), ("lwr4", np.full(7, 0.3))])
+def test_the_readmes_filter_planner_and_frame_use_the_model_of_a_real_arm(
+    name, home, tmp_path, monkeypatch
+):
     pytest.importorskip("pinocchio", reason="pinocchio is missing")
-    name, home = "lwr4", np.full(7, 0.3)
     n, urdf = len(home), ROOT / f"pipeline/arm/{name}.urdf"
     robot = Robot(urdf=str(urdf), joints=[f"joint_{j}" for j in range(1, n + 1)], tool="flange")
     motion = SimpleNamespace(rate=125.0, pose_noise=None)
