@@ -31,7 +31,7 @@ repro: $(READY)
 all: $(READY)
 	dvc repro -P
 
-# Everything but the tests that take more than about two seconds each; with a run of all stages on the scale `smoke`.
+# Everything but the tests that take more than about two seconds each.
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 

@@ -68,9 +68,13 @@ print(json.dumps(result))
 """
 
 
-def answer(program: str, cache: Path, variant: str = "") -> dict[str, float]:
+# no loop of the kernel is vectorised
+SCALAR = {"NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
+
+
+def answer(program: str, cache: Path, variant: str = "", **setting: str) -> dict[str, float]:
     """Run ``program`` with machine code in the folder ``cache``; return the values it prints."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)} | setting
     command = [sys.executable, "-c", COMMON.replace("VARIANT", variant) + program]
     ran = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, cwd=ROOT)
     return json.loads(ran.stdout.splitlines()[-1])
@@ -83,13 +87,17 @@ def main(folder: Path) -> None:
     speeds = answer(SPEED, folder)
     # constants of the loops are compiled in: another folder, removed before
     other = answer(SPEED, folder / "c_library", C_LIBRARY)
+    scalar = answer(SPEED, folder / "scalar", **SCALAR)
     measured = {
         "machine": machine(),
         "imports_seconds": min(each["imports"] for each in cached),
         "cached_seconds": min(each["first use"] for each in cached),
         "compiled_seconds": compiled["first use"],
     }
-    speeds = {name: {"kernel": ns, "C library": other[name]} for name, ns in speeds.items()}
+    speeds = {
+        name: {"kernel": ns, "C library": other[name], "scalar": scalar[name]}
+        for name, ns in speeds.items()
+    }
     write_results("start", measured | {"nanoseconds": speeds})
 
 

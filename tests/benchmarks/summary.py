@@ -15,6 +15,7 @@ from contests import CALLS, RESULTS, SECONDS
 import pandas as pd  # isort: skip
 from equal_bytes import CONTROL
 
+VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
 SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
 STARTS = {  # what, and its limit in s
     "imports_seconds": ("imports of models and filter, numba included", 1.0),
@@ -119,9 +120,13 @@ def start(folder: Path) -> str:
         [what, duration(measured[key]), f"≤ {limit:g} s", verdict(measured[key] <= limit)]
         for key, (what, limit) in STARTS.items()
     ]
-    speeds = [[name, *(f"{ns:.0f}" for ns in each.values())]
-              for name, each in measured["nanoseconds"].items()]  # fmt: skip
+    speeds = []
+    for name, each in measured["nanoseconds"].items():
+        ratio = each["scalar"] / each["kernel"]
+        met = f"{ratio:.1f} times (≥ {VECTORISED:g}: {verdict(ratio >= VECTORISED)})"
+        speeds.append([name, *(f"{ns:.0f}" for ns in each.values()), met])
     header = ["draws of a step, ns a particle", "kernel", "with the C library's functions"]
+    header += ["loops that are not vectorised", "vectorised, so many times as fast"]
     return f"{table(['processor time', '', 'limit', ''], rows)}\n\n{table(header, speeds)}"
 
 

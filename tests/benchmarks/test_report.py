@@ -53,7 +53,7 @@ def test_every_measurement_has_its_place_on_the_page(tmp_path):
             "imports_seconds": 0.5,
             "cached_seconds": 0.1,
             "compiled_seconds": 20.0,
-            "nanoseconds": {"youbot, QR of J": {"kernel": 31.4, "C library": 60.2}},
+            "nanoseconds": {"youbot, QR of J": {"kernel": 31.4, "C library": 60.2, "scalar": 95.0}},
         },
     }
     for name, content in files.items():
