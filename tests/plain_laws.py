@@ -6,8 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.models.draws import block_for
+from pipeline.arm.rows import WIDTH
+from pipeline.models.draws import space_of
 from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.kernel import DRAWN
 from pipeline.models.model import frobenius
 from pipeline.models.normal import root
 from pipeline.models.scaled.law import ScaledModel
@@ -20,7 +22,7 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     """(P, n) draws of the next poses after ``q`` (P, n) in rad under one command ``v`` or one for
     each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
-    v, size = np.broadcast_to(v, (len(q), np.shape(v)[-1])), block_for(chain).shape[1]
+    v, size = np.broadcast_to(v, (len(q), np.shape(v)[-1])), DRAWN if space_of(chain) else WIDTH
     blocks = [
         _block(model, chain, q[i : i + size], v[i : i + size], rng) for i in range(0, len(q), size)
     ]

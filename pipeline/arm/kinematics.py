@@ -14,6 +14,7 @@ from pipeline.arm.rows import (
     ROTATION,
     SINE,
     TURN,
+    WIDTH,
     add_dot,
     dot,
     fill,
@@ -23,7 +24,6 @@ from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TUR
 from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import sine_cosine
 
-WIDTH = 64  # poses of a block: more would leave the processor's nearest cache
 # coefficients of atan(t)/t in t²: up to t = tan(π/16) the first omitted one is below the last place
 ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 

@@ -1,7 +1,7 @@
 """Closed-form kinematics of a planar chain of three joints in compiled code, a block of poses at a
 time (:mod:`pipeline.arm.rows`).
 
-All functions take blocks of BLOCK poses: where rows are a constant apart LLVM sees that they do not
+All functions take blocks of WIDTH poses: where rows are a constant apart LLVM sees that they do not
 overlap.
 """
 
@@ -10,11 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arm.interface import ArmConstants
-from pipeline.arm.rows import block_rows
+from pipeline.arm.rows import WIDTH, block_rows
 from pipeline.core.compiled import inlined, inner
 from pipeline.core.elementary import sine_cosine
 
-BLOCK = 256  # poses of a block
 PLANAR = block_rows(3, 3)
 
 
@@ -34,27 +33,27 @@ def planar_jacobian(
     1). One loop a link, as one for all has too few registers.
     """
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
-    flat, first = block.reshape(-1), PLANAR.jacobian * BLOCK
+    flat, first = block.reshape(-1), PLANAR.jacobian * WIDTH
     stop = start + count
     q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
     lx, lz = arm.plane[4], arm.plane[5]
     for i in range(count):
         x, z = turned(lx, lz, s1 * q1[i] + s2 * q2[i] + s3 * q3[i])
-        flat[first + 2 * BLOCK + i] = z
-        flat[first + 5 * BLOCK + i] = -x
-        flat[first + 6 * BLOCK + i] = 1.0
-        flat[first + 7 * BLOCK + i] = 1.0
-        flat[first + 8 * BLOCK + i] = 1.0
+        flat[first + 2 * WIDTH + i] = z
+        flat[first + 5 * WIDTH + i] = -x
+        flat[first + 6 * WIDTH + i] = 1.0
+        flat[first + 7 * WIDTH + i] = 1.0
+        flat[first + 8 * WIDTH + i] = 1.0
     lx, lz = arm.plane[2], arm.plane[3]
     for i in range(count):
         x, z = turned(lx, lz, s1 * q1[i] + s2 * q2[i])
-        flat[first + BLOCK + i] = flat[first + 2 * BLOCK + i] + z
-        flat[first + 4 * BLOCK + i] = flat[first + 5 * BLOCK + i] - x
+        flat[first + WIDTH + i] = flat[first + 2 * WIDTH + i] + z
+        flat[first + 4 * WIDTH + i] = flat[first + 5 * WIDTH + i] - x
     lx, lz = arm.plane[0], arm.plane[1]
     for i in range(count):
         x, z = turned(lx, lz, s1 * q1[i])
-        flat[first + i] = flat[first + BLOCK + i] + z
-        flat[first + 3 * BLOCK + i] = flat[first + 4 * BLOCK + i] - x
+        flat[first + i] = flat[first + WIDTH + i] + z
+        flat[first + 3 * WIDTH + i] = flat[first + 4 * WIDTH + i] - x
 
 
 @inlined
@@ -65,10 +64,10 @@ def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tu
     No matrix is inverted: the first two joints give the wrist O3 its velocity v − φ·k×(EE − O3),
     the third takes up the rest of φ.
     """
-    first = PLANAR.jacobian * BLOCK
-    x3, z3 = flat[first + 2 * BLOCK + i], flat[first + 5 * BLOCK + i]
-    x1, x2 = flat[first + i] - x3, flat[first + BLOCK + i] - x3
-    z1, z2 = flat[first + 3 * BLOCK + i] - z3, flat[first + 4 * BLOCK + i] - z3
+    first = PLANAR.jacobian * WIDTH
+    x3, z3 = flat[first + 2 * WIDTH + i], flat[first + 5 * WIDTH + i]
+    x1, x2 = flat[first + i] - x3, flat[first + WIDTH + i] - x3
+    z1, z2 = flat[first + 3 * WIDTH + i] - z3, flat[first + 4 * WIDTH + i] - z3
     vx, vz = vx - phi * x3, vz - phi * z3
     over = 1.0 / (x1 * z2 - x2 * z1)
     one, two = (z2 * vx - x2 * vz) * over, (x1 * vz - z1 * vx) * over
@@ -78,21 +77,21 @@ def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tu
 @inner
 def planar_steps(arm: ArmConstants, block: np.ndarray, count: int) -> None:
     """The joints' step = J⁻¹x of the task step x."""
-    flat, x, y = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.joints * BLOCK
+    flat, x, y = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.joints * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     for i in range(count):
         one, two, three = joint_step(
-            flat, i, flat[x + i], flat[x + BLOCK + i], flat[x + 2 * BLOCK + i]
+            flat, i, flat[x + i], flat[x + WIDTH + i], flat[x + 2 * WIDTH + i]
         )
         flat[y + i] = s1 * one
-        flat[y + BLOCK + i] = s2 * two
-        flat[y + 2 * BLOCK + i] = s3 * three
+        flat[y + WIDTH + i] = s2 * two
+        flat[y + 2 * WIDTH + i] = s3 * three
 
 
 @inner
 def planar_inverse_square(block: np.ndarray, count: int) -> None:
     """The first row of scratch = ‖J⁻¹‖_F²."""
-    flat, out = block.reshape(-1), PLANAR.spare * BLOCK
+    flat, out = block.reshape(-1), PLANAR.spare * WIDTH
     for i in range(count):
         x1, x2, x3 = joint_step(flat, i, 1.0, 0.0, 0.0)
         z1, z2, z3 = joint_step(flat, i, 0.0, 1.0, 0.0)
@@ -108,14 +107,14 @@ def add_planar_displacement(
     """Add ``share``·(``target`` − x(q)) to the task step; ``target`` (3,) is x, z, φ, and φ is
     taken in whole turns too.
     """
-    flat, task, jacobian = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.jacobian * BLOCK
+    flat, task, jacobian = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.jacobian * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     stop = start + count
     q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
     # column 1 of J is the vector from O1 to the tip, turned
     x, z = target[0] - arm.plane[9], target[1] - arm.plane[10]
     for i in range(count):
-        flat[task + i] += share * (x + flat[jacobian + 3 * BLOCK + i])
-        flat[task + BLOCK + i] += share * (z - flat[jacobian + i])
+        flat[task + i] += share * (x + flat[jacobian + 3 * WIDTH + i])
+        flat[task + WIDTH + i] += share * (z - flat[jacobian + i])
         phi = s1 * q1[i] + s2 * q2[i] + s3 * q3[i]
-        flat[task + 2 * BLOCK + i] += share * (target[2] - phi)
+        flat[task + 2 * WIDTH + i] += share * (target[2] - phi)

@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.core.compiled import inner
 
+WIDTH = 256  # poses of a block: fewer cost calls, more leave the processor's nearest cache
 # rows of the kinematics of one pose: position (3, m) and rotation (9, row by row) of the tip, sine
 # and cosine of the turn of one frame, or the rotation vector (3) of a displacement, and from JOINTS
 # on axis (3) and a point of it (3, m) of each joint

@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.kinematics import WIDTH, rotation_vectors, tip
-from pipeline.arm.rows import POSITION, TURN
+from pipeline.arm.kinematics import rotation_vectors, tip
+from pipeline.arm.rows import POSITION, TURN, WIDTH
 from pipeline.core.compiled import compiled, inlined, inner
 from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.filtering.resampling import resample
 from pipeline.models.kernel import move
 
-NEAR = 256  # particles whose scratch stays in the processor's nearest cache
 ROWS = 6  # of a displacement of the tip
 
 
@@ -108,15 +107,15 @@ def normalise(log_weights, weights):
 @inner
 def weighted_moments(weights, q, mean, covariance, scratch):
     """Fill ``mean`` (n,) and, about that mean, ``covariance`` (n, n) of particles ``q`` (n, P)
-    under normalised ``weights`` (P,); ``scratch`` has (n + 1, NEAR) floats or more.
+    under normalised ``weights`` (P,); ``scratch`` has (n + 1, WIDTH) floats or more.
     """
     n = len(q)
     for j in range(n):
         mean[j] = inner_product(weights, q[j])
         for k in range(n):
             covariance[j, k] = 0.0
-    for start in range(0, len(weights), NEAR):
-        count = min(NEAR, len(weights) - start)
+    for start in range(0, len(weights), WIDTH):
+        count = min(WIDTH, len(weights) - start)
         weight, weighted = weights[start : start + count], scratch[n, :count]
         for j in range(n):
             angle, middle, deviation = q[j, start : start + count], mean[j], scratch[j, :count]
@@ -185,7 +184,7 @@ def sequential_importance_sampling(
     ess, resampled = np.empty(grid), np.zeros(grid, dtype=np.bool_)
     clipped, outside = np.zeros(grid, dtype=np.int64), np.zeros(grid, dtype=np.int64)
     q, before, chosen = poses, poses.copy(), np.empty(count, dtype=np.int64)
-    scratch = np.empty((n + ROWS + 2, max(count, NEAR)))
+    scratch = np.empty((n + ROWS + 2, max(count, WIDTH)))
     weights, log_weights = np.full(count, 1.0 / count), np.full(count, -np.log(count))
     effective, log_evidence, vanished = float(count), 0.0, -1
     for k in range(grid):

@@ -8,9 +8,7 @@ import numpy as np
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.kinematics import WIDTH
-from pipeline.arm.planar import BLOCK
-from pipeline.arm.rows import block_rows
+from pipeline.arm.rows import WIDTH, block_rows
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.kernel import move
 from pipeline.models.model import MotionModel
@@ -18,8 +16,7 @@ from pipeline.models.model import MotionModel
 
 def block_for(chain: Chain) -> np.ndarray:
     """Buffer (rows, poses) of a block of the ``chain``, of zeros."""
-    rows = block_rows(len(chain.lower), len(chain.task))
-    return np.zeros((rows.size, WIDTH if space_of(chain) else BLOCK))
+    return np.zeros((block_rows(len(chain.lower), len(chain.task)).size, WIDTH))
 
 
 def space_of(chain: Chain) -> int | None:

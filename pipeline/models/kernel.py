@@ -49,6 +49,8 @@ from pipeline.models.model import (
 )
 from pipeline.randommatrix.variates import draw_variates
 
+DRAWN = 64  # poses of a serial chain whose variates are drawn at a time, whatever the width
+
 
 @compiled
 def move(
@@ -73,11 +75,21 @@ def move(
     """
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
+    drawn = size if space is None else DRAWN
     for start in range(0, poses, size):
         count = min(size, poses - start)
-        draw_variates(
-            law.degrees, law.sets, law.each, block, rows.chi_square, rows.normal, count, rng
-        )
+        for first in range(0, count, drawn):
+            draw_variates(
+                law.degrees,
+                law.sets,
+                law.each,
+                block,
+                rows.chi_square,
+                rows.normal,
+                first,
+                min(first + drawn, count),
+                rng,
+            )
         for r in range(m):
             fill(block, rows.task + r, command[r], count)
         # numba compiles one of the branches alone

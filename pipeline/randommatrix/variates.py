@@ -15,25 +15,26 @@ def draw_variates(
     block: np.ndarray,
     chi_square: int,
     normal: int,
-    count: int,
+    start: int,
+    stop: int,
     rng: np.random.Generator,
 ) -> None:
-    """Fill rows of the first ``count`` poses of the ``block``: from ``chi_square`` on one row for
-    each of the ``degrees`` of freedom, from ``normal`` on ``sets``·``each`` rows, those of one pose
-    and set drawn one after the other.
+    """Fill rows of the poses from ``start`` to ``stop`` of the ``block``: from ``chi_square`` on a
+    row for each of the ``degrees`` of freedom, from ``normal`` on ``sets``·``each`` rows, those of
+    one pose and set drawn one after the other.
     """
     for k in range(len(degrees)):
         shape = 0.5 * degrees[k]
         if shape > 1.0:
             scale = shape - 1.0 / 3.0
             slope = 1.0 / np.sqrt(9.0 * scale)
-            for i in range(count):
+            for i in range(start, stop):
                 block[chi_square + k, i] = 2.0 * _gamma(rng, scale, slope)
         else:
-            for i in range(count):
+            for i in range(start, stop):
                 block[chi_square + k, i] = 2.0 * rng.standard_gamma(shape)
     for first in range(0, sets * each, max(each, 1)):
-        for i in range(count):
+        for i in range(start, stop):
             for j in range(first, first + each):
                 block[normal + j, i] = rng.standard_normal()
 

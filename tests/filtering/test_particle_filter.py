@@ -15,7 +15,7 @@ from scipy.stats import norm
 from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.planar import BLOCK
+from pipeline.arm.rows import WIDTH
 from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import (
@@ -41,7 +41,7 @@ MODELS = {
     "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
     "gaussian": GaussianModel(0.05, 15.5),
 }
-PATH_START, PARTICLES = np.array([1.1, -1.6, 1.8]), 3 * BLOCK + 77
+PATH_START, PARTICLES = np.array([1.1, -1.6, 1.8]), 3 * WIDTH + 77
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
     )
 
 
-@pytest.mark.parametrize("particles", [1, 2, BLOCK - 1, BLOCK, BLOCK + 1])
+@pytest.mark.parametrize("particles", [1, 2, WIDTH - 1, WIDTH, WIDTH + 1])
 def test_blocks_of_any_filling_are_filtered(particles, arm):
     roomy = replace(arm, lower=arm.lower - 2.0, upper=arm.upper + 2.0)
     compiled, plain = both(MODELS["wishart pivoted_lu"], roomy, FilterOptions(particles))

@@ -225,7 +225,7 @@ def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them_set_by_set(
     one, other = np.random.default_rng(7), np.random.default_rng(7)
     block, freedom = np.full((BUFFER.size, POSES), np.nan), np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
-    from_python(draw_variates)(freedom, sets, each, block, first, then, count, one)
+    from_python(draw_variates)(freedom, sets, each, block, first, then, 0, count, one)
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
         np.testing.assert_array_equal(block[first + k, :count], other.chisquare(d, count))
