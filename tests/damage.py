@@ -207,24 +207,3 @@ def retimed(change):
             lines[i] = b"%.6f %s" % (change(float(stamp), number / len(rows), severity), rest)
 
     return apply
-
-
-# forces
-
-
-def on_block(change):
-    """Damage to a share of the consecutive rows; ``change`` of a line and the one before them."""
-
-    @on_lines
-    def apply(lines, rows, share, rng):
-        length = max(1, round(share * len(rows)))
-        first = int(rng.integers(1, max(2, len(rows) - length)))
-        before = lines[rows[first] - 1]
-        for i in rows[first : first + length]:
-            lines[i] = change(lines[i], before)
-
-    return apply
-
-
-saturated = on_block(lambda line, before: b'"%.15G",' % 32.0 + line.split(b",", 1)[1])
-frozen_sensor = on_block(lambda line, before: before)

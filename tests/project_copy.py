@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -146,15 +147,6 @@ def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
     return [*stages], succeeds("python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder)
 
 
-def reruns(folder: Path, configure: bool = True) -> set[str]:
-    """The stages that ``dvc repro`` would run after an edit, at most, once ``configure`` has run:
-    whose dependencies have changed, and all that follow them.
-    """
-    if configure:
-        succeeds("dvc", "repro", "configure", cwd=folder)
-    return {*planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder))}
-
-
 def outputs(folder: Path, *stages: str) -> dict[str, str]:
     """Hash of every output in the lock files of the paper and of its recordings, or of those of
     ``stages``, but of the configuration, which names where trials run.
@@ -172,3 +164,16 @@ def edit_text(file: Path, text: str) -> None:
     """Replace ``file``, which may be a link into DVC's cache, by another of this text."""
     file.unlink()
     file.write_text(text, newline="", encoding="utf-8")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below ``folder`` by its path there."""
+    files = (file for file in folder.rglob("*") if file.is_file())
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+def shell_commands(page: str, word: str = "") -> list[list[str]]:
+    """The commands of the shell blocks of the project's ``page`` that hold ``word``."""
+    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+    lines = [line for block in blocks if word in block for line in block.splitlines()]
+    return [shlex.split(line, comments=True) for line in lines]

@@ -13,7 +13,7 @@ from statistics import median
 from contests import CALLS, RESULTS, SECONDS
 
 import pandas as pd  # isort: skip
-from equal_bytes import CONTROL
+from equal_bytes import CONTROL, OTHER
 
 VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
 SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
@@ -24,10 +24,9 @@ STARTS = {  # what, and its limit in s
 }
 
 
-def read(folder: Path, name: str) -> dict | None:
-    """A file of measurements; None where it has not been measured."""
-    file = folder / f"{name}.json"
-    return json.loads(file.read_text()) if file.exists() else None
+def read(folder: Path, name: str) -> dict:
+    """A file of measurements."""
+    return json.loads((folder / f"{name}.json").read_text())
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:
@@ -36,7 +35,7 @@ def table(header: list[str], rows: list[list[str]]) -> str:
 
 
 def verdict(met: bool) -> str:
-    """The report's word on a limit."""
+    """The page's word on a limit."""
     return "met" if met else "**missed**"
 
 
@@ -58,9 +57,8 @@ def an_item(benchmark: dict) -> list[float]:
 
 
 def name_of(benchmark: dict) -> str:
-    """Name that the test states as ``against``, else its parameter, else its name in words."""
-    stated = benchmark["extra_info"].get("against") or benchmark["param"]
-    return stated or benchmark["name"].removeprefix("test_").replace("_", " ")
+    """Name of an opponent: its test states it as ``against``."""
+    return benchmark["extra_info"]["against"]
 
 
 def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
@@ -75,23 +73,20 @@ def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
 def against(ours: dict, other: dict) -> list[str]:
     """Cells of the row of ``ours`` against one peer: name, ratio, target, verdict, quality."""
     mine, theirs = ours["extra_info"], other["extra_info"]
-    target, here, there = theirs.get("target"), an_item(ours), an_item(other)
+    here, there = an_item(ours), an_item(other)
     ratios = [b / a for a, b in zip(here, there, strict=True)]
-    ratio = (
-        f"{significant(median(ratios))} ({significant(min(ratios))} to {significant(max(ratios))}) "
-        f"times as fast, {duration(median(here))} against {duration(median(there))}"
-    )
+    middle, *ends = (significant(f(ratios)) for f in (median, min, max))
+    ratio = f"{middle} ({' to '.join(ends)}) times as fast, "
+    ratio += f"{duration(median(here))} against {duration(median(there))}"
     quality, same = "–", True
     for kind in {"error", "objective"} & mine.keys() & theirs.keys():
         quality = f"{kind} {mine[kind]:.4g} against {theirs[kind]:.4g}"
         # speed at the cost of quality meets nothing
         same = mine[kind] <= theirs[kind] + SAME_QUALITY * abs(theirs[kind])
-    if target is None:
-        return [name_of(other), ratio, "–", "–", quality]
-    met = [same and value >= target for value in ratios]
+    met = [same and value >= theirs["target"] for value in ratios]
     some = any(met) and not all(met)
     result = f"**met in {sum(met)} of {len(met)} runs**" if some else verdict(all(met))
-    return [name_of(other), ratio, f"≥ {target}", result, quality]
+    return [name_of(other), ratio, f"≥ {theirs['target']}", result, quality]
 
 
 def contests(folder: Path) -> str:
@@ -147,9 +142,9 @@ def growth(folder: Path) -> str:
 
 def scale(folder: Path) -> str:
     """Runs at scale."""
-    if (measured := read(folder, "scale")) is None:
+    if not (folder / "scale.json").exists():
         return "Not measured: `make bench-scale`."
-    some, takes, lost = (measured[name] for name in ("particles", "takes", "cluster"))
+    some, takes, lost = (read(folder, "scale")[name] for name in ("particles", "takes", "cluster"))
     few, many = takes["few"], takes["many"]
     return (
         f"**{some['many']:,} particles**: {duration(some['seconds_many'])} a particle and step, "
@@ -168,16 +163,16 @@ def equal_bytes(folder: Path) -> str:
     """Bytes of results on other processors and threads."""
     measured = read(folder, "equal_bytes")
     hashes = pd.DataFrame(measured["hashes"])
-    reference, *others = hashes.columns.drop(CONTROL.name)
-    same = hashes[[*others, CONTROL.name]].eq(hashes[reference], axis=0)
+    reference, *others = hashes.columns.drop(CONTROL)
+    same = hashes[[*others, CONTROL]].eq(hashes[reference], axis=0)
     words = same.replace({True: "equal", False: "**other**"})
-    words[CONTROL.name] = same[CONTROL.name].map({True: "equal", False: "other"})
+    words[CONTROL] = same[CONTROL].map({True: "equal", False: "other"})
     rows = [[piece, *cells] for piece, *cells in words.itertuples()]
     skipped = "; ".join(measured["skipped"]) or "none"
     return (
         f"Compared with `{reference}` on {measured['machine']}; the control has another arithmetic "
-        f"({CONTROL.environment}), by which some bytes have to differ. Settings whose instructions "
-        f"this processor lacks: {skipped}.\n\n{table(['piece', *others, 'control'], rows)}"
+        f"({OTHER}), by which some bytes have to differ. Settings whose instructions "
+        f"this processor lacks: {skipped}.\n\n{table(['piece', *others, CONTROL], rows)}"
     )
 
 
@@ -190,7 +185,7 @@ SECTIONS = {
 }
 
 
-def report(folder: Path) -> str:
+def page(folder: Path) -> str:
     """Text of reports/benchmarks.md from the files in ``folder``."""
     machine = read(folder, "contests")["machine_info"]["machine"]
     sections = "\n".join(f"\n## {title}\n\n{one(folder)}" for title, one in SECTIONS.items())
@@ -204,6 +199,6 @@ arithmetic to equal bytes.
 
 
 if __name__ == "__main__":
-    page = RESULTS.with_suffix(".md")
-    page.write_text(report(RESULTS))
-    print(f"bench: {page}")
+    file = RESULTS.with_suffix(".md")
+    file.write_text(page(RESULTS))
+    print(f"bench: {file}")

@@ -105,8 +105,6 @@ GRID = {
         "rows swapped": (*TEXT["rows swapped"], (UNHARMED, UNNOTICED)),
         "rate": (d.header_number(b"Frequency"), 2, 10, FIXED),
         "other unit": (d.header_word(b"(N)", b"(lbf)"), 1, 1, FIXED),
-        "saturated": (d.saturated, 2e-3, 0.1, ANY, "saturated_samples"),
-        "frozen": (d.frozen_sensor, 2e-3, 0.1, ANY, "repeated_rows", "frozen_samples"),
     },
     ("joints", JOINTS): {
         "truncated": (*TEXT["truncated"], (*HEAD, REPAIRED), "cut_rows", *PARTNERS),
