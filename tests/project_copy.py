@@ -19,7 +19,7 @@ UNWRITTEN = ("reports/claims.yaml",)
 # one process: so little work takes less time than starting workers
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
 GIT = ["git", "-c", "init.defaultBranch=main"]
-# half the time of a run is that of starting a process for each stage
+# in one process: half the time of a run goes into starting a process for each stage
 EVERY_COMMAND = """
 import shlex, sys
 from pipeline.__main__ import main
@@ -79,7 +79,7 @@ def error_line(done: subprocess.CompletedProcess) -> str:
 
 
 def copy_project(folder: Path) -> None:
-    """Copy every file that git knows or would add, none of what stages wrote; the copy is a DVC
+    """Copy every file that git tracks or would add, without outputs of stages; the copy is a DVC
     project of its own, without git.
     """
     listed = succeeds("git", "ls-files", "-z", "-co", "--exclude-standard", cwd=ROOT)
@@ -148,8 +148,8 @@ def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
 
 
 def outputs(folder: Path, *stages: str) -> dict[str, str]:
-    """Hash of every output in the lock files of the paper and of its recordings, or of those of
-    ``stages``, but of the configuration, which names where trials run.
+    """Hash of every output in the lock files of the paper and of its recordings, or of ``stages``
+    alone, without the configuration, which names where trials run.
     """
     locked = {}
     for file in (folder / "dvc.lock", folder / "data/raw/youbot/dvc.lock"):

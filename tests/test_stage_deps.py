@@ -30,7 +30,7 @@ def stages(*patterns: str) -> dict[str, dict]:
 
 
 PAPER = stages("dvc.yaml", "data/raw/*/dvc.yaml")
-# what is always run depends on nothing
+# a stage that always runs has no dependencies
 STAGES = {name: stage for name, stage in PAPER.items() if not stage.get("always_changed")}
 STUDIES = stages("pipeline/studies/*/dvc.yaml")
 every_stage = pytest.mark.parametrize("stage", STAGES)

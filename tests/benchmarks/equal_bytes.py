@@ -38,7 +38,7 @@ from pipeline.statistics.densities import kernel_density, normal_reference_bandw
 
 TAKES, STEPS, REST = 12, 60, 15
 FILTERED, PARTICLES = 4, 2000  # seeds, spread over the threads; particles of each
-# no features beside those of the level, which would be the host's
+# the features of the level alone; without this setting the host's are added
 LEVELS = {
     "host": {},
     "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": "+avx2,+fma"},

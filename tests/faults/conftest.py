@@ -65,7 +65,7 @@ class Recovered(NamedTuple):
 
 
 class Bench:
-    """Files of a valid recording by their paths in ``folder``, and what is recovered from them."""
+    """Files of a valid recording by their paths in ``folder``, and the recovered values."""
 
     def __init__(self, folder: Path, recover: Callable[[Path], Recovered]) -> None:
         files = (file for file in sorted(folder.rglob("*")) if file.is_file())

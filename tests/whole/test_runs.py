@@ -1,4 +1,4 @@
-"""Runs that are killed or queued: the results are those of an undisturbed run, or what
+"""Runs that are killed or queued: the results equal an undisturbed run's, or are as
 pipeline/core/compute/README.md documents.
 """
 
@@ -110,7 +110,7 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
         r"^\w{7}\s+(\S+)\s.*Queued", succeeds(*status, cwd=copy), flags=re.MULTILINE
     )
     assert len(queued) == 5
-    # one is enough, and those of the seeds would run everything anew
+    # one is enough, and experiments with other seeds would run every stage
     assert "Removed" in succeeds("dvc", "queue", "remove", queued[0], *queued[2:], cwd=copy)
     # DVC's worker at times reads a half-written message and waits forever; its results are read
     # all the same

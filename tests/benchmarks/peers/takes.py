@@ -72,7 +72,7 @@ class PlanarTake(Take):
         x = cosine * self.links[:, 0] + sine * self.links[:, 1]
         z = cosine * self.links[:, 1] - sine * self.links[:, 0]
         jacobian = np.empty((len(q), 3, 3))
-        # each joint turns all that comes after it
+        # each joint moves all links after it
         jacobian[:, 0] = self.signs * np.cumsum(z[:, ::-1], axis=1)[:, ::-1]
         jacobian[:, 1] = -self.signs * np.cumsum(x[:, ::-1], axis=1)[:, ::-1]
         jacobian[:, 2] = self.signs
