@@ -29,39 +29,6 @@ def lines_of(content: bytes) -> tuple[list[bytes], list[int]]:
 # any log of text
 
 
-def on_lines(change):
-    """Damage that edits the list of lines; ``change`` also gets the indices of the rows."""
-
-    def apply(content, severity, rng):
-        lines, rows = lines_of(content)
-        change(lines, rows, severity, rng)
-        return b"".join(lines)
-
-    return apply
-
-
-def truncated(content, share, rng):
-    return content[: len(content) - int(np.ceil(share * len(content)))]
-
-
-@on_lines
-def dropped_rows(lines, rows, number, rng):
-    for i in some(rows[1:-1], number, rng):
-        lines[i] = b""
-
-
-@on_lines
-def doubled_rows(lines, rows, number, rng):
-    for i in some(rows, number, rng):
-        lines[i] *= 2
-
-
-@on_lines
-def swapped_rows(lines, rows, number, rng):
-    for i in some(rows[:-1:2], number, rng):
-        lines[i], lines[i + 1] = lines[i + 1], lines[i]
-
-
 def header_number(key: bytes):
     """Damage that multiplies the number after ``key``."""
 
@@ -190,20 +157,14 @@ all_lost_pixels = on_pixels(lambda x, share, rng: np.where(rng.random(x.shape) <
 all_other_unit = on_pixels(lambda x, factor, rng: np.where(x * factor < 2**16, x * factor, 0))
 
 
-def flipped_bits(content, number, rng):
-    damaged = bytearray(content)
-    for place in rng.integers(len(content), size=int(number)):
-        damaged[place] ^= 1 << int(rng.integers(8))
-    return bytes(damaged)
-
-
 def retimed(change):
     """Damage to the times of an index: ``change`` of time, share of the rows before, severity."""
 
-    @on_lines
-    def apply(lines, rows, severity, rng):
+    def apply(content, severity, rng):
+        lines, rows = lines_of(content)
         for number, i in enumerate(rows):
             stamp, rest = lines[i].split(b" ", 1)
             lines[i] = b"%.6f %s" % (change(float(stamp), number / len(rows), severity), rest)
+        return b"".join(lines)
 
     return apply

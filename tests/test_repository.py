@@ -113,8 +113,8 @@ def names_read(modules: dict[str, ast.Module]) -> Iterator[str]:
 
 
 def words_outside_python() -> Iterator[str]:
-    """Every word of the templates and of the studies' YAML files, which name functions."""
-    for pattern in ("**/templates/*", "studies/**/*.yaml"):
+    """Every word of the templates and of the YAML files of studies and figures."""
+    for pattern in ("**/templates/*", "studies/**/*.yaml", "figures/**/*.yaml"):
         for file in (ROOT / "pipeline").glob(pattern):
             text = file.read_text(encoding="utf-8")
             yield from (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_")))

@@ -1,5 +1,5 @@
-"""Small valid recordings of every instrument, made by the laboratory and the writers of the
-formats, and the values that the stages recover from them, damaged or not.
+"""Small valid recordings of motion capture and depth camera, made by the laboratory and the writers
+of the formats, and the values that the stages recover from them, damaged or not.
 """
 
 from __future__ import annotations
@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ import pytest
 from made_options import made
 from marker_takes import marker_places
 from scipy.spatial.transform import Rotation
-from written_logs import write_joint_log
 
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.columns import values
@@ -24,12 +22,9 @@ from pipeline.core.config import compose_config
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.core.options.instruments import JointLogSection
 from pipeline.formats.depth.image import encode_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.force.daqft import ForceRecord, write_daqft
-from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.trajectory import write_trajectory
@@ -41,11 +36,9 @@ from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture
 from pipeline.recordings.clocks import on_motion_clock
 from pipeline.recordings.depth_angles import arm_points
-from pipeline.recordings.force import force_rows
-from pipeline.recordings.joint_logs import joint_log_rows
 
 ROOT = Path(__file__).parents[2]
-SAME = 1e-9  # rad or N: above the rounding of a sum, below the resolution of any instrument
+SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument
 STEPS, RATE = 180, 100.0  # of the motion grid
 GRID = np.arange(STEPS + 1) / RATE
 # s into the dataset's motion, shortly before the arm starts: its speeding up gives the clock offset
@@ -55,12 +48,10 @@ SIZE, COARSER = (141, 170), 3.0  # px, and how many of a Kinect's pixels one of 
 
 
 class Recovered(NamedTuple):
-    """Joint angles in rad or moments of force in N, ``values`` (N, d) at ``time`` (N,) in s, and
-    the counts of the table ``quality``.
-    """
+    """Joint angles (N, 3) in rad at ``time`` (N,) in s, and counts of the table ``quality``."""
 
     time: np.ndarray
-    values: np.ndarray
+    q: np.ndarray
     counts: dict[str, float]
 
 
@@ -91,8 +82,8 @@ class Bench:
             margin = 3 * before.get(f"{name}_standard_error", 0.0)
             if abs(after.get(name, 0.0) - before.get(name, 0.0)) > margin:
                 return "repaired", recovered
-        same = recovered.values.shape == self.clean.values.shape and np.allclose(
-            recovered.values, self.clean.values, rtol=0, atol=SAME
+        same = recovered.q.shape == self.clean.q.shape and np.allclose(
+            recovered.q, self.clean.q, rtol=0, atol=SAME
         )
         return "unharmed" if same else "unnoticed", recovered
 
@@ -109,8 +100,6 @@ def dataset() -> Dataset:
     options.mocap.training, options.mocap.test = "optitrack/*.csv", None
     options.depth.height, options.depth.width = SIZE
     options.depth.rate, options.depth.workspace.min_pixels = FRAME_RATE, 5
-    options.force.tare, log = 2.0, options.force.log
-    log.full_scale, log.rate = [32.0] * 3, 50.0
     return options
 
 
@@ -187,61 +176,13 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     return Bench(folder, recover)
 
 
-def force_bench(folder: Path, dataset: Dataset, *_: object) -> Bench:
-    """A force record: means and standard deviations (1, 4) in N of the horizontal forces."""
-    time, rng = np.arange(600) / 50.0, np.random.default_rng(3)
-    load = np.where(time[:, None] < 2.0, 0.0, [3.0, 5.0, 0.0])
-    felt = load + rng.normal(0.2, 0.01, load.shape), rng.normal(0, 1e-3, load.shape)
-    (folder / "force").mkdir()
-    write_daqft(folder / "force/C1.csv", ForceRecord(time, *felt, 50.0, "FT1", "now", {}))
-
-    def recover(raw: Path) -> Recovered:
-        rows, quality = force_rows(raw, "C1", dataset.force)
-        forces = rows[["fx", "fy"]].to_numpy()
-        moments = np.hstack([forces.mean(axis=0), forces.std(axis=0)])[None]
-        return Recovered(np.zeros(1), moments, counts_of(quality))
-
-    return Bench(folder, recover)
-
-
-def joints_bench(folder: Path, dataset: Dataset, arm: Arm, _: object) -> Bench:
-    """Three repetitions of a motion of 40 steps, there and back, in a folder of three logs."""
-    start, end, rng = (
-        np.array([1.6, -4.7, 2.0]),
-        np.array([2.0, -4.3, 2.4]),
-        np.random.default_rng(4),
-    )
-    share = (1 - np.cos(np.linspace(0, np.pi, 41))) / 2
-    cycle = np.concatenate([np.zeros(20), share, np.ones(20), share[::-1]])
-    way = np.concatenate([cycle, cycle, cycle, np.zeros(20)])
-    target = start + way[:, None] * (end - start)
-    speed = np.vstack([np.zeros(3), np.diff(target, axis=0) * RATE])
-    actual = target - 0.01 * speed + rng.normal(scale=1e-4, size=target.shape)
-    time = np.arange(len(way)) / RATE
-    (folder / "joints/run").mkdir(parents=True)
-    for name, angles in {"actual": actual, "target": target, "speed": speed}.items():
-        write_joint_log(folder / f"joints/run/{name}.csv", JointLog(time, {"actual": angles}, {}))
-    names = {name: f"{name}.csv" for name in ("actual", "target", "speed")}
-    ends = {"start": start.tolist(), "end": end.tolist(), "tolerance": 1e-3, "rest": 5}
-    options = JointLogSection(movements="joints/*", joints=["a", "b", "c"], **names, **ends)
-    robot = SimpleNamespace(**vars(dataset.robot) | {"joints": options.joints})
-    changes = {"robot": robot, "motion": Motion(RATE, 40 + 10), "joint_log": options}
-    logged = SimpleNamespace(**vars(dataset) | changes)
-
-    def recover(raw: Path) -> Recovered:
-        _, joints, quality = joint_log_rows(raw, logged, arm.chain)
-        counts = pd.DataFrame(quality).groupby("quantity")["value"].sum().to_dict()
-        return Recovered(joints["t"].to_numpy(), values(joints, "q"), counts)
-
-    return Bench(folder, recover)
-
-
 @pytest.fixture(scope="session")
 def benches(dataset, motion, tmp_path_factory) -> dict[str, Bench]:
     """Instrument → its recording."""
     robot = dataset.robot
     arm = load_arm(ROOT / robot.urdf, robot.joints, robot.tool, robot.locked)
-    builds = {"take": take_bench, "depth": depth_bench, "force": force_bench}
-    builds["joints"] = joints_bench
-    folder = tmp_path_factory.mktemp
-    return {name: build(folder(name), dataset, arm, motion) for name, build in builds.items()}
+    known = dataset, arm, motion
+    return {
+        "take": take_bench(tmp_path_factory.mktemp("take"), *known),
+        "depth": depth_bench(tmp_path_factory.mktemp("depth"), *known),
+    }
