@@ -18,7 +18,7 @@ from project_copy import GIT, SMOKE, copy_project, set_parameters, succeeds
 
 # a forked child that a damaged file crashes reports by its exit code, without a dump of its stack
 os.register_at_fork(after_in_child=faulthandler.disable)
-# of a user whose files are for nobody else, without a home and with the locale of a bare container
+# a user without a home, with private files and the locale of a bare container
 BARE = {"home": False, "umask": 0o077, "LANG": "C"}
 STARTED = monotonic()  # s
 
@@ -66,7 +66,7 @@ def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     folder, whole = base / "Prüfstand 1" / "reproduced", base / "reproduced.whole"
-    # the first worker that needs it makes it, others wait
+    # the first worker makes it, others wait
     with (base / "reproduced.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
@@ -83,12 +83,12 @@ def reproduce(folder: Path) -> None:
     set_parameters(folder, **SMOKE)
     succeeds(*GIT, "init", "-q", cwd=folder)
     commit(folder, "start")
-    # in place of the environment that make would build, the one that runs the tests
+    # the environment of the tests in place of a new one by make
     (folder / ".venv").mkdir()
     for name in ("bin", "lib", "pyvenv.cfg"):
         (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
-    said = succeeds("make", "-o", ".venv/.ready", "repro", cwd=folder, **BARE)
-    assert "Results: report reports/youbot/report.md" in said.splitlines()[-1]
+    printed = succeeds("make", "-o", ".venv/.ready", "repro", cwd=folder, **BARE)
+    assert "Results: report reports/youbot/report.md" in printed.splitlines()[-1]
     commit(folder, "reproduced")
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 ROOT = Path(__file__).parents[1]
-# the reports that stages read and none writes
+# files of the reports that no stage writes
 UNWRITTEN = ("reports/claims.yaml",)
 # one process: so little work takes less time than starting workers
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
@@ -43,8 +43,8 @@ def run(
     umask: int = -1,
     **environment: str,
 ) -> subprocess.CompletedProcess:
-    """Run a command in ``cwd``, with nothing of this process's environment but PATH, and as HOME a
-    folder that git ignores; output captured. TimeoutExpired after ``seconds``.
+    """Run a command in ``cwd``, with PATH alone of this process's environment, and as HOME a folder
+    that git ignores; output captured. TimeoutExpired after ``seconds``.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"} | (
@@ -72,7 +72,7 @@ def succeeds(*command: str, cwd: Path, **options: object) -> str:
 
 
 def error_line(done: subprocess.CompletedProcess) -> str:
-    """The one line of a failed command's errors that is the project's own message."""
+    """The project's own message, one line, among the errors of a failed command."""
     (line,) = (line for line in done.stderr.splitlines() if line.startswith("error:"))
     assert done.returncode != 0 and "Traceback" not in done.stderr
     return line

@@ -17,7 +17,7 @@ from source_code import MODULES, ROOT, imports, package, pipeline_imports, tree
 
 TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
 PACKAGES, EXCEPTIONS, WRAPPERS = TABLE["packages"], TABLE["exceptions"], TABLE["wrappers"]
-UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's packages never import
+UPPER = {"stages", "studies", "tools", "__main__"}  # the paper's packages import none of these
 
 
 def roots(module: str, top: bool = False) -> set[str]:
@@ -54,7 +54,7 @@ def test_the_table_has_every_package_and_no_other_and_no_circle():
         assert set(entry["imports"]) - {"packages"} <= below, name
         below.add(name)
     assert not any(UPPER & set(PACKAGES[name]["imports"]) for name in set(PACKAGES) - UPPER)
-    # the control: an import against the order is none that the table allows
+    # the control: the table does not allow an import against the order
     assert not within("pipeline.studies.filters.stage", allowed("pipeline.arm.chain"))
 
 
@@ -75,7 +75,7 @@ def test_a_library_enters_through_its_wrapper(library):
 
 
 @pytest.mark.parametrize("library", TABLE["late"])
-def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(library):
+def test_a_slow_library_is_imported_by_the_function_that_needs_it(library):
     packages = [module for module in MODULES if package(module) not in {"studies", "tools"}]
     assert [module for module in packages if library in imports(module, top=True)] == []
     assert any(library in imports(module) for module in packages), "nothing does: take it out"

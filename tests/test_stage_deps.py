@@ -15,7 +15,7 @@ from source_code import MODULES, ROOT, covers, needed, package, tree
 # changes no stage but configure: the others depend on the values that they declare.
 HARMLESS = {module for module in MODULES if package(module) == "core"}
 DATASET = yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8"))["dataset"]
-# folders from which configure removes results of models that are not chosen
+# folders from which configure removes results of models that are not selected
 CLEANED = {"dvc.yaml:configure": {"data/fit", "data/filter"}}
 
 

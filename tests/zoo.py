@@ -62,7 +62,7 @@ def frames(folder: Path, count: int = 4) -> list[str]:
 
 
 def write_zoo(folder: Path) -> None:
-    """One recording of every format, and two files that are none."""
+    """One recording of every format, and two files of no format."""
     rng = np.random.default_rng(3)
     for name, text in TEXTS.items():
         (folder / name).write_text(text)

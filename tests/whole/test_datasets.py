@@ -93,8 +93,8 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_
     # a file that changed is noticed where the recordings are read in place
     edit_text(next((exports / "optitrack").glob("train_*.csv")), "cut short")
     succeeds("dvc", "repro", "files", cwd=project)
-    # the inventory is always read, score looks for a truth in its folder, predict reads all motions
-    # of the files, and the report was not made before; of the parts the motion alone
+    # the inventory always runs, score reads the folder for the truth, predict reads all motions of
+    # the files, and the report was not made before; of the parts the motion alone has changed
     plan = planned(succeeds("dvc", "repro", "--dry", "report", cwd=project))
     inventory = "data/raw/lab/dvc.yaml:inventory"
     assert {*plan} == {inventory, "ingest@motion", "predict", "score", "report"}

@@ -1,5 +1,5 @@
-"""Bad input stops the stage that meets it with one message that says where, and leaves the earlier
-results intact.
+"""Bad input stops the stage that reads it with one message that names the place, and leaves the
+earlier results intact.
 """
 
 from __future__ import annotations

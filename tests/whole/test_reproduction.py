@@ -1,5 +1,5 @@
-"""The paper's part as a whole, on the smoke scale: what comes out, that it comes out the same, and
-what an edit reruns.
+"""The paper's part as a whole, on the smoke scale: its results, their bytes in another run, and the
+stages that an edit reruns.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed
         edit_text(recordings / name, content.rstrip("\n")[:-1] + "7\n")
         assert reruns(copy, "files") == stages | SHOWN
         edit_text(recordings / name, content)
-    # but score, which looks for the truth in the folder, and this has lost its dvc.yaml
+    # score alone, which reads the folder for the truth, as its dvc.yaml is gone
     assert reruns(copy, "files") == SHOWN
 
 
