@@ -1,4 +1,4 @@
-# Two commands: `make repro` (the paper) and `make test`. Each target makes its own environment in .venv from the hashed lock files.
+# Two commands: `make repro` (the paper) and `make test`. Each target first makes the environment .venv from the hashed lock files.
 # The checkout may lie in a path with blanks: every absolute path in a recipe is quoted.
 SHELL := /bin/sh
 PYTHON ?= $(shell for p in python3.12 python3.11 python3 python; do \
@@ -11,7 +11,7 @@ VIEW := .venv-view
 export PATH := $(BIN):$(PATH)
 export DVC_NO_ANALYTICS := 1
 export HOME ?= $(CURDIR)/$(VENV)
-# Python keeps the bytecode of what it imports, as numba its machine code; else every process compiles those sources anew.
+# Python caches bytecode, as numba caches machine code; without the caches every process compiles its sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: env view repro all test test-all smoke real synthetic audit bench bench-scale lint lock clean-env
@@ -31,30 +31,30 @@ repro: $(READY)
 all: $(READY)
 	dvc repro -P
 
-# Everything but the tests that take more than about two seconds each.
+# Every test of less than about two seconds.
 test: $(READY)
 	python -m pytest -q -n auto --dist worksteal -m "not slow"
 
-# Every test; how long each module takes is written to tests/durations.csv. The peers' environment has a collection of arms, the viewer's has Rerun.
+# Every test; the seconds of each module are written to tests/durations.csv. Some tests need the peers' collection of arms, others the viewer Rerun.
 test-all: $(READY) $(PEERS)/.ready $(VIEW)/.ready
 	python -m pytest -q -n auto --dist worksteal --durations-file=tests/durations.csv
 
 smoke: $(READY)
 	python tests/whole/copies.py .smoke
 
-# The same analysis on the recordings of real robots, for the verdicts side by side.
+# The same analysis of recordings of real robots: the report compares the verdicts.
 real: $(READY)
 	python tests/whole/copies.py .real ur5 ur5_planar ur5_rounds lwr4
 
-# And on what the laboratory records of another arm, and on the youBot's recordings with another task.
+# The same analysis of synthetic recordings: another arm, forces without an arm, and the youBot's recordings with another task.
 synthetic: $(READY)
 	python tests/whole/copies.py .real lwr4_lab youbot_redundant towing
 
-# What is committed, run anew with nothing that an earlier run left: is it what is committed? Fails where it is not.
+# All stages in a clean clone of the commit, without any earlier output; fails if a result differs from the commit.
 audit: $(READY)
 	python -m pipeline audit .audit
 
-# Ratios to other libraries, first use, speed of a step, growth of cost and equal bytes: reports/benchmarks.md. Best where nothing else runs.
+# Ratios to other libraries, first use, speed of a step, growth of cost and equal bytes: reports/benchmarks.md. Run it on an idle machine.
 bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/contests.py .bench/contests
 	python tests/benchmarks/start.py .bench/cache
@@ -82,7 +82,7 @@ $(READY): requirements.lock uv.requirements build-constraints.txt
 	"$(BIN)"/uv pip sync --quiet --system-certs --python "$(BIN)/python" --require-hashes --build-constraint build-constraints.txt requirements.lock
 	touch $@
 
-# The libraries that the benchmarks compare with, in an environment of their own.
+# The peers of the benchmarks, in an environment of their own.
 $(PEERS)/.ready: tests/benchmarks/peers.lock build-constraints.txt | $(READY)
 	rm -rf $(PEERS)
 	"$(BIN)"/uv venv --quiet --python "$(BIN)/python" $(PEERS)

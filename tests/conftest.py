@@ -18,7 +18,7 @@ from project_copy import GIT, SMOKE, copy_project, set_parameters, succeeds
 
 # a forked child that a damaged file crashes reports by its exit code, without a dump of its stack
 os.register_at_fork(after_in_child=faulthandler.disable)
-# of a user whose files are for nobody else, without a home and with the locale of a bare container
+# a user without a home, with private files and the locale of a bare container
 BARE = {"home": False, "umask": 0o077, "LANG": "C"}
 STARTED = monotonic()  # s
 
@@ -29,24 +29,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
-    """Write setup, call and teardown of the tests of each module, over all workers: longest first,
-    after the wall clock and the total.
+    """Write the wall clock, the total, and setup, call and teardown of the tests of each module,
+    over all workers, longest first.
     """
     if (file := config.getoption("durations_file")) is None:
         return
     reports = [each for kind in terminalreporter.stats.values() for each in kind]
     rows = pd.DataFrame(
-        [
-            (one.nodeid.partition("::")[0], one.nodeid, one.duration, "slow" in one.keywords)
-            for one in reports
-            if isinstance(one, pytest.TestReport)
-        ],
-        columns=["module", "tests", "seconds", "slow"],
-    )
-    rows["seconds without slow tests"] = rows["seconds"].where(~rows.pop("slow"), 0.0)
+        (one.nodeid.partition("::")[0], one.nodeid, one.duration, "slow" not in one.keywords)
+        for one in reports
+        if isinstance(one, pytest.TestReport)
+    ).set_axis(["module", "tests", "seconds", "quick"], axis=1)
+    rows["seconds without slow tests"] = rows["seconds"] * rows.pop("quick")
     sums = {"tests": "nunique", "seconds": "sum", "seconds without slow tests": "sum"}
     table = rows.groupby("module").agg(sums).sort_values(["seconds", "tests"], ascending=False)
-    clock = {"tests": len(rows["tests"].unique()), "seconds": monotonic() - STARTED}
+    clock = {"tests": table["tests"].sum(), "seconds": monotonic() - STARTED}
     first = pd.DataFrame([clock, table.sum()], index=["wall clock", "total"])
     pd.concat([first, table]).astype({"tests": int}).round(1).to_csv(file, index_label="module")
 
@@ -69,7 +66,7 @@ def reproduced(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     folder, whole = base / "Prüfstand 1" / "reproduced", base / "reproduced.whole"
-    # the first worker that needs it makes it, others wait
+    # the first worker makes it, others wait
     with (base / "reproduced.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not whole.exists():
@@ -86,12 +83,12 @@ def reproduce(folder: Path) -> None:
     set_parameters(folder, **SMOKE)
     succeeds(*GIT, "init", "-q", cwd=folder)
     commit(folder, "start")
-    # in place of the environment that make would build, the one that runs the tests
+    # the environment of the tests in place of a new one by make
     (folder / ".venv").mkdir()
     for name in ("bin", "lib", "pyvenv.cfg"):
         (folder / ".venv" / name).symlink_to(Path(sys.prefix) / name)
-    said = succeeds("make", "-o", ".venv/.ready", "repro", cwd=folder, **BARE)
-    assert "Results: report reports/youbot/report.md" in said.splitlines()[-1]
+    printed = succeeds("make", "-o", ".venv/.ready", "repro", cwd=folder, **BARE)
+    assert "Results: report reports/youbot/report.md" in printed.splitlines()[-1]
     commit(folder, "reproduced")
 
 

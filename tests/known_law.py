@@ -32,7 +32,7 @@ MODELS = {  # option → what the stage fit would have written (gaussian_ml: twi
 
 def write_project(folder: Path) -> tuple[PlanarChain, np.ndarray, np.ndarray]:
     """Recordings drawn from TRUE, at rest in the first steps, and the fits of MODELS in ``folder``,
-    where the process must stand.
+    the current folder of the process.
 
     Returns the chain, joint angles (2·TAKES, STEPS + 1, 3) in rad and commanded steps (STEPS, 3).
     """

@@ -144,8 +144,8 @@ TEXT |= {
 
 
 def mutants(content: bytes, count: int, *, text: bool) -> Iterator[tuple[str, bytes]]:
-    """``count`` changes of ``content`` by name, the same ones each time; those of text too where it
-    is ``text``.
+    """``count`` changes of ``content`` by name, equal in every call; if it is ``text``, changes of
+    text too.
     """
     kinds = [*(BYTES | TEXT if text else BYTES).items()]
     for number in range(count):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -13,12 +14,12 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 ROOT = Path(__file__).parents[1]
-# the reports that stages read and none writes
+# files of the reports that no stage writes
 UNWRITTEN = ("reports/claims.yaml",)
 # one process: so little work takes less time than starting workers
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
 GIT = ["git", "-c", "init.defaultBranch=main"]
-# half the time of a run is that of starting a process for each stage
+# in one process: half the time of a run goes into starting a process for each stage
 EVERY_COMMAND = """
 import shlex, sys
 from pipeline.__main__ import main
@@ -42,8 +43,8 @@ def run(
     umask: int = -1,
     **environment: str,
 ) -> subprocess.CompletedProcess:
-    """Run a command in ``cwd``, with nothing of this process's environment but PATH, and as HOME a
-    folder that git ignores; output captured. TimeoutExpired after ``seconds``.
+    """Run a command in ``cwd``, with PATH alone of this process's environment, and as HOME a folder
+    that git ignores; output captured. TimeoutExpired after ``seconds``.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     places = {"PATH": path, "GIT_CONFIG_NOSYSTEM": "1"} | (
@@ -71,14 +72,14 @@ def succeeds(*command: str, cwd: Path, **options: object) -> str:
 
 
 def error_line(done: subprocess.CompletedProcess) -> str:
-    """The one line of a failed command's errors that is the project's own message."""
+    """The project's own message, one line, among the errors of a failed command."""
     (line,) = (line for line in done.stderr.splitlines() if line.startswith("error:"))
     assert done.returncode != 0 and "Traceback" not in done.stderr
     return line
 
 
 def copy_project(folder: Path) -> None:
-    """Copy every file that git knows or would add, none of what stages wrote; the copy is a DVC
+    """Copy every file that git tracks or would add, without outputs of stages; the copy is a DVC
     project of its own, without git.
     """
     listed = succeeds("git", "ls-files", "-z", "-co", "--exclude-standard", cwd=ROOT)
@@ -146,18 +147,9 @@ def in_one_process(folder: Path, *targets: str) -> tuple[list[str], str]:
     return [*stages], succeeds("python", "-c", EVERY_COMMAND, *stages.values(), cwd=folder)
 
 
-def reruns(folder: Path, configure: bool = True) -> set[str]:
-    """The stages that ``dvc repro`` would run after an edit, at most, once ``configure`` has run:
-    whose dependencies have changed, and all that follow them.
-    """
-    if configure:
-        succeeds("dvc", "repro", "configure", cwd=folder)
-    return {*planned(succeeds("dvc", "repro", "--dry", "--force-downstream", cwd=folder))}
-
-
 def outputs(folder: Path, *stages: str) -> dict[str, str]:
-    """Hash of every output in the lock files of the paper and of its recordings, or of those of
-    ``stages``, but of the configuration, which names where trials run.
+    """Hash of every output in the lock files of the paper and of its recordings, or of ``stages``
+    alone, without the configuration, which names where trials run.
     """
     locked = {}
     for file in (folder / "dvc.lock", folder / "data/raw/youbot/dvc.lock"):
@@ -172,3 +164,16 @@ def edit_text(file: Path, text: str) -> None:
     """Replace ``file``, which may be a link into DVC's cache, by another of this text."""
     file.unlink()
     file.write_text(text, newline="", encoding="utf-8")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below ``folder`` by its path there."""
+    files = (file for file in folder.rglob("*") if file.is_file())
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+def shell_commands(page: str, word: str = "") -> list[list[str]]:
+    """The commands of the shell blocks of the project's ``page`` that hold ``word``."""
+    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+    lines = [line for block in blocks if word in block for line in block.splitlines()]
+    return [shlex.split(line, comments=True) for line in lines]

@@ -13,13 +13,6 @@ from rosbags.typesys import Stores, get_typestore
 STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "ros2": get_typestore(Stores.ROS2_HUMBLE)}
 
 
-def header(version: str, stamp: float) -> object:
-    types = STORES[version].types
-    nanoseconds = round(stamp * 1e9)
-    time = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
-    return types["std_msgs/msg/Header"](*([0] if version == "ros1" else []), time, "depth_camera")
-
-
 class Message:
     """Type, time and fields of a message, to be made for either ROS version."""
 
@@ -27,22 +20,21 @@ class Message:
         self.kind, self.stamp, self.fields = kind, stamp, fields
 
     def for_version(self, version: str) -> object:
-        types = STORES[version].types
-        fields = dict(self.fields)
+        types, fields = STORES[version].types, dict(self.fields)
+        time = types["builtin_interfaces/msg/Time"](*divmod(round(self.stamp * 1e9), 10**9))
+        number = [0] if version == "ros1" else []
+        header = types["std_msgs/msg/Header"](*number, time, "depth_camera")
         if "fields" in fields:
-            fields["fields"] = [
-                types["sensor_msgs/msg/PointField"](*field) for field in fields["fields"]
-            ]
+            point = types["sensor_msgs/msg/PointField"]
+            fields["fields"] = [point(*field) for field in fields["fields"]]
         if "wrench" in fields:
             vector, wrench = (types[f"geometry_msgs/msg/{kind}"] for kind in ("Vector3", "Wrench"))
             fields["wrench"] = wrench(*(vector(*part) for part in fields["wrench"].tolist()))
         if "distortion_model" in fields:
             fields["roi"] = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
-            fields = {
-                (name.lower() if version == "ros2" and len(name) == 1 else name): value
-                for name, value in fields.items()
-            }
-        return types[self.kind](header=header(version, self.stamp), **fields)
+            if version == "ros2":  # d, k, r, p
+                fields = {k.lower() if len(k) == 1 else k: v for k, v in fields.items()}
+        return types[self.kind](header=header, **fields)
 
 
 def image(
@@ -105,17 +97,15 @@ def write_bag(
     version = "ros1" if form.startswith("ros1") else "ros2"
     store, path = STORES[version], folder / ("take.bag" if version == "ros1" else "take")
     if version == "ros1":
-        writer = Writer1(path)
+        writer, serialise = Writer1(path), store.serialize_ros1
         if form != "ros1":
             writer.set_compression(Writer1.CompressionFormat[form.removeprefix("ros1_").upper()])
     else:
         storage = StoragePlugin.MCAP if form.startswith("mcap") else StoragePlugin.SQLITE3
-        writer = Writer2(path, version=9, storage_plugin=storage)
-        modes = {"zstd": CompressionMode.MESSAGE, "zstd_file": CompressionMode.FILE}
-        modes["mcap_zstd"] = CompressionMode.STORAGE
+        writer, serialise = Writer2(path, version=9, storage_plugin=storage), store.serialize_cdr
+        modes = {"zstd": "MESSAGE", "zstd_file": "FILE", "mcap_zstd": "STORAGE"}
         if form in modes:
-            writer.set_compression(modes[form], CompressionFormat.ZSTD)
-    serialise = store.serialize_ros1 if version == "ros1" else store.serialize_cdr
+            writer.set_compression(CompressionMode[modes[form]], CompressionFormat.ZSTD)
     with writer:
         connections, everything = {}, []
         for topic, held in recorded.items():

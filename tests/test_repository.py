@@ -9,7 +9,6 @@ import ast
 import re
 import subprocess
 import tomllib
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 import pytest
@@ -18,7 +17,7 @@ from source_code import MODULES, ROOT, imports, package, pipeline_imports, tree
 
 TABLE = yaml.safe_load((ROOT / "pipeline/IMPORTS.yaml").read_text(encoding="utf-8"))
 PACKAGES, EXCEPTIONS, WRAPPERS = TABLE["packages"], TABLE["exceptions"], TABLE["wrappers"]
-UPPER = {"stages", "studies", "tools", "__main__"}  # what the paper's packages never import
+UPPER = {"stages", "studies", "tools", "__main__"}  # the paper's packages import none of these
 
 
 def roots(module: str, top: bool = False) -> set[str]:
@@ -55,7 +54,7 @@ def test_the_table_has_every_package_and_no_other_and_no_circle():
         assert set(entry["imports"]) - {"packages"} <= below, name
         below.add(name)
     assert not any(UPPER & set(PACKAGES[name]["imports"]) for name in set(PACKAGES) - UPPER)
-    # the control: an import against the order is none that the table allows
+    # the control: the table does not allow an import against the order
     assert not within("pipeline.studies.filters.stage", allowed("pipeline.arm.chain"))
 
 
@@ -76,7 +75,7 @@ def test_a_library_enters_through_its_wrapper(library):
 
 
 @pytest.mark.parametrize("library", TABLE["late"])
-def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(library):
+def test_a_slow_library_is_imported_by_the_function_that_needs_it(library):
     packages = [module for module in MODULES if package(module) not in {"studies", "tools"}]
     assert [module for module in packages if library in imports(module, top=True)] == []
     assert any(library in imports(module) for module in packages), "nothing does: take it out"
@@ -84,88 +83,60 @@ def test_what_takes_long_to_import_is_imported_by_the_function_that_needs_it(lib
 
 TESTS_ALONE = "serves tests alone"  # in the docstring of a theorem of pipeline.randommatrix
 Definition = ast.FunctionDef | ast.ClassDef
-Use = tuple[str, tuple[str, ...]]  # a name, and the module and definitions around it
 
 
-def definitions(module: str) -> Iterator[tuple[tuple[str, ...], Definition]]:
+def definitions(module: ast.Module) -> Iterator[Definition]:
     """Functions, classes, and methods of classes without a base, which could call them."""
-    for node in tree(module).body:
+    for node in module.body:
         if isinstance(node, Definition):
-            yield (module, node.name), node
+            yield node
         if isinstance(node, ast.ClassDef) and not node.bases:
-            members = (member for member in node.body if isinstance(member, ast.FunctionDef))
-            yield from (((module, node.name, member.name), member) for member in members)
+            yield from (member for member in node.body if isinstance(member, ast.FunctionDef))
 
 
-def uses(module: str) -> Iterator[Use]:
-    """Every name and attribute that ``module`` reads; every text where it imports by name."""
-    texts = "import_module" in ast.unparse(tree(module))
-
-    def walk(node: ast.AST, user: tuple[str, ...]) -> Iterator[Use]:
-        if isinstance(node, Definition) and len(user) < 3:
-            user = (*user, node.name)
-        if isinstance(node, ast.Name | ast.Attribute):
-            yield node.id if isinstance(node, ast.Name) else node.attr, user
-        elif texts and isinstance(node, ast.Constant) and isinstance(node.value, str):
-            yield node.value, user
-        for child in ast.iter_child_nodes(node):
-            yield from walk(child, user)
-
-    return walk(tree(module), (module,))
+def called_from_outside(node: Definition) -> bool:
+    """True where Python or pydantic calls it, or where it is a theorem that serves tests."""
+    decorators = " ".join(ast.unparse(one) for one in node.decorator_list)
+    theorem = TESTS_ALONE in " ".join((ast.get_docstring(node) or "").split())
+    return node.name.startswith("__") or "_validator" in decorators or theorem
 
 
-def outside_python() -> Iterator[Use]:
-    """Every word of the templates, and of the YAML files by which a study finds functions."""
-    studies = (ROOT / "pipeline/studies").rglob("*.yaml")
-    for file in (*(ROOT / "pipeline").rglob("templates/*"), *studies):
-        text = file.read_text(encoding="utf-8")
-        for name in (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_"))):
-            yield name, (str(file),)
+def names_read(modules: dict[str, ast.Module]) -> Iterator[str]:
+    """Every name and attribute; every word of a text where modules are imported by their names."""
+    for module in modules.values():
+        by_name = "import_module" in ast.unparse(module)
+        for node in ast.walk(module):
+            if isinstance(node, ast.Name | ast.Attribute):
+                yield node.id if isinstance(node, ast.Name) else node.attr
+            elif by_name and isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield from re.findall(r"\w+", node.value)
 
 
-def unused(modules: Iterable[str], others: Iterable[Use] = ()) -> list[str]:
-    """Definitions of ``modules`` whose name occurs in no other code that is used."""
-    found = {place for module in modules for place, node in definitions(module)
-             if not exempt(place, node)}  # fmt: skip
-    users: dict[str, list[tuple[str, ...]]] = defaultdict(list)
-    for name, user in (*others, *(use for module in modules for use in uses(module))):
-        users[name].append(user)
-    lost: set[tuple[str, ...]] = set()
-
-    def in_unused_code(user: tuple[str, ...], place: tuple[str, ...]) -> bool:
-        return any(user[: len(body)] == body for body in (place, *lost))
-
-    while more := {
-        place
-        for place in found - lost
-        if all(in_unused_code(user, place) for user in users[place[-1]])
-    }:
-        lost |= more
-    return sorted(".".join(place) for place in lost)
+def words_outside_python() -> Iterator[str]:
+    """Every word of the templates and of the YAML files of studies and figures."""
+    for pattern in ("**/templates/*", "studies/**/*.yaml", "figures/**/*.yaml"):
+        for file in (ROOT / "pipeline").glob(pattern):
+            text = file.read_text(encoding="utf-8")
+            yield from (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_")))
 
 
-def exempt(place: tuple[str, ...], node: Definition) -> bool:
-    """True where Python or pydantic calls the definition, or a theorem serves tests and says so."""
-    theorem = package(place[0]) == "randommatrix"
-    return (
-        place[-1].startswith("__")
-        or any("_validator" in ast.unparse(one) for one in node.decorator_list)
-        or (theorem and TESTS_ALONE in " ".join((ast.get_docstring(node) or "").split()))
-    )
+def unused(modules: dict[str, ast.Module], words: Iterable[str] = ()) -> list[str]:
+    """Definitions whose name is read nowhere and is none of the ``words``."""
+    used = {*words, *names_read(modules)}
+    return [
+        f"{module}.{node.name}"
+        for module, content in modules.items()
+        for node in definitions(content)
+        if node.name not in used and not called_from_outside(node)
+    ]
 
 
 def test_every_function_is_used():
-    assert unused(MODULES, outside_python()) == []
-
-
-def test_a_function_that_only_an_unused_one_calls_is_unused(monkeypatch):
+    assert unused({name: tree(name) for name in MODULES}, words_outside_python()) == []
     source = (
-        "def used(): ...\ndef inner(): inner()\ndef outer(): inner()\nclass Kept:\n"
-        "    def method(self): ...\n    def dead(self): self.dead()\nKept().method(used())\n"
+        "def used(): ...\nclass Kept:\n    def dead(self): ...\nKept(used())\ndef lost(): ...\n"
     )
-    module = "pipeline.arm.example"
-    monkeypatch.setattr(f"{__name__}.tree", {module: ast.parse(source)}.get)
-    assert unused([module]) == [f"{module}.{name}" for name in ("Kept.dead", "inner", "outer")]
+    assert unused({"example": ast.parse(source)}) == ["example.dead", "example.lost"]
 
 
 LINES = 350

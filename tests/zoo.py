@@ -22,16 +22,32 @@ from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.trajectory import write_trajectory
 
 SHAPE = (24, 32)
-AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+AXES = "".join(
+    f'<UserAxis Name="{axis}" values="1 0 0 0 0 {n}" max="{n + 1}"/>\n'
+    for n, axis in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
+)
 LINKS = ("base", "a", "b", "c", "tip")
-JOINT = """<joint name="j{}" type="{}"><parent link="{}"/><child link="{}"/>
-<origin xyz="0 0 0.2"/>
-<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
-"""
-URDF = '<robot name="three">' + "".join(f'<link name="{name}"/>' for name in LINKS) + "\n"
-for n in range(1, len(LINKS)):
-    URDF += JOINT.format(n, "revolute" if n < 4 else "fixed", *LINKS[n - 1 : n + 1])
-URDF += "</robot>\n"
+JOINTS = "".join(
+    f'<joint name="j{n}" type="{"revolute" if n < 4 else "fixed"}">'
+    f'<parent link="{LINKS[n - 1]}"/><child link="{LINKS[n]}"/><origin xyz="0 0 0.2"/>\n'
+    '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>\n'
+    for n in range(1, len(LINKS))
+)
+TEXTS = {
+    "FT7.cal": '<?xml version="1.0"?>\n<FTSensor Serial="FT7"><Calibration ForceUnits="N" '
+    f'TorqueUnits="N-m">\n{AXES}</Calibration></FTSensor>\n',
+    "sized.json": '{"width": 32, "height": 24, "fx": 30, "fy": 30, "cx": 16, "cy": 12}',
+    "cloud.ply": "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+    "property float z\nend_header\n1 2 3\n",
+    "cloud.pcd": "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\n"
+    "HEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3\nnan nan nan\n",
+    "three.urdf": '<robot name="three">'
+    + "".join(f'<link name="{name}"/>' for name in LINKS) + f"\n{JOINTS}</robot>\n",
+    "dataset.yaml": "about: {subject: a, source: b, licence: c}\nrecordings: ???\n"
+    "mocap: {training: a.csv}\n",
+    "notes.md": "Recorded on a Monday.\n",
+    "payload.pkl": "cos\nsystem\n(S'touch pwned'\ntR.",
+}  # fmt: skip
 
 
 def frames(folder: Path, count: int = 4) -> list[str]:
@@ -46,75 +62,39 @@ def frames(folder: Path, count: int = 4) -> list[str]:
 
 
 def write_zoo(folder: Path) -> None:
-    """One recording of every format, and two files that are none."""
+    """One recording of every format, and two files of no format."""
     rng = np.random.default_rng(3)
+    for name, text in TEXTS.items():
+        (folder / name).write_text(text)
     take = random_take(50)
     take.markers["Link1:Marker1"][10:15] = np.nan
     write_motive(folder / "columns.csv", take, start=START)
-    body = "rigidbody,Hand,1,0"
     rows = [f"frame,{k},{k / 120:.6f},1,1,{0.1 * k},0,1,0,0,0,1,0,0,0,0" for k in range(30)]
-    rows_file(folder, body, *rows)
+    rows_file(folder, "rigidbody,Hand,1,0", *rows)
     c3d = ezc3d.c3d()
-    c3d["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    c3d["parameters"]["POINT"]["RATE"]["value"] = [100]
-    c3d["parameters"]["POINT"]["LABELS"]["value"] = ["A", "B", "C"]
+    for key, value in {"UNITS": ["mm"], "RATE": [100], "LABELS": ["A", "B", "C"]}.items():
+        c3d["parameters"]["POINT"][key]["value"] = value
     c3d["data"]["points"] = np.concatenate([rng.normal(size=(3, 3, 20)), np.ones((1, 3, 20))])
     c3d.write(str(folder / "take.c3d"))
-    time = np.arange(500) / 100
-    record = ForceRecord(
-        time, rng.normal(size=(500, 3)), rng.normal(size=(500, 3)), 100.0, "FT7", START, {}
-    )
+    time, felt = np.arange(500) / 100, rng.normal(size=(2, 500, 3))
+    record = ForceRecord(time, *felt, 100.0, "FT7", START, {})
     write_daqft(folder / "points.csv", record)
     write_daqft(folder / "commas.csv", record, decimal=",")
     write_netft(folder / "netft.csv", record)
-    rows = "\n".join(
-        f'<UserAxis Name="{axis}" values="1 0 0 0 0 {n}" max="{n + 1}"/>'
-        for n, axis in enumerate(AXES)
-    )
-    (folder / "FT7.cal").write_text(
-        '<?xml version="1.0"?>\n<FTSensor Serial="FT7"><Calibration ForceUnits="N" '
-        f'TorqueUnits="N-m">\n{rows}\n</Calibration></FTSensor>\n'
-    )
     write_depth(folder / "single.png", np.full(SHAPE, 1000, np.uint16))
     cv2.imwrite(str(folder / "metres.tiff"), np.full(SHAPE, 1.5, np.float32))
-    names = frames(folder / "indexed" / "depth")
-    write_index(
-        folder / "indexed" / "depth.txt",
-        np.array([0.0, 0.1, 0.2, 0.4]),
-        tuple(f"depth/{name}" for name in names),
-    )
+    names = tuple(f"depth/{name}" for name in frames(folder / "indexed" / "depth"))
+    write_index(folder / "indexed" / "depth.txt", np.array([0.0, 0.1, 0.2, 0.4]), names)
     frames(folder / "numbered")
     write_intrinsics(folder / "camera.yaml", Intrinsics(30.0, 30.0, 16.0, 12.0, *SHAPE[::-1]))
-    (folder / "sized.json").write_text(
-        '{"width": 32, "height": 24, "fx": 30, "fy": 30, "cx": 16, "cy": 12}'
-    )
-    (folder / "cloud.ply").write_text(
-        "ply\nformat ascii 1.0\nelement vertex 1\n"
-        + "".join(f"property float {x}\n" for x in "xyz")
-        + "end_header\n1 2 3\n"
-    )
-    fields = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n"
-    (folder / "cloud.pcd").write_text(f"# .PCD v0.7\nVERSION 0.7\n{fields}1 2 3\nnan nan nan\n")
+    pictures = [(k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10)) for k in range(3)]
+    camera = camera_info([30, 0, 16, 0, 30, 12, 0, 0, 1], [0] * 5, SHAPE[::-1])
+    topics = {"/depth": pictures, "/other": pictures, "/info": [(0.0, camera)]}
     for form in ("ros1", "sqlite3", "mcap"):
         (folder / form).mkdir()
-        pictures = [
-            (k / 10, image(np.full(SHAPE, 900 + k, np.uint16), 1 + k / 10)) for k in range(3)
-        ]
-        camera = camera_info([30, 0, 16, 0, 30, 12, 0, 0, 1], [0] * 5, SHAPE[::-1])
-        write_bag(
-            folder / form, form, {"/depth": pictures, "/other": pictures, "/info": [(0.0, camera)]}
-        )
-    write_joint_log(
-        folder / "q.csv", JointLog(np.arange(30) / 125, {"actual": rng.normal(size=(30, 6))}, {})
-    )
+        write_bag(folder / form, form, topics)
+    angles = {"actual": rng.normal(size=(30, 6))}
+    write_joint_log(folder / "q.csv", JointLog(np.arange(30) / 125, angles, {}))
     steps = np.arange(6) / 100
-    write_trajectory(
-        folder / "path.csv",
-        pd.DataFrame({"t": steps} | {f"{family}:{row}": steps for family in "xv" for row in PLANE}),
-    )
-    (folder / "three.urdf").write_text(URDF)
-    (folder / "dataset.yaml").write_text(
-        "about: {subject: a, source: b, licence: c}\nrecordings: ???\nmocap: {training: a.csv}\n"
-    )
-    (folder / "notes.md").write_text("Recorded on a Monday.\n")
-    (folder / "payload.pkl").write_bytes(b"cos\nsystem\n(S'touch pwned'\ntR.")
+    path = {"t": steps} | {f"{family}:{row}": steps for family in "xv" for row in PLANE}
+    write_trajectory(folder / "path.csv", pd.DataFrame(path))

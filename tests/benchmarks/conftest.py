@@ -9,17 +9,22 @@ where its result has a quality, its ``error`` or ``objective`` (less is better);
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 from pathlib import Path
+from subprocess import PIPE, Popen
 
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 # last, so that tests/conftest.py stays what other tests find by that name
 sys.path += [str(Path(__file__).parent), str(Path(__file__).parent / "peers")]
-from peer_process import INTERPRETER, PeerProcess
+from contests import HERE, INTERPRETER
+
+# settings of our own arithmetic for the sake of equal bytes, from which a peer is free
+OURS = ("OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES")
 
 
 @pytest.fixture
@@ -31,17 +36,33 @@ def size(benchmark: BenchmarkFixture) -> Callable[[int, int], int]:
 
 
 @pytest.fixture
-def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., PeerProcess]]:
-    """Return ``peer(NAME, **options)``, which starts peers/NAME.py and calls its setup."""
+def peer(benchmark: BenchmarkFixture) -> Iterator[Callable[..., Callable[[], object]]]:
+    """Return ``peer(NAME, **options)``, which starts peers/serve.py with peers/NAME.py, a line of
+    JSON in each direction a call, and returns what calls it.
+    """
     if benchmark.disabled:
         pytest.skip("importing the peers takes seconds each; `make bench` runs them")
     if not INTERPRETER.exists():
         pytest.skip("the peers' environment is missing; `make bench` makes it")
-    with ExitStack() as running:
+    environment = {key: value for key, value in os.environ.items() if key not in OURS}
+    running = []
 
-        def start(name: str, **options: object) -> PeerProcess:
-            process = running.enter_context(PeerProcess(name, options))
-            benchmark.extra_info["configuration"] = process.configuration
-            return process
+    def start(name: str, **options: object) -> Callable[[], object]:
+        command = [INTERPRETER, HERE / "peers/serve.py", name]
+        process = Popen(command, env=environment, stdin=PIPE, stdout=PIPE, text=True)
+        running.append(process)
 
-        yield start
+        def ask(line: str = "") -> object:
+            print(line, file=process.stdin, flush=True)
+            if not (answer := process.stdout.readline()):
+                raise RuntimeError(f"the peer {name} ended, with its traceback above")
+            return json.loads(answer)
+
+        options_line = json.dumps(options, default=lambda array: array.tolist())
+        benchmark.extra_info["configuration"] = ask(options_line)
+        return ask
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()

@@ -14,12 +14,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 sys.path += [str(folder) for folder in Path(__file__).parents[1:3]]
-from peer_process import INTERPRETER
 
 import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+INTERPRETER = ROOT / ".venv-peers/bin/python"
 RESULTS = ROOT / "reports/benchmarks"
 RUNS = 3
 SECONDS, CALLS = 0.4, 9  # least time and number of calls of either side
@@ -30,14 +30,6 @@ ASK_VERSIONS = (
     "import json, sys; from importlib.metadata import version; "
     'print(json.dumps({f"peers\' {name}": version(name) for name in sys.argv[1:]}))'
 )
-
-
-def versions() -> dict[str, str]:
-    """Versions of Python and of the libraries here and in the peers' environment."""
-    command = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
-    answer = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    ours = {"python": platform.python_version()} | {name: version(name) for name in OURS}
-    return ours | json.loads(answer)
 
 
 def machine() -> str:
@@ -64,16 +56,17 @@ def run_contests(file: Path) -> list[dict]:
 
 
 def main(folder: Path) -> None:
-    """Keep of each benchmark what the report needs, with the least time in s of each run."""
+    """Keep of each benchmark what the page needs, with the least time in s of each run."""
     folder.mkdir(parents=True, exist_ok=True)
     runs = [run_contests(folder / f"contests_{number}.json") for number in range(RUNS)]
-    benchmarks = []
-    for same in zip(*runs, strict=True):
-        if len({one["fullname"] for one in same}) > 1:
-            raise ValueError(f"runs differ: {[one['fullname'] for one in same]}")
-        least = [one["stats"]["min"] for one in same]
-        benchmarks.append({key: same[-1][key] for key in KEPT} | {"least": least})
-    info = {"machine": machine(), "versions": versions()}
+    benchmarks = [
+        {key: same[-1][key] for key in KEPT} | {"least": [one["stats"]["min"] for one in same]}
+        for same in zip(*runs, strict=True)
+    ]
+    ask = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
+    theirs = json.loads(subprocess.run(ask, check=True, stdout=subprocess.PIPE).stdout)
+    ours = {"python": platform.python_version()} | {name: version(name) for name in OURS}
+    info = {"machine": machine(), "versions": ours | theirs}
     write_results("contests", {"machine_info": info, "benchmarks": benchmarks})
 
 

@@ -17,9 +17,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from contests import machine, write_results  # before numpy: it fixes the arithmetic
 
@@ -40,50 +38,36 @@ from pipeline.statistics.densities import kernel_density, normal_reference_bandw
 
 TAKES, STEPS, REST = 12, 60, 15
 FILTERED, PARTICLES = 4, 2000  # seeds, spread over the threads; particles of each
-
-
-class Setting(NamedTuple):
-    """Environment of a computation, and its number of threads."""
-
-    name: str
-    level: str
-    threads: int
-    environment: dict[str, str]
-
-
-# no features beside those of the level, which would be the host's
+# the features of the level alone; without this setting the host's are added
 LEVELS = {
     "host": {},
     "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": "+avx2,+fma"},
     "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f"},
 }
 NEEDED = {"x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}}
-SETTINGS = [
-    Setting(f"{level}, {threads} thread{'s' * (threads > 1)}", level, threads, environment)
+# name → level, number of threads, environment
+SETTINGS = {
+    f"{level}, {threads} thread{'s' * (threads > 1)}": (level, threads, environment)
     for level, environment in LEVELS.items()
     for threads in (1, 2)
-]
-CONTROL = Setting("control", "host", 1, {"CORETYPE": "Sandybridge"})
-
-
-def recorded() -> Recorded:
-    """Takes of the youBot's planar arm, at rest in the first steps."""
-    stage = scene("youbot")._replace(model=GaussianModel(0.05, 25.0))
-    q, v = drawn_takes(stage, TAKES, STEPS, 1e-4, np.random.default_rng(7), REST)
-    return Recorded(stage.chain, q[:, :-1], v, process_noise(stage.chain, q, v), ("a", "b", "c"))
+}
+CONTROL, OTHER = "control", {"CORETYPE": "Sandybridge"}
 
 
 def filtered(motion: Take, threads: int) -> list[np.ndarray]:
     """Posteriors of a take from several seeds."""
     with ThreadPoolExecutor(threads) as pool:
         seeds = map(np.random.default_rng, range(FILTERED))
-        posteriors = list(pool.map(partial(motion.filtered, PARTICLES), seeds))
+        posteriors = list(pool.map(lambda rng: motion.filtered(PARTICLES, rng), seeds))
     return [part for one in posteriors for part in (one.mean, one.covariance)]
 
 
 def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
     """Name and arrays of each piece: fit and filter of every option file, other arms, a density."""
-    youbot, data = take(30, "youbot"), recorded()
+    youbot, stage = take(30), scene("youbot")._replace(model=GaussianModel(0.05, 25.0))
+    q, v = drawn_takes(stage, TAKES, STEPS, 1e-4, np.random.default_rng(7), REST)
+    noise = process_noise(stage.chain, q, v)
+    data = Recorded(stage.chain, q[:, :-1], v, noise, ("a", "b", "c"))
     for file in sorted((CONF / "model").glob("*.yaml")):
         options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
         fit = estimate(data, options_type(options["kind"])(**options))
@@ -107,17 +91,19 @@ def write_hashes(answer: Path, threads: int) -> None:
     answer.write_text(json.dumps(hashes))
 
 
-def hashes_under(setting: Setting, folder: Path) -> dict[str, str]:
-    """Hash of each piece under ``setting``, in the copy of its level below ``folder``."""
-    project = folder / setting.level
+def hashes_under(
+    level: str, threads: int, environment: dict[str, str], folder: Path
+) -> dict[str, str]:
+    """Hash of each piece under a setting, in the copy of its level below ``folder``."""
+    project = folder / level
     if not project.exists():
         copy_project(project)
         for compiled in [*project.rglob("__pycache__")]:
             shutil.rmtree(compiled)
     answer, program = project / "hashes.json", project / "tests/benchmarks/equal_bytes.py"
-    environment = os.environ | {"NUMBA_NUM_THREADS": str(setting.threads)} | setting.environment
-    command = [sys.executable, program, answer, str(setting.threads)]
-    subprocess.run(command, cwd=project, env=environment, check=True)
+    setting = os.environ | {"NUMBA_NUM_THREADS": str(threads)} | environment
+    command = [sys.executable, program, answer, str(threads)]
+    subprocess.run(command, cwd=project, env=setting, check=True)
     return json.loads(answer.read_text())
 
 
@@ -126,11 +112,13 @@ def main(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     flags = {*re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()}
-    skipped = [one for one in SETTINGS if not NEEDED.get(one.level, set()) <= flags]
-    run = [one for one in (*SETTINGS, CONTROL) if one not in skipped]
-    hashes = {one.name: hashes_under(one, folder) for one in run}
-    names = [one.name for one in skipped]
-    write_results("equal_bytes", {"machine": machine(), "skipped": names, "hashes": hashes})
+    skipped = [
+        name for name, (level, *_) in SETTINGS.items() if not NEEDED.get(level, set()) <= flags
+    ]
+    run = {name: setting for name, setting in SETTINGS.items() if name not in skipped}
+    run[CONTROL] = ("host", 1, OTHER)
+    hashes = {name: hashes_under(*setting, folder) for name, setting in run.items()}
+    write_results("equal_bytes", {"machine": machine(), "skipped": skipped, "hashes": hashes})
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ million particles, ten thousand takes, and trials on a Dask cluster of which a w
 
 from __future__ import annotations
 
-import argparse
 import gc
 import hashlib
 import os
 import re
 import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -22,7 +22,7 @@ from contests import RESULTS, machine, write_results  # before numpy: it fixes t
 import numpy as np  # isort: skip
 import pandas as pd
 from distributed import Client, LocalCluster
-from scenario import Take, drawn_takes, many_joints, take
+from scenario import Take, drawn_takes, take
 
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute, Dask
@@ -58,7 +58,7 @@ def call_of(over: str, size: int) -> Callable[[], object]:
         case "steps":
             return partial(take(size).filtered, 1000, rng)
         case "joints":
-            return partial(take(STEPS, many_joints(size)).filtered, 10_000, rng)
+            return partial(take(STEPS, size).filtered, 10_000, rng)
         case "agents":
             return partial(run_study, CABLES, [size], 1000, 1000, 1, rng)
     trial, compute = partial(posterior_hash, motion=take(STEPS), particles=1000), Compute(1)
@@ -90,23 +90,28 @@ def cost(over: str, size: int) -> tuple[float, float]:
     return time.process_time() - begin, megabytes("VmHWM") - before
 
 
+def costs(over: str, sizes: Sequence[int]) -> np.ndarray:
+    """(2, S) the least times in s and memories in MB of REPEATS processes for each size."""
+    runs = [[in_a_process(cost, over, size) for _ in range(REPEATS)] for size in sizes]
+    return np.min(runs, axis=1).T
+
+
 def megabytes(name: str) -> float:
     """One of this process's sizes in /proc/self/status."""
     return int(re.search(rf"{name}:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) / 1e3
 
 
-def slope(sizes: Sequence[float], costs: np.ndarray) -> float:
+def slope(sizes: Sequence[int], values: np.ndarray) -> float:
     """Slope of log cost over log size, by least squares over the larger half of the sizes."""
     half = len(sizes) // 2
-    return float(np.polyfit(np.log(sizes[half:]), np.log(costs[half:]), 1)[0])
+    return float(np.polyfit(np.log(sizes[half:]), np.log(values[half:]), 1)[0])
 
 
 def measure_growth() -> None:
     """Measure every size, and write."""
     rows = []
     for over, sizes in SIZES.items():
-        runs = [[in_a_process(cost, over, size) for _ in range(REPEATS)] for size in sizes]
-        seconds, memory = np.min(runs, axis=1).T
+        seconds, memory = costs(over, sizes)
         grows = np.all(memory[len(sizes) // 2 :] > LEAST_MEMORY)
         row = {"over": over, "from": sizes[0], "to": sizes[-1], "seconds_at_most": seconds[-1]}
         row |= {"time_slope": slope(sizes, seconds), "time_limit": LIMITS.get(over, np.nan)}
@@ -117,34 +122,28 @@ def measure_growth() -> None:
 def many_particles(many: int) -> dict[str, float]:
     """Time in s and memory in bytes of a particle (and step) at ``many`` and at a hundredth."""
     few = many // 100
-    runs = [[in_a_process(cost, "particles", size) for _ in range(REPEATS)] for size in (few, many)]
-    seconds, memory = np.min(runs, axis=1).T
-    result = {"few": few, "many": many, "seconds_few": seconds[0] / (few * STEPS)}
-    result["seconds_many"] = seconds[1] / (many * STEPS)
-    return result | {"bytes_of_a_particle": 1e6 * (memory[1] - memory[0]) / (many - few)}
+    seconds, memory = costs("particles", (few, many))
+    times = {"seconds_few": seconds[0] / (few * STEPS), "seconds_many": seconds[1] / (many * STEPS)}
+    size = 1e6 * (memory[1] - memory[0]) / (many - few)
+    return {"few": few, "many": many} | times | {"bytes_of_a_particle": size}
 
 
 def many_takes(count: int) -> dict[str, float]:
     """Processor time in s and peak memory in bytes of takes drawn, fitted and filtered block by
-    block, and the fitted σ_B.
+    block.
     """
-    motion, total, begin = take(STEPS), 0.0, time.process_time()
+    motion, begin = take(STEPS), time.process_time()
     chain, model = motion.scene[:2]
     weights = objective_weights(np.sqrt(2) * POSE, 3)
     for first in range(0, count, BLOCK):
         takes, rng = min(BLOCK, count - first), np.random.default_rng(first)
         q, v = drawn_takes(motion.scene, takes, STEPS, POSE, rng)
         recorded = Recorded(chain, q[:, :-1], v, process_noise(chain, q, v), ())
-        problems = Problems.of(recorded, model.decomposition, 0.2)
-        total += takes * float(problems.solved(weights).squares.mean())
+        Problems.of(recorded, model.decomposition, 0.2).solved(weights)
         for number in range(first, first + takes):
             motion.filtered(1000, np.random.default_rng(number))
-    return {
-        "takes": count,
-        "seconds": time.process_time() - begin,
-        "peak_bytes": 1e6 * megabytes("VmHWM"),
-        "sigma_b": float(np.sqrt(total / count)),
-    }
+    seconds, memory = time.process_time() - begin, 1e6 * megabytes("VmHWM")
+    return {"takes": count, "seconds": seconds, "peak_bytes": memory}
 
 
 def lost_worker(trials: int) -> dict[str, int]:
@@ -153,10 +152,8 @@ def lost_worker(trials: int) -> dict[str, int]:
     """
     function = partial(posterior_hash, motion=take(STEPS), particles=20_000)
     alone = list(run_trials(function, range(trials), compute=Compute(1), label="posteriors"))
-    with (
-        LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None) as cluster,
-        Client(cluster) as client,
-    ):
+    cluster = LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster) as client:
         processes = list(client.run(os.getpid).values())
         there = Compute(dask=Dask(address=cluster.scheduler_address))
         results = run_trials(function, range(trials), compute=there, label="posteriors")
@@ -167,7 +164,7 @@ def lost_worker(trials: int) -> dict[str, int]:
     return {"trials": trials, "equal_bytes": equal, "workers": WORKERS}
 
 
-def measure_scale(particles: int, takes: int, trials: int) -> None:
+def measure_scale(particles: int = 1_000_000, takes: int = 10_000, trials: int = 200) -> None:
     """Measure, and write."""
     many_takes(1)  # loads compiled code, which the processes below inherit
     few, many = (in_a_process(many_takes, count) for count in (takes // 10, takes))
@@ -177,9 +174,7 @@ def measure_scale(particles: int, takes: int, trials: int) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--scale", type=int, nargs="*", metavar="N", help="sizes (default as above)"
-    )
-    chosen = parser.parse_args().scale
-    measure_growth() if chosen is None else measure_scale(*(chosen or [1_000_000, 10_000, 200]))
+    if sys.argv[1:2] == ["--scale"]:
+        measure_scale(*map(int, sys.argv[2:]))
+    else:
+        measure_growth()

@@ -28,17 +28,16 @@ DT = 0.01  # s
 SIGMA_B = 0.25
 # rad², covariance of a measurement by the depth camera and by encoders
 DEPTH, ENCODERS = np.diag([0.01, 0.015, 0.02]) ** 2, 0.005**2
-# rad, far from the limits and from singular poses
-POSES = {
-    "youbot": [1.1, -1.0, 1.8],
-    "ur5": [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4],
-    "lwr4": [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2],
+# robots, and poses in rad far from the limits and from singular poses
+ROBOTS = {
+    "youbot": (PLANAR, [1.1, -1.0, 1.8]),
+    "ur5": (UR5, [-0.4, -1.2, 1.5, -1.1, 0.9, 0.4]),
+    "lwr4": (LWR4, [0.2, 0.8, 0.3, 1.2, 0.3, 0.9, 0.2]),
 }
-ROBOTS = {"youbot": PLANAR, "ur5": UR5, "lwr4": LWR4}
 
 
 class Scene(NamedTuple):
-    """How an arm of n joints and m task rows moves, from where, and how it is measured."""
+    """An arm of n joints and m task rows, its law of motion and start, and its measurement."""
 
     chain: Chain
     model: MotionModel
@@ -48,36 +47,29 @@ class Scene(NamedTuple):
 
 
 @cache
-def scene(arm: str) -> Scene:
-    """Scene of one of the robots."""
-    chain, pose = chain_of(ROBOTS[arm]), np.array(POSES[arm])
-    if arm != "youbot":
-        return in_space(chain, pose)
-    model = WishartModel(SIGMA_B, Decomposition("pivoted_lu"))
-    return Scene(chain, model, Start(pose, 1e-5 * np.eye(3)), DEPTH, 3)
+def scene(arm: str | int) -> Scene:
+    """Scene of one of the robots, or of an arm of so many joints."""
+    robot, pose = ROBOTS.get(arm, (None, None))
+    chain, pose = many_joints(arm) if robot is None else (chain_of(robot), np.array(pose))
+    planar, one = isinstance(chain, PlanarChain), np.eye(len(pose))
+    model = WishartModel(SIGMA_B, Decomposition("pivoted_lu" if planar else "qr_transposed"))
+    measured = (DEPTH, 3) if planar else (ENCODERS * one, 1)
+    return Scene(chain, model, Start(pose, 1e-5 * one), *measured)
 
 
-def in_space(chain: Chain, pose: np.ndarray) -> Scene:
-    """Scene of a ``chain`` from ``pose`` (n,) on."""
-    one = np.eye(len(pose))
-    model = WishartModel(SIGMA_B, Decomposition("qr_transposed"))
-    return Scene(chain, model, Start(pose, 1e-5 * one), ENCODERS * one, 1)
-
-
-def many_joints(n: int) -> Scene:
-    """Scene of an arm of ``n`` revolute joints and at most as many rows of the tip's pose, from far
-    of singular poses on.
+def many_joints(n: int) -> tuple[Chain, np.ndarray]:
+    """An arm of ``n`` revolute joints and at most as many rows of the tip's pose, and of many poses
+    (n,) the farthest from singular ones.
     """
     arm, free = revolute_arm(n), np.full(n, np.inf)
     chain = replace(arm, task=arm.task[:n], lower=-free, upper=free, max_speed=free)
     poses = np.random.default_rng(n).uniform(-np.pi, np.pi, (200, n))
-    farthest = np.linalg.svd(chain.jacobian(poses), compute_uv=False)[:, -1].argmax()
-    return in_space(chain, poses[farthest])
+    return chain, poses[np.linalg.svd(chain.jacobian(poses), compute_uv=False)[:, -1].argmax()]
 
 
 @dataclass(frozen=True)
 class Take:
-    """A motion of ``len(steps)`` steps and what was measured of it."""
+    """A motion of ``len(steps)`` steps and its measurements."""
 
     scene: Scene
     steps: np.ndarray  # (M, m) commanded steps, or (M, m + n) of more joints than task rows
@@ -88,12 +80,6 @@ class Take:
         chain, model, start, *_ = self.scene
         commands, options = open_loop(self.steps), FilterOptions(particles)
         return particle_filter(model, chain, commands, DT, start, self.measurements, options, rng)
-
-    def unseen(self) -> Take:
-        """The same motion without measurements."""
-        n = len(self.scene.start.mean)
-        none = np.empty((0, n)), np.empty((0, n)), np.empty((0, n, n))
-        return replace(self, measurements=Measurements("unseen", np.empty(0), *none))
 
     def plain(self) -> dict:
         """The same in plain values, as arguments of the takes in peers/."""
@@ -116,15 +102,14 @@ def swing(steps: int, middle: np.ndarray) -> np.ndarray:
     return middle + 0.25 * (np.sin(0.02 * np.arange(steps + 1)[:, None] + phases) - np.sin(phases))
 
 
-def take(steps: int, arm: Scene | str = "youbot") -> Take:
+def take(steps: int, arm: str | int = "youbot") -> Take:
     """The steps command :func:`swing`; the measurements are of a path drawn from the model."""
-    stage = scene(arm) if isinstance(arm, str) else arm
-    chain, model, start, sensor, every = stage
+    chain, model, start, sensor, every = stage = scene(arm)
     rng = np.random.default_rng(2017)
     path, commanded = [start.mean], []
     for pose in swing(steps, start.mean)[1:]:
-        # back to the swing from wherever the last step ended, so that the arm stays within its
-        # limits for any number of steps
+        # back to the swing from the end of the last step, so that the arm stays within its limits
+        # for any number of steps
         dq = pose - path[-1]
         spare = [] if len(chain.task) == len(dq) else dq
         commanded.append(np.concatenate([chain.jacobian(path[-1]) @ dq, spare]))
@@ -132,9 +117,8 @@ def take(steps: int, arm: Scene | str = "youbot") -> Take:
     k = np.arange(every, steps + 1, every)
     y = rng.multivariate_normal(np.zeros(len(sensor)), sensor, len(k)) + np.array(path)[k]
     noise = np.tile(sensor, (len(k), 1, 1))
-    return Take(
-        stage, np.array(commanded), Measurements("take", k * DT, y, np.zeros_like(y), noise)
-    )
+    measurements = Measurements("take", k * DT, y, np.zeros_like(y), noise)
+    return Take(stage, np.array(commanded), measurements)
 
 
 def drawn_takes(
@@ -153,7 +137,7 @@ def drawn_takes(
     return q + noise * rng.standard_normal(q.shape), v
 
 
-def apart(means: np.ndarray, posterior: Posterior) -> float:
+def distance(means: np.ndarray, posterior: Posterior) -> float:
     """Root mean square distance of posterior ``means`` (M+1, n) from ``posterior``'s, in its
     standard deviations.
     """

@@ -1,5 +1,5 @@
-"""Writes reports/benchmarks.md from the files in reports/benchmarks: ``python
-tests/benchmarks/summary.py``.
+"""Writes reports/benchmarks.md, tests/benchmarks/page.md with the measurements in
+reports/benchmarks: ``python tests/benchmarks/summary.py``.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from itertools import groupby
 from pathlib import Path
 from statistics import median
 
-from contests import CALLS, RESULTS, SECONDS
+from contests import CALLS, HERE, RESULTS, SECONDS
 
 import pandas as pd  # isort: skip
-from equal_bytes import CONTROL
+from equal_bytes import CONTROL, OTHER
 
 VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
 SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
@@ -24,19 +24,13 @@ STARTS = {  # what, and its limit in s
 }
 
 
-def read(folder: Path, name: str) -> dict | None:
-    """A file of measurements; None where it has not been measured."""
-    file = folder / f"{name}.json"
-    return json.loads(file.read_text()) if file.exists() else None
-
-
 def table(header: list[str], rows: list[list[str]]) -> str:
     """A table in Markdown."""
     return "\n".join(f"| {' | '.join(cells)} |" for cells in [header, ["---"] * len(header), *rows])
 
 
 def verdict(met: bool) -> str:
-    """The report's word on a limit."""
+    """The page's word on a limit."""
     return "met" if met else "**missed**"
 
 
@@ -57,12 +51,6 @@ def an_item(benchmark: dict) -> list[float]:
     return [seconds / benchmark["extra_info"]["items"] for seconds in benchmark["least"]]
 
 
-def name_of(benchmark: dict) -> str:
-    """Name that the test states as ``against``, else its parameter, else its name in words."""
-    stated = benchmark["extra_info"].get("against") or benchmark["param"]
-    return stated or benchmark["name"].removeprefix("test_").replace("_", " ")
-
-
 def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
     """Yield the cells of each row, contest by contest, the fastest opponent first."""
     ordered = sorted(benchmarks, key=lambda benchmark: benchmark["group"])
@@ -75,135 +63,107 @@ def contest_rows(benchmarks: list[dict]) -> Iterator[list[str]]:
 def against(ours: dict, other: dict) -> list[str]:
     """Cells of the row of ``ours`` against one peer: name, ratio, target, verdict, quality."""
     mine, theirs = ours["extra_info"], other["extra_info"]
-    target, here, there = theirs.get("target"), an_item(ours), an_item(other)
+    here, there = an_item(ours), an_item(other)
     ratios = [b / a for a, b in zip(here, there, strict=True)]
-    ratio = (
-        f"{significant(median(ratios))} ({significant(min(ratios))} to {significant(max(ratios))}) "
-        f"times as fast, {duration(median(here))} against {duration(median(there))}"
-    )
+    middle, *ends = (significant(f(ratios)) for f in (median, min, max))
+    ratio = f"{middle} ({' to '.join(ends)}) times as fast, "
+    ratio += f"{duration(median(here))} against {duration(median(there))}"
     quality, same = "–", True
     for kind in {"error", "objective"} & mine.keys() & theirs.keys():
         quality = f"{kind} {mine[kind]:.4g} against {theirs[kind]:.4g}"
         # speed at the cost of quality meets nothing
         same = mine[kind] <= theirs[kind] + SAME_QUALITY * abs(theirs[kind])
-    if target is None:
-        return [name_of(other), ratio, "–", "–", quality]
-    met = [same and value >= target for value in ratios]
+    met = [same and value >= theirs["target"] for value in ratios]
     some = any(met) and not all(met)
     result = f"**met in {sum(met)} of {len(met)} runs**" if some else verdict(all(met))
-    return [name_of(other), ratio, f"≥ {target}", result, quality]
+    return [theirs["against"], ratio, f"≥ {theirs['target']}", result, quality]
 
 
-def contests(folder: Path) -> str:
+def contests(machine_info: dict, benchmarks: list[dict]) -> dict[str, object]:
     """Ratios to other libraries."""
-    measured = read(folder, "contests")
-    benchmarks, info = measured["benchmarks"], measured["machine_info"]
-    versions = ", ".join(f"{name} {number}" for name, number in info["versions"].items())
     header = ["contest", "against", "ratio (range over the runs), times an item", "target", ""]
     header.append("quality (less is better)")
-    peers = [one for one in benchmarks if "configuration" in one["extra_info"]]
-    stated = [f"- {name_of(one)}: {one['extra_info']['configuration']}" for one in peers]
-    return (
-        f"{len(benchmarks[0]['least'])} runs of all contests. A time is the least of at least "
-        f"{CALLS} calls and {SECONDS} s; a ratio is one of two times of the same run, with its "
-        "median over the runs and its range. Met is what every run meets.\n\n"
-        f"{table(header, list(contest_rows(benchmarks)))}\n\n"
-        "The configuration of each peer:\n\n" + "\n".join(dict.fromkeys(stated)) + "\n\n"
-        f"Versions: {versions}."
-    )
+    peers = [one["extra_info"] for one in benchmarks if "configuration" in one["extra_info"]]
+    stated = dict.fromkeys(f"- {one['against']}: {one['configuration']}" for one in peers)
+    versions = (f"{name} {number}" for name, number in machine_info["versions"].items())
+    return {
+        "machine": machine_info["machine"],
+        "runs": len(benchmarks[0]["least"]),
+        "contests": table(header, list(contest_rows(benchmarks))),
+        "configurations": "\n".join(stated),
+        "versions": ", ".join(versions),
+    }
 
 
-def start(folder: Path) -> str:
+def start(nanoseconds: dict, **measured: float) -> dict[str, str]:
     """First use, and the speed of a step of every law."""
-    measured = read(folder, "start")
     rows = [
         [what, duration(measured[key]), f"≤ {limit:g} s", verdict(measured[key] <= limit)]
         for key, (what, limit) in STARTS.items()
     ]
     speeds = []
-    for name, each in measured["nanoseconds"].items():
+    for name, each in nanoseconds.items():
         ratio = each["scalar"] / each["kernel"]
         met = f"{ratio:.1f} times (≥ {VECTORISED:g}: {verdict(ratio >= VECTORISED)})"
         speeds.append([name, *(f"{ns:.0f}" for ns in each.values()), met])
     header = ["draws of a step, ns a particle", "kernel", "with the C library's functions"]
     header += ["loops that are not vectorised", "vectorised, so many times as fast"]
-    return f"{table(['processor time', '', 'limit', ''], rows)}\n\n{table(header, speeds)}"
+    starts = table(["processor time", "", "limit", ""], rows)
+    return {"starts": starts, "speeds": table(header, speeds)}
 
 
-def growth(folder: Path) -> str:
+def growth(file: Path) -> str:
     """Slopes of cost over size."""
     rows = []
-    for _, row in pd.read_csv(folder / "growth.csv").iterrows():
+    for _, row in pd.read_csv(file).iterrows():
         slope, limit = row["time_slope"], row["time_limit"]
         bound = "" if pd.isna(limit) else f" (≤ {limit:g}: {verdict(slope <= limit)})"
         memory = "–" if pd.isna(row["memory_slope"]) else f"{row['memory_slope']:z.2f}"
         rows.append([row["over"], f"{row['from']} to {row['to']}", f"{slope:.2f}{bound}", memory])
-    return (
-        "Slopes of the logarithm of processor time and of peak memory over that of the size, by "
-        "least squares over the larger half of the sizes; – where memory hardly grows.\n\n"
-        + table(["over", "sizes", "slope of time", "slope of memory"], rows)
-    )
+    return table(["over", "sizes", "slope of time", "slope of memory"], rows)
 
 
-def scale(folder: Path) -> str:
+def scale(particles: dict, takes: dict, cluster: dict, **_: object) -> str:
     """Runs at scale."""
-    if (measured := read(folder, "scale")) is None:
-        return "Not measured: `make bench-scale`."
-    some, takes, lost = (measured[name] for name in ("particles", "takes", "cluster"))
     few, many = takes["few"], takes["many"]
     return (
-        f"**{some['many']:,} particles**: {duration(some['seconds_many'])} a particle and step, "
-        f"{duration(some['seconds_few'])} of {some['few']:,}; "
-        f"{some['bytes_of_a_particle']:.0f} bytes a particle.\n\n"
+        f"**{particles['many']:,} particles**: {duration(particles['seconds_many'])} a particle "
+        f"and step, {duration(particles['seconds_few'])} of {particles['few']:,}; "
+        f"{particles['bytes_of_a_particle']:.0f} bytes a particle.\n\n"
         f"**{many['takes']:,} takes** drawn, fitted and filtered in blocks: "
         f"{duration(many['seconds'])} and {many['peak_bytes'] / 1e6:.0f} MB at the peak; "
         f"{few['takes']:,} takes {duration(few['seconds'])} and {few['peak_bytes'] / 1e6:.0f} MB."
-        "\n\n"
-        f"**A Dask cluster** of {lost['workers']} workers, one killed: {lost['equal_bytes']} of "
-        f"{lost['trials']} posteriors have the bytes of a single process."
+        f"\n\n**A Dask cluster** of {cluster['workers']} workers, one killed: "
+        f"{cluster['equal_bytes']} of {cluster['trials']} posteriors have the bytes of a single "
+        "process."
     )
 
 
-def equal_bytes(folder: Path) -> str:
+def equal_bytes(machine: str, skipped: list[str], hashes: dict) -> dict[str, str]:
     """Bytes of results on other processors and threads."""
-    measured = read(folder, "equal_bytes")
-    hashes = pd.DataFrame(measured["hashes"])
-    reference, *others = hashes.columns.drop(CONTROL.name)
-    same = hashes[[*others, CONTROL.name]].eq(hashes[reference], axis=0)
+    hashes = pd.DataFrame(hashes)
+    reference, *others = hashes.columns.drop(CONTROL)
+    same = hashes[[*others, CONTROL]].eq(hashes[reference], axis=0)
     words = same.replace({True: "equal", False: "**other**"})
-    words[CONTROL.name] = same[CONTROL.name].map({True: "equal", False: "other"})
+    words[CONTROL] = same[CONTROL].map({True: "equal", False: "other"})
     rows = [[piece, *cells] for piece, *cells in words.itertuples()]
-    skipped = "; ".join(measured["skipped"]) or "none"
-    return (
-        f"Compared with `{reference}` on {measured['machine']}; the control has another arithmetic "
-        f"({CONTROL.environment}), by which some bytes have to differ. Settings whose instructions "
-        f"this processor lacks: {skipped}.\n\n{table(['piece', *others, 'control'], rows)}"
-    )
+    fields = {"reference": reference, "bytes_machine": machine}
+    fields["skipped"] = "; ".join(skipped) or "none"
+    return fields | {"equal_bytes": table(["piece", *others, CONTROL], rows)}
 
 
-SECTIONS = {
-    "Contests": contests,
-    "First use and the kernel": start,
-    "Growth of cost": growth,
-    "At scale": scale,
-    "Equal bytes": equal_bytes,
-}
-
-
-def report(folder: Path) -> str:
+def page(folder: Path) -> str:
     """Text of reports/benchmarks.md from the files in ``folder``."""
-    machine = read(folder, "contests")["machine_info"]["machine"]
-    sections = "\n".join(f"\n## {title}\n\n{one(folder)}" for title, one in SECTIONS.items())
-    return f"""# Benchmarks
-
-Written by `make bench`, measured side by side on one machine: {machine}. Times differ on another,
-ratios less. A peer runs in a process and environment of its own, without the settings that hold our
-arithmetic to equal bytes.
-{sections}
-"""
+    measured = {file.stem: json.loads(file.read_text()) for file in folder.glob("*.json")}
+    fields = contests(**measured["contests"]) | start(**measured["start"])
+    fields |= equal_bytes(**measured["equal_bytes"]) | {"growth": growth(folder / "growth.csv")}
+    at_scale = "Not measured: `make bench-scale`."
+    fields["scale"] = scale(**measured["scale"]) if "scale" in measured else at_scale
+    fields |= {"CALLS": CALLS, "SECONDS": SECONDS, "OTHER": OTHER}
+    return (HERE / "page.md").read_text().format(**fields)
 
 
 if __name__ == "__main__":
-    page = RESULTS.with_suffix(".md")
-    page.write_text(report(RESULTS))
-    print(f"bench: {page}")
+    file = RESULTS.with_suffix(".md")
+    file.write_text(page(RESULTS))
+    print(f"bench: {file}")

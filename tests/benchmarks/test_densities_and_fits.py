@@ -4,12 +4,14 @@ whole training set, against CVXPY's parametrised problem.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import cvxpy as cp
 import numpy as np
 import pytest
 from scenario import SIGMA_B, scene, swing
+from scipy.stats import norm
 
 from pipeline.models.draws import draw_steps
 from pipeline.models.wishart.decomposition import factors
@@ -27,54 +29,41 @@ FLOOR = 0.2
 MARKERS = 8e-4  # rad, noise of a measured angle
 
 
-class Density(NamedTuple):
-    """Correlated normal samples and a grid over all of them, as KDEpy needs it."""
-
-    samples: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    bandwidth: np.ndarray
-
-    def error(self, shown: np.ndarray) -> float:
-        """Greatest distance of the density at the ``shown`` points from the exact sum, relative to
-        its greatest value.
-        """
-        scaled = [
-            (grid[::SHOWN, None] - samples) / bandwidth
-            for grid, samples, bandwidth in zip(
-                self[1:3], self.samples.T, self.bandwidth, strict=True
-            )
-        ]
-        kernels = [np.exp(-0.5 * each**2) for each in scaled]
-        exact = kernels[0] @ kernels[1].T
-        exact /= 2 * np.pi * np.prod(self.bandwidth) * len(self.samples)
-        return float(np.abs(shown - exact).max() / exact.max())
-
-
 @pytest.fixture
-def density(size) -> Density:
+def density(size) -> tuple[np.ndarray, ...]:
+    """Correlated normal samples (N, 2), a grid over all of them, x and y, and the bandwidth."""
     covariance, count = [[5.0, -2.0], [-2.0, 2.0]], size(1_000_000, 1000)
     samples = np.random.default_rng(28).multivariate_normal([3.0, 5.0], covariance, count)
     bandwidth = normal_reference_bandwidth(samples)
     low, high = samples.min(axis=0) - 3 * bandwidth, samples.max(axis=0) + 3 * bandwidth
-    return Density(samples, *np.linspace(low, high, size(256, 64)).T, bandwidth)
+    return samples, *np.linspace(low, high, size(256, 64)).T, bandwidth
+
+
+def error_of(values: np.ndarray, samples, x, y, bandwidth) -> float:
+    """Greatest distance of the density at every SHOWN-th point from the exact sum, relative to its
+    greatest value.
+    """
+    along = norm.pdf(x[::SHOWN, None], samples[:, 0], bandwidth[0])
+    exact = along @ norm.pdf(y[::SHOWN, None], samples[:, 1], bandwidth[1]).T / len(samples)
+    return float(np.abs(values - exact).max() / exact.max())
 
 
 @pytest.mark.benchmark(group=DENSITIES)
 def test_our_density(benchmark, density):
     values = benchmark(kernel_density, *density)
-    error = density.error(values[::SHOWN, ::SHOWN])
-    benchmark.extra_info |= {"role": "ours", "items": len(density.samples), "error": error}
+    error = error_of(values[::SHOWN, ::SHOWN], *density)
+    benchmark.extra_info |= {"role": "ours", "items": len(density[0]), "error": error}
     assert error < 1e-4
 
 
 @pytest.mark.benchmark(group=DENSITIES)
 def test_kdepy(benchmark, peer, density, tmp_path):
-    np.save(tmp_path / "samples.npy", density.samples)
-    grid = density._asdict() | {"samples": str(tmp_path / "samples.npy"), "shown": SHOWN}
-    error = density.error(np.array(benchmark(peer("densities", **grid))))
+    samples, x, y, bandwidth = density
+    np.save(file := tmp_path / "samples.npy", samples)
+    run = peer("densities", samples=str(file), x=x, y=y, bandwidth=bandwidth, shown=SHOWN)
+    error = error_of(np.array(benchmark(run)), *density)
     stated = {"role": "peer", "against": "KDEpy", "target": 5, "error": error}
-    benchmark.extra_info |= stated | {"items": len(density.samples)}
+    benchmark.extra_info |= stated | {"items": len(samples)}
     assert error < 1e-2
 
 
@@ -89,15 +78,10 @@ class Problems(NamedTuple):
     def fits(self):
         return fit_perturbations(*self, FLOOR)
 
-    def sample(self, count: int) -> np.ndarray:
-        """Indices of ``count`` of the problems, evenly spread, with the same share of those that
-        definiteness binds.
-        """
-        bound = self.fits().bound
-        binding = round(count * bound.mean() + 0.5)
-        parts = ((bound, binding), (~bound, count - binding))
-        strides = [(these, number, max(these.sum() // number, 1)) for these, number in parts]
-        return np.concatenate([np.flatnonzero(of)[::step][:n] for of, n, step in strides])
+    def some(self, count: int) -> Problems:
+        """``count`` of the problems, evenly spread."""
+        chosen = np.linspace(0, len(self.noise) - 1, count).astype(int)
+        return Problems(*(values[chosen] for values in self[:3]), self.weights)
 
 
 @pytest.fixture(params=FITS)
@@ -120,39 +104,39 @@ def problems(benchmark, request, size) -> Problems:
     return Problems(noise.reshape(-1, m), a.reshape(-1, m), back.reshape(-1, m, m), weights)
 
 
-class Parametrised:
+def parametrised(weights: tuple[float, float], m: int) -> Callable[[Problems], list[float]]:
     """(BsampOpt) as printed, with the data as parameters: compiled once."""
+    noise, matrix = cp.Parameter(m), cp.Parameter((m, m * m))
+    s = cp.Variable((m, m), symmetric=True)
+    # a product of two parameters would not be parametrised: J₂⁻¹Sa = (aᵀ ⊗ J₂⁻¹) vec S
+    residual = cp.norm(noise - matrix @ cp.vec(s, order="F"))
+    objective = cp.Minimize(weights[0] * residual + weights[1] * cp.norm(s, "fro"))
+    problem = cp.Problem(objective, [s + np.eye(m) >> FLOOR * np.eye(m)])
 
-    def __init__(self, weights: tuple[float, float], m: int) -> None:
-        self.noise, self.map = cp.Parameter(m), cp.Parameter((m, m * m))
-        s = cp.Variable((m, m), symmetric=True)
-        # a product of two parameters would not be parametrised: J₂⁻¹Sa = (aᵀ ⊗ J₂⁻¹) vec S
-        residual = cp.norm(self.noise - self.map @ cp.vec(s, order="F"))
-        objective = cp.Minimize(weights[0] * residual + weights[1] * cp.norm(s, "fro"))
-        self.problem = cp.Problem(objective, [s + np.eye(m) >> FLOOR * np.eye(m)])
-
-    def __call__(self, chosen: Problems) -> list[float]:
+    def solve(chosen: Problems) -> list[float]:
         values = []
-        for noise, a, back in zip(*chosen[:3], strict=True):
-            self.noise.value, self.map.value = noise, np.kron(a, back)
-            values.append(self.problem.solve(solver=cp.CLARABEL))
+        for omega, a, back in zip(*chosen[:3], strict=True):
+            noise.value, matrix.value = omega, np.kron(a, back)
+            values.append(problem.solve(solver=cp.CLARABEL))
         return values
+
+    return solve
 
 
 def test_our_fits(benchmark, problems, size):
     fits = benchmark(problems.fits)
-    objective = float(fits.objective[problems.sample(size(60, 4))].mean())
+    objective = float(problems.some(size(60, 4)).fits().objective.mean())
     benchmark.extra_info |= {"role": "ours", "items": len(problems.noise), "objective": objective}
     assert fits.bound.any()
 
 
 def test_cvxpy(benchmark, problems, size):
-    few = size(60, 4)
-    chosen = problems.sample(few)
-    part = Problems(*(values[chosen] for values in problems[:3]), problems.weights)
-    values = benchmark(Parametrised(problems.weights, problems.a.shape[1]), part)
-    benchmark.extra_info |= {"role": "peer", "against": "CVXPY", "items": few, "target": 500}
-    benchmark.extra_info |= {"objective": float(np.mean(values)), "configuration": (
+    part = problems.some(size(60, 4))
+    values = benchmark(parametrised(problems.weights, problems.a.shape[1]), part)
+    benchmark.extra_info |= {"role": "peer", "against": "CVXPY", "items": len(values)}
+    benchmark.extra_info |= {"target": 500, "objective": float(np.mean(values))}
+    benchmark.extra_info["configuration"] = (
         "one parametrised problem, compiled once, then solved by Clarabel for each problem's "
-        "values of the parameters; the time of the model between counts")}  # fmt: skip
+        "values of the parameters; the time of the model between counts"
+    )
     np.testing.assert_allclose(values, part.fits().objective, rtol=1e-5, atol=1e-9)

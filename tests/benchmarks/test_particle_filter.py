@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scenario import Take, apart, take
+from scenario import Take, distance, take
 
 from pipeline.filtering.particle_filter import Posterior
 
@@ -23,7 +23,6 @@ CONTESTS = {  # arm, law of the peers, times as fast as every library
         "youbot", "Algorithm 1", 75),
 }  # fmt: skip
 THREADS = "Particle filter, Wishart model: takes on two threads"
-LIBRARIES = ("particles", "stonesoup")
 # standard deviations that posterior means of so few particles differ by, at most
 NEAR = 0.4
 
@@ -32,36 +31,33 @@ NEAR = 0.4
 def problem(benchmark, request, size) -> tuple[tuple[str, str, int], Take, int]:
     """Contest, a take of its arm and the number of particles."""
     benchmark.group, contest = request.param, CONTESTS[request.param]
-    return contest, take(size(320, 6), contest[0]), size(1000, 500)
+    motion, particles = take(size(320, 6), contest[0]), size(1000, 500)
+    benchmark.extra_info["items"] = particles * len(motion.steps)
+    return contest, motion, particles
 
 
 def posterior_of(motion: Take, particles: int, seed: int = 1) -> Posterior:
     return motion.filtered(particles, np.random.default_rng(seed))
 
 
-def state(benchmark, motion: Take, particles: int, **extra: object) -> None:
-    """State that a call treats so many particles moved by so many steps."""
-    benchmark.extra_info |= {"items": particles * len(motion.steps), **extra}
-
-
 def test_ours(benchmark, problem):
     _, motion, particles = problem
-    state(benchmark, motion, particles, role="ours")
+    benchmark.extra_info["role"] = "ours"
     posterior_of(motion, particles)  # loads compiled code
     posterior = benchmark(posterior_of, motion, particles)
     assert posterior.resampled.any() and posterior.measured.sum() == len(motion.measurements.t)
 
 
-@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("library", ["particles", "stonesoup"])
 def test_peer(benchmark, peer, problem, library):
     """Its posterior means are ours of ten times as many particles."""
     (_, law, target), motion, particles = problem
     if law == "Algorithm 1" and library != "particles":
         pytest.skip("one library is enough: the law takes nearly all of the time")
-    state(benchmark, motion, particles, role="peer", target=target, against=library)
+    benchmark.extra_info |= {"role": "peer", "target": target, "against": library}
     run = peer(f"{library}_wishart", count=particles, law=law, **motion.plain())
     means = benchmark(run)
-    assert apart(np.array(means), posterior_of(motion, 10 * particles)) < NEAR
+    assert distance(np.array(means), posterior_of(motion, 10 * particles)) < NEAR
 
 
 # measured for longer than other contests, as other processes come and go in seconds
@@ -72,7 +68,8 @@ def test_threads(benchmark, size, threads):
         pytest.skip("a single core")
     motion, particles, takes = take(size(320, 12)), size(1000, 500), 16
     role = {"role": "ours"} if threads == 2 else {"role": "peer", "target": 1.8}
-    state(benchmark, motion, takes * particles, against="one thread", **role)
+    role["items"] = takes * particles * len(motion.steps)
+    benchmark.extra_info |= role | {"against": "one thread"}
     one = partial(posterior_of, motion, particles)
     with ThreadPoolExecutor(threads) as pool:
         posteriors = benchmark(lambda: list(pool.map(one, range(takes))))
@@ -80,8 +77,9 @@ def test_threads(benchmark, size, threads):
         assert np.array_equal(posterior.mean, one(seed).mean)
 
 
-def test_without_the_frames_the_means_would_be_others():
+def test_means_are_near_under_another_seed_and_far_without_the_motion():
     motion = take(60)
     known = posterior_of(motion, 2000)
-    assert apart(posterior_of(motion, 2000, seed=2).mean, known) < NEAR
-    assert apart(posterior_of(motion.unseen(), 2000).mean, known) > 0.5
+    assert distance(posterior_of(motion, 2000, seed=2).mean, known) < NEAR
+    resting = Take(motion.scene, 0 * motion.steps, motion.measurements)
+    assert distance(posterior_of(resting, 2000).mean, known) > 0.5

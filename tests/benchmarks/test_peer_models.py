@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenario import SIGMA_B, take
+from scenario import SIGMA_B, Take, take
 from scipy.stats import multivariate_normal
 from takes import take_of
 
@@ -24,15 +24,10 @@ CASES = [
 ]
 
 
-def peer(arm: str, law: str):
-    return take_of(law, **take(12, arm).plain())
-
-
-def off(draws: np.ndarray, model: WishartModel, arm: str) -> float:
-    """The greatest error of the draws' mean and covariance under ``model``, in standard errors;
-    ``draws`` (N, n) of the third step, from the start.
+def greatest_error(draws: np.ndarray, model: WishartModel, motion: Take) -> float:
+    """Greatest error of the mean and covariance of ``draws`` (N, n) of the third step, from the
+    start, under ``model``, in standard errors.
     """
-    motion = take(12, arm)
     chain, q, command = motion.scene.chain, motion.scene.start.mean, motion.steps[2]
     centred = draws - model.mean(chain, q, command)
     products = centred[:, :, None] * centred[:, None, :] - model.covariance(chain, q, command)
@@ -42,32 +37,28 @@ def off(draws: np.ndarray, model: WishartModel, arm: str) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("arm, law, draws", CASES)
-def test_a_peer_moves_its_particles_by_the_law_of_our_model(arm, law, draws):
+def test_a_peer_has_our_arm_and_moves_its_particles_by_the_law_of_our_model(arm, law, draws):
     motion = take(12, arm)
-    model = motion.scene.model
-    moved = peer(arm, law).step(3, np.tile(motion.scene.start.mean, (draws, 1)))
-    assert off(moved, model, arm) < BAND
-    # neither a slightly wider perturbation nor another decomposition would pass
-    assert off(moved, replace(model, sigma_b=1.1 * SIGMA_B), arm) > BAND
-    other = "qr" if arm == "youbot" else "pivoted_lu"
-    assert off(moved, replace(model, decomposition=Decomposition(other)), arm) > BAND
-
-
-@pytest.mark.parametrize("arm, law, draws", CASES)
-def test_a_peers_arm_has_our_jacobian(arm, law, draws):
-    chain, start = take(12, arm).scene.chain, take(12, arm).scene.start.mean
-    q = start + np.random.default_rng(1).uniform(-0.5, 0.5, (50, len(start)))
-    jacobian = peer(arm, law).jacobian(q)
-    jacobian = jacobian if arm == "youbot" else np.moveaxis(jacobian, -1, 0)
+    chain, model, start = motion.scene[:3]
+    peer = take_of(law, **motion.plain())
+    q = start.mean + np.random.default_rng(1).uniform(-0.5, 0.5, (50, len(start.mean)))
+    jacobian = peer.jacobian(q) if arm == "youbot" else np.moveaxis(peer.jacobian(q), -1, 0)
     np.testing.assert_allclose(jacobian, chain.jacobian(q), atol=1e-9)
+    moved = peer.step(3, np.tile(start.mean, (draws, 1)))
+    assert greatest_error(moved, model, motion) < BAND
+    # neither a slightly wider perturbation nor another decomposition would pass
+    assert greatest_error(moved, replace(model, sigma_b=1.1 * SIGMA_B), motion) > BAND
+    other = Decomposition("qr" if arm == "youbot" else "pivoted_lu")
+    assert greatest_error(moved, replace(model, decomposition=other), motion) > BAND
 
 
 def test_a_peer_weighs_its_particles_as_we_do():
-    motion, stated = take(12), peer("youbot", "closed form")
+    motion = take(12)
+    peer = take_of("closed form", **motion.plain())
     q = motion.scene.start.mean + np.random.default_rng(2).uniform(-0.1, 0.1, (50, 3))
-    assert sorted(stated.y) == [3, 6, 9, 12]
-    for frame, k in enumerate(stated.y):
+    assert sorted(peer.y) == [3, 6, 9, 12]
+    for frame, k in enumerate(peer.y):
         y, covariance = motion.measurements.y[frame], motion.measurements.covariance[frame]
         # up to the constant of the normal density
         ours = np.diff(multivariate_normal(y, covariance).logpdf(q))
-        np.testing.assert_allclose(np.diff(stated.log_likelihood(k, q)), ours, rtol=1e-9)
+        np.testing.assert_allclose(np.diff(peer.log_likelihood(k, q)), ours, rtol=1e-9)

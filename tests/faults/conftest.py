@@ -1,130 +1,149 @@
-"""Small valid recordings of every instrument, made by the laboratory and the writers of the
-formats.
+"""Small valid recordings of motion capture and depth camera, made by the laboratory and the writers
+of the formats, and the values that the stages recover from them, damaged or not.
 """
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import pytest
 from made_options import made
 from marker_takes import marker_places
-from recovery_bench import (
-    Bench,
-    angles_of_depth,
-    angles_of_logs,
-    angles_of_markers,
-    moments_of_force,
-    recovered_from,
-)
 from scipy.spatial.transform import Rotation
-from written_logs import write_joint_log
 
 from pipeline.arm.model import Arm, load_arm
+from pipeline.core.columns import values
 from pipeline.core.config import compose_config
+from pipeline.core.errors import PipelineError
 from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.core.options.instruments import JointLogSection as JointLogOptions
 from pipeline.formats.depth.image import encode_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.formats.force.daqft import ForceRecord, write_daqft
-from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 from pipeline.laboratory.options import KinectOptions
 from pipeline.laboratory.swing import desired_joints, desired_trajectory
+from pipeline.perception.articulation import articulate_rows
+from pipeline.perception.markers import follower
+from pipeline.recordings import depth, motion_capture
+from pipeline.recordings.clocks import on_motion_clock
+from pipeline.recordings.depth_angles import arm_points
 
 ROOT = Path(__file__).parents[2]
-FULL_SCALE = 32.0  # N, of the force transducer
+SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument
 STEPS, RATE = 180, 100.0  # of the motion grid
-# s into the motion of the dataset, still at rest for a little: how it speeds up tells the clocks
-# apart
+GRID = np.arange(STEPS + 1) / RATE
+# s into the dataset's motion, shortly before the arm starts: its speeding up gives the clock offset
 START = 0.1
 FRAMES, FRAME_RATE = 27, 15.0  # of the depth camera
 SIZE, COARSER = (141, 170), 3.0  # px, and how many of a Kinect's pixels one of these is wide
 
 
+class Recovered(NamedTuple):
+    """Joint angles (N, 3) in rad at ``time`` (N,) in s, and counts of the table ``quality``."""
+
+    time: np.ndarray
+    q: np.ndarray
+    counts: dict[str, float]
+
+
+class Bench:
+    """Files of a valid recording by their paths in ``folder``, and the recovered values."""
+
+    def __init__(self, folder: Path, recover: Callable[[Path], Recovered]) -> None:
+        files = (file for file in sorted(folder.rglob("*")) if file.is_file())
+        self.files = {str(file.relative_to(folder)): file.read_bytes() for file in files}
+        self.recover, self.clean = recover, recover(folder)
+
+    def outcome(self, files: dict[str, bytes], counted: tuple[str, ...] = ()) -> tuple[str, object]:
+        """``refused`` with the error, or one of ``repaired``, ``unharmed`` and ``unnoticed`` with
+        the recovered values. A repair changes one of the counts ``counted``, an estimate by more
+        than three of its standard errors. Any other exception passes through.
+        """
+        with TemporaryDirectory() as folder:
+            for name, content in files.items():
+                file = Path(folder) / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_bytes(content)
+            try:
+                recovered = self.recover(Path(folder))
+            except PipelineError as error:
+                return "refused", error
+        before, after = self.clean.counts, recovered.counts
+        for name in counted:
+            margin = 3 * before.get(f"{name}_standard_error", 0.0)
+            if abs(after.get(name, 0.0) - before.get(name, 0.0)) > margin:
+                return "repaired", recovered
+        same = recovered.q.shape == self.clean.q.shape and np.allclose(
+            recovered.q, self.clean.q, rtol=0, atol=SAME
+        )
+        return "unharmed" if same else "unnoticed", recovered
+
+
+def counts_of(quality: list[dict]) -> dict[str, float]:
+    return {row["quantity"]: row["value"] for row in quality}
+
+
 @pytest.fixture(scope="session")
 def dataset() -> Dataset:
     """The synthetic dataset's own options, for a motion of 1.8 s and a coarse camera."""
-    config = compose_config(ROOT / "params.yaml")
-    options = config.dataset
+    options = compose_config(ROOT / "params.yaml").dataset
     options.motion = Motion(RATE, STEPS)
     options.mocap.training, options.mocap.test = "optitrack/*.csv", None
     options.depth.height, options.depth.width = SIZE
     options.depth.rate, options.depth.workspace.min_pixels = FRAME_RATE, 5
-    options.force.tare, log = 2.0, options.force.log
-    log.full_scale, log.rate = [FULL_SCALE] * 3, 50.0
     return options
 
 
 @pytest.fixture(scope="session")
-def arm(dataset) -> Arm:
-    robot = dataset.robot
-    return load_arm(ROOT / robot.urdf, robot.joints, robot.tool, robot.locked)
-
-
-@pytest.fixture(scope="session")
-def motion(dataset):
+def motion(dataset) -> Callable[[np.ndarray], np.ndarray]:
     """Joint angles (K, 3) at times (K,) s: the dataset's motion from START on."""
     trajectory = dataset.laboratory["trajectory"]
     return lambda t: desired_joints(np.asarray(t) + START, trajectory)[0]
 
 
-def _bench(files: dict[str, bytes], recover, time: np.ndarray, truth: np.ndarray) -> Bench:
-    return Bench(files, recover, recovered_from(files, recover), time, truth)
-
-
-def _files(folder: Path) -> dict[str, bytes]:
-    return {
-        str(file.relative_to(folder)): file.read_bytes()
-        for file in sorted(folder.rglob("*"))
-        if file.is_file()
-    }
-
-
-@pytest.fixture(scope="session")
-def marker_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
-    folder, rng = tmp_path_factory.mktemp("markers"), np.random.default_rng(1)
+def take_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
+    """One take of motion capture."""
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
-    frame = np.arange(STEPS + 1)
-    q = motion(frame / RATE)
-    base = dataset.mocap.base
+    base, rng = dataset.mocap.base, np.random.default_rng(1)
     turn = Rotation.from_euler("xyz", base.rpy).as_matrix()
-    places = arm.to_base(marker_places(q, template, arm.chain)) @ turn.T + np.array(base.position)
+    places = arm.to_base(marker_places(motion(GRID), template, arm.chain)) @ turn.T
+    places = (places + np.array(base.position)).reshape(len(GRID), 9, 3)
     places += rng.normal(scale=5e-5, size=places.shape)
     names = [name for link in dataset.mocap.markers.values() for name in link]
-    markers = dict(zip(names, np.moveaxis(places.reshape(len(q), 9, 3), 1, 0), strict=True))
+    markers = dict(zip(names, np.moveaxis(places, 1, 0), strict=True))
     (folder / "optitrack").mkdir()
-    take = MotionTake("test_001", "1.23", RATE, frame, frame / RATE, markers, {}, {})
+    take = MotionTake("test_001", "1.23", RATE, np.arange(STEPS + 1), GRID, markers, {}, {})
     write_motive(folder / "optitrack/test_001.csv", take, start="2017-05-02 10.00.00.000 AM")
-    return _bench(
-        _files(folder),
-        partial(angles_of_markers, dataset=dataset),
-        frame / RATE,
-        q,
-    )
+
+    def recover(raw: Path) -> Recovered:
+        take, *_ = motion_capture.find_takes(raw, dataset.mocap)
+        rows, quality = motion_capture.marker_rows(*take, dataset)
+        track = follower(dataset.robot, dataset.mocap)(rows, take=take[0])
+        time = np.arange(len(track.q)) / dataset.motion.rate
+        return Recovered(time, track.q, counts_of(quality) | track.counts)
+
+    return Bench(folder, recover)
 
 
-@pytest.fixture(scope="session")
-def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
-    folder, rng = tmp_path_factory.mktemp("depth"), np.random.default_rng(2)
-    kinect = dataset.laboratory["kinect"]
+def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
+    """One take of the depth camera, whose clock is set by the markers of a take."""
+    kinect, rng = dataset.laboratory["kinect"], np.random.default_rng(2)
     coarse = {name: getattr(kinect, name) / COARSER for name in ("fx", "fy", "cx", "cy")}
     # few pixels, so quiet ones
     quiet = {"axial": (5e-4, 0.0, 0.0, 0.0), "lateral": (0.0, 0.0), "edge_lost": 0.0}
     quiet |= {"edge_mixed": 0.0, "bias_offset_std": 0.0, "height": SIZE[0], "width": SIZE[1]}
     options = KinectOptions(**{**vars(kinect), **coarse, **quiet})
     camera = DepthCamera(arm, options, draw_bias(options, rng))
-    time = np.arange(FRAMES) / FRAME_RATE
-    take = folder / "kinect/test_001"
+    time, take = np.arange(FRAMES) / FRAME_RATE, folder / "kinect/test_001"
     (take / "depth").mkdir(parents=True)
     names = tuple(f"depth/{i:04d}.png" for i in range(FRAMES))
     for name, q in zip(names, motion(time), strict=True):
@@ -132,62 +151,38 @@ def depth_bench(dataset, arm, motion, tmp_path_factory) -> Bench:
     write_index(take / "depth.txt", time + 0.1, names)
     intrinsics = Intrinsics(*coarse.values(), SIZE[1], SIZE[0])
     write_intrinsics(folder / "kinect/intrinsics.yaml", intrinsics)
-    grid = np.arange(STEPS + 1) / RATE
     table = desired_trajectory(arm.chain, dataset.laboratory["trajectory"])
-    shifted = table.iloc[round(START * RATE) :][: STEPS + 1].assign(t=grid)
+    shifted = table.iloc[round(START * RATE) :][: STEPS + 1].assign(t=GRID)
     write_trajectory(folder / "trajectory.csv", shifted)
-    nodes = arm.chain.points(motion(grid))[:, 1:]
+    nodes = arm.chain.points(motion(GRID))[:, 1:]
     places = arm.to_base(np.stack([nodes[..., 0], 0 * nodes[..., 0], nodes[..., 1]], axis=-1))
-    k = np.repeat(np.arange(len(grid)), nodes.shape[1])
-    markers = pd.DataFrame({"take": "test_001", "part": "test", "k": k, "t": grid[k], "link": 1})
+    k = np.repeat(np.arange(len(GRID)), nodes.shape[1])
+    markers = pd.DataFrame({"take": "test_001", "part": "test", "k": k, "t": GRID[k], "link": 1})
     markers[["x", "y", "z"]] = places.reshape(-1, 3)
-    known = {"dataset": dataset, "arm": arm, "markers": markers, "start": motion(0.0)}
-    options = made(ArticulationSection, minimum_points=80)
-    recover = partial(angles_of_depth, **known, options=options)
-    return _bench(_files(folder), recover, grid, motion(grid))
+    section = made(ArticulationSection, minimum_points=80)
+
+    def recover(raw: Path) -> Recovered:
+        trajectory = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
+        take = next(iter(depth.take_paths(raw, dataset.depth).items()))
+        frames, quality = depth.frame_rows(take, dataset.depth, arm, raw, raw)
+        clouds = arm_points(frames, raw)
+        frames, clock = on_motion_clock((frames, markers), dataset.depth, arm)
+        known = arm, dataset.robot.joints, trajectory, section, motion(0.0)
+        angles = articulate_rows(frames, clouds, *known)
+        counts = counts_of([*quality, *clock]) | {"valid": float(frames["valid"].mean())}
+        counts["frames_without_fit"] = len(frames) - len(angles)
+        return Recovered(angles["t"].to_numpy(), values(angles, "q"), counts)
+
+    return Bench(folder, recover)
 
 
 @pytest.fixture(scope="session")
-def force_bench(dataset, tmp_path_factory) -> Bench:
-    folder, rng = tmp_path_factory.mktemp("force"), np.random.default_rng(3)
-    time = np.arange(600) / 50.0
-    load = np.where(time[:, None] < 2.0, 0.0, [3.0, 5.0, 0.0])
-    felt = load + rng.normal(0.2, 0.01, load.shape), rng.normal(0, 1e-3, load.shape)
-    record = ForceRecord(time, *felt, 50.0, "FT1", "now", {})
-    (folder / "force").mkdir()
-    write_daqft(folder / "force/C1.csv", record)
-    recover = partial(moments_of_force, name="C1", force=dataset.force)
-    clean = recovered_from(_files(folder), recover)
-    return Bench(_files(folder), recover, clean, clean.time, clean.values)
-
-
-@pytest.fixture(scope="session")
-def log_bench(dataset, arm, tmp_path_factory) -> Bench:
-    """Three repetitions of a motion of 40 steps, there and back, in a folder of three logs."""
-    folder, rng = tmp_path_factory.mktemp("log"), np.random.default_rng(4)
-    start, end = np.array([1.6, -4.7, 2.0]), np.array([2.0, -4.3, 2.4])
-    share = (1 - np.cos(np.linspace(0, np.pi, 41))) / 2
-    cycle = np.concatenate([np.zeros(20), share, np.ones(20), share[::-1]])
-    way = np.concatenate([cycle, cycle, cycle, np.zeros(20)])
-    target = start + way[:, None] * (end - start)
-    speed = np.vstack([np.zeros(3), np.diff(target, axis=0) * RATE])
-    actual = target - 0.01 * speed + rng.normal(scale=1e-4, size=target.shape)
-    time = np.arange(len(way)) / RATE
-    (folder / "joints/run").mkdir(parents=True)
-    for name, angles in {"actual": actual, "target": target, "speed": speed}.items():
-        write_joint_log(folder / f"joints/run/{name}.csv", JointLog(time, {"actual": angles}, {}))
-    names = {name: f"{name}.csv" for name in ("actual", "target", "speed")}
-    ends = {"start": start.tolist(), "end": end.tolist(), "tolerance": 1e-3, "rest": 5}
-    options = JointLogOptions(movements="joints/*", joints=["a", "b", "c"], **names, **ends)
-    robot = SimpleNamespace(**vars(dataset.robot) | {"joints": options.joints})
-    changes = {"robot": robot, "motion": Motion(RATE, 40 + 10), "joint_log": options}
-    logged = SimpleNamespace(**vars(dataset) | changes)
-    recover = partial(angles_of_logs, dataset=logged, arm=arm)
-    clean = recovered_from(_files(folder), recover)
-    return Bench(_files(folder), recover, clean, clean.time[:51], clean.values[:51])
-
-
-@pytest.fixture(scope="session")
-def benches(marker_bench, depth_bench, force_bench, log_bench) -> dict[str, Bench]:
+def benches(dataset, motion, tmp_path_factory) -> dict[str, Bench]:
     """Instrument → its recording."""
-    return {"take": marker_bench, "depth": depth_bench, "force": force_bench, "joints": log_bench}
+    robot = dataset.robot
+    arm = load_arm(ROOT / robot.urdf, robot.joints, robot.tool, robot.locked)
+    known = dataset, arm, motion
+    return {
+        "take": take_bench(tmp_path_factory.mktemp("take"), *known),
+        "depth": depth_bench(tmp_path_factory.mktemp("depth"), *known),
+    }

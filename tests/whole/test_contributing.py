@@ -1,5 +1,6 @@
-"""What CONTRIBUTING.md promises: the smallest module of each kind works under a new name without an
-edit of any other file; the way of a take names what exists; the audit finds an edited constant.
+"""Promises of CONTRIBUTING.md: the smallest module of each kind works under a new name without an
+edit of any other file; the way of a take names files that exist; the audit finds an edited
+constant.
 """
 
 from __future__ import annotations
@@ -28,6 +29,18 @@ from pipeline.tools.audit.command import clone_commit
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 KINDS = {"model": "models", "figure": "figures", "format": "formats", "study": "studies"}
 COPIED = "copied"  # name of every copy
+FOUND_BY_PLACE = f"""
+import numpy as np
+from pipeline import formats
+from pipeline.figures.drawing import figures_in
+from pipeline.formats.format import formats_in
+from pipeline.models.kinds import build_model, kinds
+
+assert "{COPIED}" in kinds() and "{COPIED}" in figures_in()
+names = [one.name for one in formats_in(formats)]
+assert max(names.count(name) for name in names) == 2
+print(build_model({{"kind": "{COPIED}", "noise_covariance": np.eye(3).tolist()}}))
+"""
 
 
 def section(title: str) -> str:
@@ -55,41 +68,18 @@ def copy_smallest(project: Path, kind: str) -> str:
     return name
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory) -> Path:
-    """A copy of the project with a copy of the smallest module of every kind."""
-    folder = tmp_path_factory.mktemp("contributing") / "project"
-    copy_project(folder)
-    model, *_ = (copy_smallest(folder, kind) for kind in KINDS)
-    options = folder / f"pipeline/conf/model/{model}.yaml"
+@pytest.mark.slow
+def test_a_copy_of_the_smallest_module_of_each_kind_is_found_by_its_place_and_works(tmp_path):
+    project = tmp_path / "project"
+    copy_project(project)
+    model, *_ = (copy_smallest(project, kind) for kind in KINDS)
+    options = project / f"pipeline/conf/model/{model}.yaml"
     text = options.read_text(encoding="utf-8").replace(f"kind: {model}", f"kind: {COPIED}")
     options.with_stem(COPIED).write_text(text, encoding="utf-8")
-    return folder
-
-
-@pytest.mark.slow
-def test_a_copied_model_is_configured_and_fits(project):
     set_parameters(project, models=f"[additive, {COPIED}]")
     succeeds("python", "-m", "pipeline", "configure", cwd=project)
     assert f"kind: {COPIED}" in (project / "data/config.yaml").read_text()
-    code = (
-        "import numpy as np; from pipeline.models.kinds import build_model, kinds; "
-        f"assert '{COPIED}' in kinds(); "
-        f"print(build_model({{'kind': '{COPIED}', 'noise_covariance': np.eye(3).tolist()}}))"
-    )
-    assert "ScaledModel" in succeeds("python", "-c", code, cwd=project)
-
-
-@pytest.mark.slow
-def test_a_copied_figure_format_and_study_are_found_by_their_place(project):
-    code = (
-        "from pipeline import formats; from pipeline.figures.drawing import figures_in; "
-        "from pipeline.formats.format import formats_in; "
-        f"assert '{COPIED}' in figures_in(); "
-        "names = [one.name for one in formats_in(formats)]; "
-        "print(max(names.count(name) for name in names))"
-    )
-    assert succeeds("python", "-c", code, cwd=project).strip() == "2"
+    assert "ScaledModel" in succeeds("python", "-c", FOUND_BY_PLACE, cwd=project)
     assert f" {COPIED}" in succeeds("python", "-m", "pipeline", "--help", cwd=project)
     stages = succeeds("dvc", "stage", "list", "--all", "--name-only", cwd=project)
     assert f"pipeline/studies/{COPIED}/dvc.yaml:{COPIED}" in stages
@@ -104,9 +94,6 @@ def test_the_way_of_a_take_names_files_and_functions_that_exist():
     assert {"read_take", "read_motive", "follower", "process_noise", "draw"} <= functions
     tables = read_yaml(ROOT / "pipeline/core/tables.yaml")
     assert {*re.findall(r"`([a-z_]+)`", way)} - functions - {*tables} == {"joint_std"}
-
-
-STAGES = ("choose", "configure", "files", "ingest", "wrench")
 
 
 def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
@@ -132,7 +119,7 @@ def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
 def test_a_constant_that_was_edited_without_a_run_is_found(reproduced, tmp_path):
     folder = copy_reproduced(reproduced, tmp_path / "altered")
     stages = OmegaConf.to_container(OmegaConf.load(folder / "dvc.yaml"))["stages"]
-    stages = {name: stages[name] for name in STAGES}
+    stages = {name: stages[name] for name in ("choose", "configure", "files", "ingest", "wrench")}
     stages["ingest"]["matrix"] = {"part": ["force"]}
     OmegaConf.save({"stages": stages}, folder / "dvc.yaml")
     for other in [*folder.glob("pipeline/**/dvc.yaml"), *folder.glob("data/raw/*/dvc.yaml")]:

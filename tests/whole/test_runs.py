@@ -1,19 +1,17 @@
-"""Runs that are killed or queued: the results are those of a run left alone,
-or what pipeline/core/compute/README.md documents.
+"""Runs that are killed or queued: the results equal an undisturbed run's, or are as
+pipeline/core/compute/README.md documents.
 """
 
 from __future__ import annotations
 
 import os
 import re
-import shlex
 import signal
 import subprocess
 import sys
 from contextlib import suppress
 from io import StringIO
 from pathlib import Path
-from subprocess import TimeoutExpired
 from time import monotonic, sleep
 
 import pandas as pd
@@ -21,43 +19,36 @@ import pytest
 from omegaconf import OmegaConf
 from project_copy import (
     GIT,
-    ROOT,
     SMOKE,
     copy_project,
     copy_reproduced,
     outputs,
     run,
     set_parameters,
+    shell_commands,
     succeeds,
 )
 
 pytestmark = pytest.mark.slow
 
-# raw files, tables and trials in workers lie before the end of the last of them
+# raw files, tables and trials in workers are written before the end of the last stage
 KILLED = ("choose", "configure", "record", "files", "ingest@motion", "ingest@depth", "track")
 LAST = "articulate"
-# what appears as a stage is in the midst of its work, or has ended and DVC takes what it wrote into
-# its cache
+# these appear while a stage writes, or when it has ended and DVC moves its outputs to the cache
 MOMENTS = (
     "data/raw/youbot/.recordings.partial/kinect",
-    "data/ingest/.motion.partial/markers.parquet",
     "data/track/joints.parquet",
     "data/.articulate.partial",
 )
-PATIENCE = 120  # s; a worker that has nothing to do ends by itself sooner
-LONGEST = 400  # s that the two experiments may take
-# what was set, and what came of it
+PATIENCE = 120  # s; a worker without work ends by itself sooner
+LONGEST = 400  # s that the experiment may take
+# the option that was set, and a result that depends on it
 SET, FITTED = "overrides.models.wishart.decomposition", "sigma_b"
 
 
-def stages_of(folder: Path, place: str = "") -> dict[str, dict]:
-    """The stages of a lock file, in its order."""
-    return OmegaConf.to_container(OmegaConf.load(folder / place / "dvc.lock"))["stages"]
-
-
 def kill_when(moment: Path, cwd: Path) -> None:
-    """Start ``dvc repro`` and kill it and all that it started, without notice, as soon as
-    ``moment`` exists.
+    """Start ``dvc repro`` and kill its process group, without notice, as soon as ``moment``
+    exists.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -76,10 +67,10 @@ def kill_when(moment: Path, cwd: Path) -> None:
 
 
 def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_path):
-    folder, alone = tmp_path / "killed", tmp_path / "left alone"
+    folder = tmp_path / "killed"
     copy_project(folder)
     set_parameters(folder, **SMOKE)
-    # nor does what an earlier run left half-written enter
+    # half-written files of an earlier run are not used either
     for left in ("data/.track.partial", "data/ingest/depth", "data/.files.partial"):
         (folder / left).mkdir(parents=True)
         (folder / left / "stray.parquet").write_text("half a table")
@@ -92,27 +83,6 @@ def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_
     assert len(expected) == 8 and outputs(folder, *KILLED, LAST) == expected
     files = [*folder.glob("data/**/*")]
     assert not [file for file in files if file.match(".*.partial") or file.match("stray.parquet")]
-    # and to the lock file of a run left alone, whatever the order in which they ran
-    lock = (folder / "dvc.lock").read_text()
-    head, *entries = re.split(r"^  (?=\S)", lock, flags=re.MULTILINE)
-    (folder / "dvc.lock").write_text(head + "".join(f"  {entry}" for entry in entries[::-1]))
-    alone.mkdir()
-    for name in ("params.yaml", "dvc.yaml", "dvc.lock", "pipeline"):
-        (alone / name).symlink_to(reproduced / name)
-    locks = []
-    for project in (folder, alone):
-        succeeds("python", "-m", "pipeline", "lock", cwd=project)
-        entries = stages_of(project).items()
-        locks.append([entry for entry in entries if entry[0] in (*KILLED, LAST)])
-    assert locks[0] == locks[1] and len(locks[1]) == 7
-
-
-def documented() -> list[list[str]]:
-    """The commands of the page's block on queues, in their order."""
-    page = (ROOT / "pipeline/core/compute/README.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)
-    (block,) = (block for block in blocks if "--queue" in block)
-    return [shlex.split(line, comments=True) for line in block.splitlines()]
 
 
 @pytest.fixture
@@ -130,26 +100,27 @@ def queueing(reproduced: Path, tmp_path: Path):
 
 def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_then(queueing):
     copy = queueing
-    queue_decompositions, queue_seeds, status, run_all, show, apply = documented()
+    commands = shell_commands("pipeline/core/compute/README.md", "--queue")
+    queue_decompositions, queue_seeds, status, run_all, show, apply = commands
     succeeds(*queue_decompositions, cwd=copy)
     # a range ends before its second number
     seeds = re.findall(r"'seed=(\d+)'", succeeds(*queue_seeds, cwd=copy))
     assert seeds == ["1", "2", "3"]
-    shown = succeeds(*status, cwd=copy)
-    queued = re.findall(r"^\w{7}\s+(\S+)\s.*Queued", shown, re.MULTILINE)
+    queued = re.findall(
+        r"^\w{7}\s+(\S+)\s.*Queued", succeeds(*status, cwd=copy), flags=re.MULTILINE
+    )
     assert len(queued) == 5
-    # one is enough, and those of the seeds would run everything anew
+    # one is enough, and experiments with other seeds would run every stage
     assert "Removed" in succeeds("dvc", "queue", "remove", queued[0], *queued[2:], cwd=copy)
-    # DVC's worker at times reads a message that is half written and waits ever after; what it ran
-    # is judged all the same
-    with suppress(TimeoutExpired):
+    # DVC's worker at times reads a half-written message and waits forever; its results are read
+    # all the same
+    with suppress(subprocess.TimeoutExpired):
         succeeds(*run_all, cwd=copy, seconds=LONGEST)
     assert succeeds("git", "status", "--porcelain", cwd=copy) == ""
 
     shown = pd.read_csv(StringIO(succeeds(*show, cwd=copy)))
     assert shown.rev.tolist()[:2] == ["workspace", "main"]
-    experiments = shown[2:].set_index("Experiment")
-    assert experiments[SET].to_dict() == {queued[1]: "qr_transposed"}
+    assert shown[2:].set_index("Experiment")[SET].to_dict() == {queued[1]: "qr_transposed"}
     # another law, which has another σ_B at the recorded level
     assert shown[FITTED].nunique() == 2
 

@@ -12,7 +12,7 @@ CONFIGURATION = (
 
 
 def setup(samples, x, y, bandwidth, shown):
-    # KDEpy knows one bandwidth for all variables: in units of theirs it is 1
+    # KDEpy has one bandwidth for all variables: 1 after scaling
     scaled = np.load(samples) / bandwidth
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2) / bandwidth
 

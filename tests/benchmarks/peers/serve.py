@@ -1,6 +1,6 @@
 """Runs in the peers' interpreter: ``python serve.py NAME`` calls ``setup`` of NAME.py with the
-options on the first line of its input, and what that returned once for each further line. Each
-answer is a line of JSON: {"value": …} or {"error": traceback}; the first has NAME's CONFIGURATION.
+options on the first line of its input and answers with its CONFIGURATION; for each further line it
+calls what that returned and answers with the result. An answer is a line of JSON.
 """
 
 from __future__ import annotations
@@ -8,29 +8,13 @@ from __future__ import annotations
 import json
 import os
 import sys
-import traceback
 from importlib import import_module
 
-
-def main(name: str) -> None:
-    """Serve until the input ends."""
-    # what a library prints must not come between the answers
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    call = None
-    for line in sys.stdin:
-        value = None
-        try:
-            if call is None:
-                peer = import_module(name)
-                call, value = peer.setup(**json.loads(line)), peer.CONFIGURATION
-            else:
-                value = call()
-            answer = json.dumps({"value": value})
-        except Exception:
-            answer = json.dumps({"error": traceback.format_exc()})
-        print(answer, file=answers, flush=True)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+# what a library prints must not come between the answers
+answers = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+peer = import_module(sys.argv[1])
+call = peer.setup(**json.loads(sys.stdin.readline()))
+print(json.dumps(peer.CONFIGURATION), file=answers, flush=True)
+for _ in sys.stdin:
+    print(json.dumps(call()), file=answers, flush=True)

@@ -23,41 +23,29 @@ CONFIGURATION = (
 )
 
 
-def step_at(time: datetime) -> int:
-    return round((time - START) / STEP)
-
-
 class Motion(TransitionModel):
     """Moved by the model: a state vector is (n, P)."""
 
     take: Take = Property()
-    rvs = pdf = None  # abstract there, not used by a particle filter
-
-    @property
-    def ndim_state(self):
-        return len(self.take.start_mean)
+    rvs = pdf = ndim_state = None  # abstract there, not used by a particle filter
 
     def function(self, state, noise=False, time_interval=None, **kwargs):
-        q = np.asarray(state.state_vector, dtype=float).T
-        return StateVectors(self.take.step(step_at(state.timestamp + time_interval), q).T)
+        k = round((state.timestamp + time_interval - START) / STEP)
+        return StateVectors(self.take.step(k, np.asarray(state.state_vector, dtype=float).T).T)
 
 
 class Sensor(MeasurementModel):
     """Weighted by the frames."""
 
     take: Take = Property()
-    rvs = pdf = None
-
-    @property
-    def ndim_meas(self):
-        return len(self.take.start_mean)
+    rvs = pdf = ndim_meas = None
 
     def function(self, state, noise=False, **kwargs):
         return state.state_vector
 
     def logpdf(self, state1, state2, **kwargs):
         q = np.asarray(state2.state_vector, dtype=float).T
-        return self.take.log_likelihood(step_at(state1.timestamp), q)
+        return self.take.log_likelihood(round((state1.timestamp - START) / STEP), q)
 
 
 def setup(count, **plain):

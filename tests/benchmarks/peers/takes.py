@@ -72,7 +72,7 @@ class PlanarTake(Take):
         x = cosine * self.links[:, 0] + sine * self.links[:, 1]
         z = cosine * self.links[:, 1] - sine * self.links[:, 0]
         jacobian = np.empty((len(q), 3, 3))
-        # each joint turns all that comes after it
+        # each joint moves all links after it
         jacobian[:, 0] = self.signs * np.cumsum(z[:, ::-1], axis=1)[:, ::-1]
         jacobian[:, 1] = -self.signs * np.cumsum(x[:, ::-1], axis=1)[:, ::-1]
         jacobian[:, 2] = self.signs
@@ -81,7 +81,10 @@ class PlanarTake(Take):
     def closed_form(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Draw B⁻¹a between the factors of J."""
         upper, a = eliminated(self.jacobian(q), v)
-        return q + back_substituted(upper, self.inverse_action(a)).T
+        x = self.inverse_action(a)
+        for r in (2, 1, 0):  # Ux = B⁻¹a
+            x[r] = (x[r] - (upper[r, r + 1 :] * x[r + 1 :]).sum(axis=0)) / upper[r, r]
+        return q + x.T
 
     def algorithm_1(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
@@ -109,14 +112,6 @@ def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndar
     third = third - third[1] / second[1] * second
     upper = np.stack([first, second, third])
     return upper[:, :3], upper[:, 3]
-
-
-def back_substituted(upper: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(m, P) solutions of Ux = ``right`` (m, P), U (m, m, P)."""
-    x = np.empty_like(right)
-    for r in reversed(range(len(right))):
-        x[r] = (right[r] - (upper[r, r + 1 :] * x[r + 1 :]).sum(axis=0)) / upper[r, r]
-    return x
 
 
 class SpatialTake(Take):
@@ -151,30 +146,20 @@ class SpatialTake(Take):
         return jacobian
 
     def move(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """q + w + Qᵀ(B⁻¹L⁻¹v − Qw), J = LQ, of the ``command`` v, or v and w."""
-        lower, rows = factorised(self.jacobian(q))
-        step = self.inverse_action(solved(lower, command[:ROWS]))
+        """q + w + Qᵀ(B⁻¹L⁻¹v − Qw), J = LQ by Gram–Schmidt, of the ``command`` v, or v and w."""
+        rows = self.jacobian(q)  # becomes Q in its place
+        a = np.empty((ROWS, len(q)))  # L⁻¹v
+        for r, row in enumerate(rows):
+            rest = np.full(len(q), command[r])
+            for s in range(r):
+                entry = np.einsum("jp,jp->p", row, rows[s])
+                row -= entry * rows[s]
+                rest -= entry * a[s]
+            length = np.sqrt(np.einsum("jp,jp->p", row, row))
+            row /= length
+            a[r] = rest / length
+        step = self.inverse_action(a)
         if len(command) == ROWS:
             return q + np.einsum("rjp,rp->pj", rows, step)
         w = command[ROWS:]
         return q + w + np.einsum("rjp,rp->pj", rows, step - np.einsum("rjp,j->rp", rows, w))
-
-
-def factorised(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """L (6, 6, P) and Q (6, n, P), in its place, of J = LQ of all J (6, n, P), by Gram–Schmidt."""
-    lower = np.zeros((ROWS, ROWS, jacobian.shape[2]))
-    for r, row in enumerate(jacobian):
-        for s in range(r):
-            lower[r, s] = np.einsum("jp,jp->p", row, jacobian[s])
-            row -= lower[r, s] * jacobian[s]
-        lower[r, r] = np.sqrt(np.einsum("jp,jp->p", row, row))
-        row /= lower[r, r]
-    return lower, jacobian
-
-
-def solved(lower: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(6, P) solutions of Lx = ``v`` (6,)."""
-    x = np.empty(lower.shape[1:])
-    for r in range(ROWS):
-        x[r] = (v[r] - np.einsum("sp,sp->p", lower[r, :r], x[:r])) / lower[r, r]
-    return x
