@@ -11,6 +11,7 @@ import subprocess
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 import pytest
 import yaml
@@ -115,9 +116,9 @@ def uses(module: str) -> Iterator[Use]:
 
 
 def outside_python() -> Iterator[Use]:
-    """Every word of the templates, and of the YAML files by which a study finds functions."""
-    studies = (ROOT / "pipeline/studies").rglob("*.yaml")
-    for file in (*(ROOT / "pipeline").rglob("templates/*"), *studies):
+    """Every word of the templates, and of the YAML files by which studies and figures are found."""
+    named = [(ROOT / "pipeline" / place).rglob("*.yaml") for place in ("studies", "figures")]
+    for file in chain((ROOT / "pipeline").rglob("templates/*"), *named):
         text = file.read_text(encoding="utf-8")
         for name in (*re.findall(r"\w+", text), *re.findall(r"\w+", text.replace(" ", "_"))):
             yield name, (str(file),)

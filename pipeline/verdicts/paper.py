@@ -30,8 +30,8 @@ LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
 LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
-TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
+TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 MISSING = "(not in this dataset)"
 COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
 
@@ -85,13 +85,10 @@ def parse_items(entries: object) -> list[Item]:
     """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
     ConfigError with the item and the key.
     """
-    items, counted = [], Counter()
-    for item in parsed_entries(Item, entries, "item"):
+    counted, items = Counter(), []
+    for item in parsed_entries(Item, entries, "item", "label"):
         counted[item.kind] += 1
         items.append(replace(item, number=counted[item.kind]))
-    for name, count in Counter(item.cited_as for item in items).items():
-        if count > 1:
-            raise ConfigError("two items have one label", item=name, key="label")
     return items
 
 
@@ -174,21 +171,18 @@ class ClaimNumber:
     def look_up(self, decided: Sequence[Decided]) -> float | None:
         """Return the number, or None if the run has none; ConfigError for no such claim or case."""
         for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
-            found = [case for case in cases if case.case == self.case]
-            if claim.id == self.claim and verdict != NO_RECORDING and found:
-                break
-        else:
-            raise ConfigError(f"no claim {self.claim!r} with the case {self.case!r}", key="values")
-        value = getattr(found[0], self.number)
-        return sqrt(self.steps * value) if self.steps and value is not None else value
+            if claim.id != self.claim or verdict == NO_RECORDING:
+                continue
+            for value in (getattr(case, self.number) for case in cases if case.case == self.case):
+                return sqrt(self.steps * value) if self.steps and value is not None else value
+        raise ConfigError(f"no claim {self.claim!r} with the case {self.case!r}", key="values")
 
 
 @options(frozen=True)
 class Erratum:
     """One entry: ``place`` in the paper and what the ``paper`` says there, the ``fact``, what is
-    ``done`` here, the ``tests`` that show it.
-
-    ``{name}`` in the prose is the number of that name in ``values``.
+    ``done`` here, the ``tests`` that show it. ``{name}`` in the prose is the number of that name in
+    ``values``.
     """
 
     id: str

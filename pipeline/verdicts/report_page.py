@@ -42,8 +42,7 @@ PARAMETERS = (
 )
 # numbers of summary.json by model and name of its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
-HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
-SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
+SIGNS = {"holds": "✓", "fails": "✗", (UNKNOWN := "no evidence"): "–"}  # of the table readings
 WHOSE = {
     "none": "computations without a recording",
     "synthetic": "synthetic recordings",
@@ -65,24 +64,20 @@ def report_page(
     own = {**parts, "More": TEXT["links"]}
     if here.scale == SMOKE:
         return page([TEXT["trial"].format(here.dataset)], own)
-    head = [f"# Results: dataset {here.dataset}, scale {here.scale}"]
-    head += [f"{TEXT['limits']} {summary(here, decided)}", claims_table(here, decided)]
+    robots = [run for run in runs if run is here or run.dataset in ROBOTS]
+    counts = TEXT["counts"].format(_counts(here, decided).replace(" / ", "/"))
+    head = [f"# Results: dataset {here.dataset}, scale {here.scale}", TEXT["limits"]]
+    head += [" ".join([counts, *scores.result(here)]), claims_table(here, decided)]
     verdicts = {
         "Claims that fail": failures(here, decided),
-        "Readings of LU or QR": readings([r for r in runs if r is here or r.dataset in ROBOTS]),
+        "Readings of LU or QR": readings(robots),
         "Published against ours": published_and_ours(here, decided),
-        "Predictors": scores.predictors(here),
+        "Predictors": "\n\n".join(
+            filter(None, [scores.spread_note(here), scores.predictors(here)])
+        ),
         "Filters": scores.filters(here),
     }
     return page(head, verdicts | own)
-
-
-def summary(here: Run, decided: Sequence[Decided]) -> str:
-    """Return counts of verdicts and what predicts and filters the motion of ``here``."""
-    sentences = [f"Claims of the paper that hold / fail: {_counts(here, decided)}."]
-    if "predictions" in here.tables:
-        sentences.append(scores.choice(here))
-    return " ".join(filter(None, [*sentences, scores.filter_verdict(here)]))
 
 
 def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
@@ -94,26 +89,23 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
         raise ContractError(message, file="README.md")
     lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
     if ours := here.metrics.get("fit_wishart", {}).get("sigma_b"):
-        claims = {verdict.claim.id: verdict.claim for verdict in decided[0].verdicts}
-        published = claims["sigma-b"].published
-        lines.append(
-            f"The Wishart model's dispersion σ̂_B is {number(ours)}; printed is {published}."
-        )
+        (claim,) = (v.claim for v in decided[0].verdicts if v.claim.id == "sigma-b")
+        lines.append(TEXT["dispersion"].format(number(ours), claim.published))
     if "predictions" in here.tables:
         best = plain_name(scores.log_scores(here)["mean"].idxmax())
         lines.append(f"The {best} predicts the next pose best (highest log score).")
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 
-def counted(verdicts: Sequence[Verdict]) -> str:
-    """Return how many claims of the paper hold and fail."""
+def counted(verdicts: Sequence[Verdict]) -> tuple[int, int]:
+    """Return how many claims of the paper hold, and how many fail."""
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
-    return f"{verdict.count(d.REPRODUCED)} / {verdict.count(d.NOT_REPRODUCED)}"
+    return verdict.count(d.REPRODUCED), verdict.count(d.NOT_REPRODUCED)
 
 
 def _counts(here: Run, decided: Sequence[Decided]) -> str:
-    whose = _columns(here, decided)
-    return "; ".join(f"{ROBOTS.get(w.dataset, w.dataset)}: {counted(w.verdicts)}" for w in whose)
+    columns = {_robot(whose): counted(whose.verdicts) for whose in _columns(here, decided)}
+    return "; ".join(f"{name}: {holds} / {fails}" for name, (holds, fails) in columns.items())
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
@@ -121,7 +113,7 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
-        numbers |= zip(("hold", "fail"), map(int, counted(own.verdicts).split(" / ")), strict=True)
+        numbers |= zip(("hold", "fail"), counted(own.verdicts), strict=True)
     for name, (model, key) in SUMMARY.items():
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
@@ -136,6 +128,10 @@ def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
     return [by_name[name] for name in names if name in by_name]
 
 
+def _robot(whose: Decided) -> str:
+    return ROBOTS.get(whose.dataset, whose.dataset)
+
+
 def _rows(columns: Sequence[Decided]) -> Iterator[tuple[Verdict, ...]]:
     return zip(*(whose.verdicts for whose in columns), strict=True)
 
@@ -145,8 +141,7 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
     columns = _columns(here, decided)
     rows = sorted(_rows(columns), key=lambda row: row[0].claim.source == PROJECT)
     body = [[statement(row[0].claim), *map(verdict_cell, row)] for row in rows]
-    header = ["claim", *(ROBOTS.get(whose.dataset, whose.dataset) for whose in columns)]
-    return f"{table(header, body)}\n\n{TEXT['key']} {TEXT['cell']}"
+    return f"{table(['claim', *map(_robot, columns)], body)}\n\n{TEXT['key']} {TEXT['cell']}"
 
 
 def statement(claim: Claim) -> str:
@@ -228,7 +223,7 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
             printed = " / ".join(number(case.published) for case in cases)
             ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
-            ours = [number(case.value) + own for case, own in zip(cases, ends, strict=True)]
+            ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
             others.append([name, printed, " / ".join(ours)])
     parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
     parts += [table(["parameter", "published", *ESTIMATORS.values()], rows)] if rows else []
@@ -256,21 +251,16 @@ def figures(
     """Return the paper's figures in its order, a sentence each (what to look at, else the first),
     and links to ours; ``sources`` by item draw one of the paper's.
     """
-    drawn = {
-        source.file.as_posix(): item.title
-        for item in items
-        if item.kind == "figure"
-        for source in sources[item.cited_as]
-    }
-    by_script, lines = {caption["script"]: name for name, caption in captions.items()}, []
-    for script, place in drawn.items():
-        if name := by_script.pop(script, None):
-            sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", captions[name]["caption"])
-            look = (text for text in sentences if text.startswith("To look at"))
-            picture = f"![{captions[name]['title']}](figures/{name}.png)"
-            lines += [f"- **{place}.** {next(look, sentences[0])}", f"  {picture}"]
-    ours = [f"[{captions[name]['title']}](figures/{name}.png)" for name in by_script.values()]
-    return "\n".join([*lines, *[f"- Not in the paper: {'; '.join(ours)}."] * bool(ours)])
+    ours, lines = dict(captions), []
+    for item in (item for item in items if item.kind == "figure"):
+        for name in (source.name.rpartition(".")[2] for source in sources[item.cited_as]):
+            if caption := ours.pop(name, None):
+                sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption["caption"])
+                look = next((s for s in sentences if s.startswith("To look at")), sentences[0])
+                lines.append(f"- **{item.title}.** {look}")
+                lines.append(f"  ![{caption['title']}](figures/{name}.png)")
+    links = "; ".join(f"[{own['title']}](figures/{name}.png)" for name, own in ours.items())
+    return "\n".join([*lines, *[f"- Not in the paper: {links}."] * bool(links)])
 
 
 def gravest_errata(errata: Sequence[Erratum]) -> str:
@@ -283,11 +273,10 @@ def gravest_errata(errata: Sequence[Erratum]) -> str:
 def datasets_page(decided: Sequence[Decided]) -> str:
     """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
-    claims = zip(*(whose.verdicts for whose in decided), strict=True)
-    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in claims]
+    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in _rows(decided)]
     tally = [
-        [n, WHOSE[recordings], counted(own), sum(each.verdict == d.FORCED for each in own)]
-        for n, recordings, own in decided
+        [n, WHOSE[whose], "{} / {}".format(*counted(own)), sum(v.verdict == d.FORCED for v in own)]
+        for n, whose, own in decided
     ]
     head = ["# Every claim in every dataset", TEXTS["datasets"]]
     head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))

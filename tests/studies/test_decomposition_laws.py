@@ -118,7 +118,8 @@ def test_lines_are_straight_and_loops_close(arm, paths, stated):
     loop = paths["loop"]
     np.testing.assert_allclose(loop.q[:, -1] + loop.step[:, -1], loop.q[:, 0], atol=1e-9)
     # at constant full speed the fastest joint is at its limit
-    constant = options_of("which_decomposition", once=[1.0, 1.0]).laws[stage.FULL_SPEED][0]
+    options = options_of("which_decomposition", once=[1.0, 1.0])
+    constant, _ = stage.time_laws(options)[stage.FULL_SPEED]
     part = draw_paths(arm, constant, "joint line", stated.u, 10, np.random.default_rng(1))
     speed = np.abs(part.step * 100 / arm.max_speed).max(axis=2)
     np.testing.assert_allclose(speed, 1.0, rtol=1e-6)

@@ -45,14 +45,12 @@ def decision_cases(
     ``task`` x, z, φ, weighs an error in angle like one in position. ``others`` is the number of
     cases with other random numbers, and of cases with other test takes.
     """
-    cases, numbers = [*_decisions(base, lever, task, joints)], range(1, others + 1)
-    cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in numbers]
-    cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in numbers]
+    cases = _decisions(base, lever, task, joints, range(1, others + 1))
     return [(BASE, BASE, base), *(named for named in cases if named[2] != base)]
 
 
 def _decisions(
-    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str]
+    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: Sequence[int]
 ) -> Iterator[Named]:
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
@@ -85,6 +83,8 @@ def _decisions(
     for factor in (0.1, 0.3, 3.0):
         count = max(1, round(factor * chosen.particles))
         yield "particles", f"{count}", replace(base, filter=replace(chosen, particles=count))
+    yield from ((CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in others)
+    yield from ((CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in others)
 
 
 def without_camera(case: Choices, base: Choices) -> bool:

@@ -5,30 +5,26 @@ random paths of its arm; the decompositions on an arm in space and at the record
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 from types import SimpleNamespace
-from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.cases.readings import read_claims
 from pipeline.core import config, rng
-from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import options, validated
+from pipeline.core.validation import validated
 from pipeline.figures import style
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.recordings.steps import training_steps
-from pipeline.studies.frame import Study, Tables, number
+from pipeline.studies.frame import Study, Tables, joined, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import (
     GAUSSIAN,
@@ -62,49 +58,22 @@ QUANTITIES = {
 PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
 SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", QR, QR_TRANSPOSED)  # in the page's table
 
-Range = tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
-Factor = Annotated[float, Field(gt=1)]
-Several = Annotated[int, Field(ge=2)]
+
+def time_laws(options: SimpleNamespace) -> dict[str, tuple[TimeLaw, int]]:
+    """Return the time laws, and the number of paths of each kind in a chunk."""
+    still = (0.0, 0.0)
+    full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
+    ramped = TimeLaw(STEPS, RATE, options.rest, options.ramp, options.peak)
+    return {RAMPED: (ramped, options.paths), FULL_SPEED: (full, options.full_speed_paths)}
 
 
-@options()
-class Options:
-    """Path prior, tolerances and a motion of an arm in space; params.yaml describes each."""
-
-    chunks: Annotated[int, Field(ge=1)]
-    paths: Several
-    full_speed_paths: Several
-    tool: Range
-    rest: Range
-    ramp: Range
-    peak: Range
-    once: Range
-    least_norm: float
-    tolerances: Annotated[list[Factor], Field(min_length=1)]
-    span: tuple[Factor, Factor]
-    start: list[float]
-    end: list[float]
-    poses: Several
-    turns: list[float]
-
-    @property
-    def laws(self) -> dict[str, tuple[TimeLaw, int]]:
-        """Time laws, and the number of paths of each kind in a chunk."""
-        still = (0.0, 0.0)
-        full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), self.once)
-        ramped = TimeLaw(STEPS, RATE, self.rest, self.ramp, self.peak)
-        return {RAMPED: (ramped, self.paths), FULL_SPEED: (full, self.full_speed_paths)}
-
-
-def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; ``level`` only if the measurement noise is known."""
     stated, chain = laws.published(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
-    trial = partial(
-        widths_of_chunk, chain=chain, options=options, stated=stated, seed=settings.seed
-    )
-    label = "which_decomposition: paths"
-    chunks = list(run_trials(trial, range(options.chunks), compute=settings.compute, label=label))
-    drawn = {name: laws.joined([chunk[name] for chunk in chunks]) for name in options.laws}
+    common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
+    label, numbers = "which_decomposition: paths", range(options.chunks)
+    chunks = trials(settings, label, widths_of_chunk, numbers, **common)
+    drawn = {name: laws.joined([chunk[name] for chunk in chunks]) for name in time_laws(options)}
     ramped = drawn[RAMPED]
     priors = {RAMPED: ramped}
     priors |= {f"{kind}s alone": ramped.subset(ramped.kind == kind) for kind in KINDS}
@@ -118,8 +87,8 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
     tables = {
-        "evidence": pd.concat(likelihoods, ignore_index=True),
-        "widths": pd.concat(sizes, ignore_index=True),
+        "evidence": joined(likelihoods),
+        "widths": joined(sizes),
         "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
         "units": unit_rows(chain_of(robot_of(SPACE_ARM)), q, options.turns, stated.sigma_b),
     }
@@ -132,12 +101,12 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
 
 
 def widths_of_chunk(
-    chunk: int, chain: PlanarChain, options: Options, stated: Published, seed: int
+    chunk: int, chain: PlanarChain, options: SimpleNamespace, stated: Published, seed: int
 ) -> dict[str, Widths]:
     """Return both models on the paths of one ``chunk`` of the arm ``chain``, by time law."""
     stream = rng.stream(seed, "which_decomposition", chunk)
     chain, parts = with_tool(chain, stream.uniform(*options.tool)), {}
-    for name, (law, count) in options.laws.items():
+    for name, (law, count) in time_laws(options).items():
         drawn = {kind: draw_paths(chain, law, kind, stated.u, count, stream) for kind in KINDS}
         parts[name] = laws.joined([laws.widths(chain, drawn[kind], stated, kind) for kind in KINDS])
     return parts
@@ -206,7 +175,7 @@ def robot_of(dataset: str) -> Robot:
     return validated(Robot, read_yaml(file)["robot"], "robot", file)
 
 
-def facts(tables: Tables, options: object) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
     integrated = evidence[evidence["tolerance"] == 0]
@@ -294,19 +263,11 @@ def evidence_table(rows: pd.DataFrame) -> str:
 
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
-    """Decompositions that the printed numbers allow.
-
-    (a) Standard deviation of a step at the printed parameters over the printed one (grey: 1), roots
-    of traces: median and middle 90 % of the paths with ramps and rest; an arrow marks an interval
-    that goes on. (b) Likelihood over the one of pivoted LU (grey: 1), the tolerance integrated out:
-    marks for the paths with ramps and rest, lines from the least to the greatest of six path
-    priors.
-    """
+    """Draw the figure of the page."""
     main, limits = of_first(widths, "prior").set_index("reading"), (0.02, 30)
     place = {reading: height for height, reading in enumerate(main.index)}
-    figure, ((left, right),) = style.panels(
-        style.TWO_COLUMNS, 0.27 * len(place) + 0.95, columns=2, sharey=True, width_ratios=(1, 1.25)
-    )
+    layout = {"columns": 2, "sharey": True, "width_ratios": (1, 1.25)}
+    figure, ((left, right),) = style.panels(style.TWO_COLUMNS, 0.27 * len(place) + 0.95, **layout)
     dot = {"color": style.BLACK, "marker": "o", "markersize": 4}
     for reading, height in place.items():
         low, median, high = main.loc[reading, ["low", "median", "high"]]
@@ -329,17 +290,16 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
     left.plot([], [], color=style.GREY, label="printed value; pivoted LU")
     names = NAMES | {QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
     left.set_yticks(list(place.values()), [names[reading] for reading in place])
-    left.set(
-        xlim=limits, ylim=(len(place) - 0.5, -0.6), xlabel="standard deviation over printed one (1)"
-    )
+    left.set(xlim=limits, ylim=(len(place) - 0.5, -0.6))
+    left.set_xlabel("standard deviation over printed one (1)")
     right.set(xlim=(1e-3, 1e3), xlabel="likelihood over pivoted LU's (1)")
-    for axes, name in ((left, "a"), (right, "b")):
+    style.letters((left, right))
+    for axes in (left, right):
         axes.set_xscale("log")
         axes.axvline(1, color=style.GREY, linewidth=0.8, zorder=0)
         axes.tick_params(axis="y", length=0)
-        style.letter(axes, name)
     figure.legend(loc="outside lower center", ncols=5, columnspacing=1.2, handlelength=1.4)
     return figure
 
 
-run = Study(Options, evaluate, facts, draw).run
+run = Study(evaluate, facts, draw).run
