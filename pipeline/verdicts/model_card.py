@@ -14,13 +14,6 @@ from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name,
 
 CARD = TEXTS["card"]
 EACH = "each"  # the mean over all held-out motions
-# what a standard deviation of the noise is, by the beginning of the model's name
-STD = {"additive": "a_j", "scaled": "√(a_j² + b_j²·Δq_j²)", "distance": "√(a_j² + c_j·|Δq_j|)"}
-# its gain: symbol, column, factor and unit
-GAINS = {
-    "scaled": ("b_j", "share_of_step", 100, "%"),
-    "distance": ("c_j", "per_angle_rad", 1e6, "µrad"),
-}
 MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
 MOVING = 0.1  # of a joint's greatest recorded spread, above which a held-out spread counts
 STILL = 0.1  # of the greatest joint speed, below which a joint counts as standing still
@@ -74,11 +67,12 @@ def answer(run: Run) -> str:
 
 def _formula(model: str, known: pd.DataFrame) -> str:
     kind, tails = model.split("_")
-    text = CARD["formula"].format(std=STD[kind], law=CARD["student" if tails == "t" else "normal"])
+    law = CARD["student" if tails == "t" else "normal"]
+    text = CARD["formula"].format(std=CARD["std"][kind], law=law)
     cells = {"joint": known["joint"]}
     cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
-    if kind in GAINS:
-        symbol, column, factor, unit = GAINS[kind]
+    if kind in CARD["gains"]:
+        symbol, column, factor, unit = CARD["gains"][kind]
         gains = known[column].map(lambda gain: f"{factor * gain:.3g} {unit}", na_action="ignore")
         cells[symbol] = gains.astype(object).fillna("not known")
     if tails == "t":

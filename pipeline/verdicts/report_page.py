@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
-from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
+from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source
@@ -21,34 +21,12 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
 
 TEXT = TEXTS["report"]
-# datasets that have a column, one a robot, and the robot; a dataset that is tried out has none
-ROBOTS = {"youbot": "youBot, synthetic", "ur5": "UR5, real", "lwr4": "LWR4+, real"}
-GRAVEST = (
-    *("sign-of-omega", "which-decomposition", "weights-not-given"),
-    *("objective-not-bounded", "mean-of-the-inverse", "isotropic"),
-)
+ROBOTS: dict[str, str] = TEXT["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
-MARKS = {d.REPRODUCED: "✓", d.NOT_REPRODUCED: "✗", d.SYNTHETIC_CANNOT: "?"}
-MARKS |= {d.NO_EVIDENCE: "–", d.FORCED: "=", d.NO_RECORDING: ""}
-NOTES = {CONSTRUCTION: "by construction", LEVEL: "decided by the level"}
-# parameters: name, file and key; each estimator has the key with its own name behind it
-ESTIMATORS = {"paper": "the paper's estimator", "moments": "moments", "likelihood": "likelihood"}
-PARAMETERS = (
-    ("σ̂_B", "fit_wishart", "sigma_b", "sigma-b"),
-    ("σ̂_B, QR of Jᵀ (control)", "fit_wishart", "control_qr_transposed_sigma_b", ""),
-    ("û", "fit_gaussian", "u", "u"),
-    ("α̂", "fit_gaussian", "alpha", "alpha"),
-    ("α̂û", "fit_gaussian", "noise_level", ""),
-)
+MARKS: dict[str, str] = TEXT["marks"]
+UNKNOWN = "no evidence"  # in the table readings
 # numbers of summary.json by model and name of its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
-SIGNS = {"holds": "✓", "fails": "✗", (UNKNOWN := "no evidence"): "–"}  # of the table readings
-WHOSE = {
-    "none": "computations without a recording",
-    "synthetic": "synthetic recordings",
-    "real": "recordings of a real robot, not the paper's",
-    "paper": "the paper's own recordings",
-}
 # counts of what was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
@@ -146,7 +124,7 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
 
 def statement(claim: Claim) -> str:
     """Return the statement of ``claim`` with notes: forced, of the project, of the paper's arm."""
-    notes = [NOTES[claim.by]] if claim.by else []
+    notes = [TEXT["by"][claim.by]] if claim.by else []
     notes += ["the project's own claim"] if claim.source == PROJECT else []
     notes += ["the paper's own arm"] if claim.about == "specimen" else []
     return f"{claim.statement} *({'; '.join(notes)})*" if notes else claim.statement
@@ -188,7 +166,7 @@ def readings(runs: Sequence[Run]) -> str:
         first = ruled.iloc[:, 0]
         changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(UNKNOWN)
         for claim, words in ruled[changes].iterrows():
-            signs = words.map(SIGNS)
+            signs = words.map(MARKS)
             signs.iloc[0] = f"**{signs.iloc[0]}**"
             rows.append({"claim": claim, "dataset": run.dataset, **signs})
         lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
@@ -209,15 +187,16 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
     own = next(whose for whose in decided if whose.dataset == here.dataset)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
     rows, others = [], []
-    for name, file, key, claim in PARAMETERS:
+    for name, (file, key, claim) in TEXT["parameters"].items():
         fitted = here.metrics.get(file, {})
-        cells = [_estimate(fitted, key, estimator, few) for estimator in ESTIMATORS]
+        cells = [_estimate(fitted, key, estimator, few) for estimator in TEXT["estimators"]]
         if any(cell != "–" for cell in cells):
             rows.append([name, claims[claim].published if claim in claims else "–", *cells])
     for pair in _rows([own, without]):
         claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
         cases = [case for case in cases if case.value is not None]
-        if claim.parameter and cases and claim.id not in {each for *_, each in PARAMETERS}:
+        shown = claim.id in {each for *_, each in TEXT["parameters"].values()}
+        if claim.parameter and cases and not shown:
             unit = f" ({claim.unit})" if claim.unit else ""
             names = " / ".join(filter(None, (case.case for case in cases)))
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
@@ -226,7 +205,7 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
             others.append([name, printed, " / ".join(ours)])
     parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
-    parts += [table(["parameter", "published", *ESTIMATORS.values()], rows)] if rows else []
+    parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
 
@@ -264,9 +243,9 @@ def figures(
 
 
 def gravest_errata(errata: Sequence[Erratum]) -> str:
-    """Return the titles of the errata of GRAVEST as links, and how many there are in all."""
+    """Return the titles of the gravest errata as links, and how many there are in all."""
     titles = {erratum.id: erratum.title for erratum in errata}
-    lines = [f"- [{titles[name]}](errata.md#{name})" for name in GRAVEST if name in titles]
+    lines = [f"- [{titles[name]}](errata.md#{name})" for name in TEXT["gravest"] if name in titles]
     return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])
 
 
@@ -274,10 +253,10 @@ def datasets_page(decided: Sequence[Decided]) -> str:
     """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in _rows(decided)]
-    tally = [
-        [n, WHOSE[whose], "{} / {}".format(*counted(own)), sum(v.verdict == d.FORCED for v in own)]
-        for n, whose, own in decided
-    ]
+    tally = []
+    for name, whose, own in decided:
+        forced = sum(verdict.verdict == d.FORCED for verdict in own)
+        tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*counted(own)), forced])
     head = ["# Every claim in every dataset", TEXTS["datasets"]]
     head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
     return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Arc
@@ -108,19 +107,6 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
     assert legend(perception.filter_errors(alone, MODELS, JOINTS)) == expected
 
 
-def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_the_training_mean(tables):
-    figure = perception.filter_closed_loop(tables["filter_error"], MODELS, JOINTS)
-    by_model = tables["filter_error"].groupby(["model", "t"])
-    for row, model in zip(np.reshape(figure.axes, (3, 3)), MODELS, strict=True):
-        # of the models here one alone has a closed loop
-        names = ["none", model] + (["wishart_closed"] if model == "wishart" else [])
-        for axes, joint in zip(row, JOINTS, strict=True):
-            rms = np.sqrt(by_model[f"e:{joint}"].apply(lambda e: (e**2).mean()))
-            for line, name in zip(axes.lines, names, strict=True):
-                np.testing.assert_allclose(line.get_ydata(), rms[name])
-    assert legend(figure) == ["training mean", "open loop", "closed loop"]
-
-
 ARMS = {"one": ["slide"], "seven": [f"lwr_a{number}" for number in range(7)]}
 
 
@@ -150,30 +136,6 @@ def test_every_joint_has_a_readable_panel_under_its_own_name(tables, joints):
             for some in (figure.axes, [a for a in figure.axes if a.get_xlabel() == "time (s)"])
         )
         assert columns == below
-
-
-def test_ridge_has_a_row_of_panels_per_gaussian_model_and_a_dot_at_the_best_bound(tables):
-    both = [tables["ridges"], tables["ridges"].assign(model="gaussian_ml")]
-    for count in (1, 2):
-        figure = motion.ridge(pd.concat(both[:count]), ["additive", "gaussian", "gaussian_ml"])
-        assert len(figure.axes) == 2 * count
-        (line, dot), (alpha, level, _) = (axes.lines for axes in figure.axes[:2])
-        np.testing.assert_array_equal(line.get_ydata(), tables["ridges"]["excess"])
-        assert dot.get_color() == VERMILLION and dot.get_xdata()[0] == 18.0
-        np.testing.assert_allclose(alpha.get_ydata(), 18.0 / tables["ridges"]["u"])
-        np.testing.assert_array_equal(level.get_ydata(), 1.0)
-
-
-def test_sigma_b_over_the_weight_has_a_line_for_each_source_and_the_moment_estimate(tables):
-    table = tables["sigma_b_weights"]
-    (axes,) = motion.sigma_b_over_weight(table, ["additive", "wishart"]).axes
-    by_label = {line.get_label(): line for line in axes.lines}
-    recorded = table[(table["source"] == "recorded") & (table["point"] == "curve")]
-    np.testing.assert_array_equal(by_label["recorded takes"].get_ydata(), recorded["sigma_b"])
-    assert [*by_label["weight that returns it"].get_xdata()] == [5e-3, 5e-5]
-    # two models, the second in no other figure and without a moment estimate
-    other = table[table["point"] != "moments"].assign(model="wishart_ml")
-    assert len(motion.sigma_b_over_weight(pd.concat([table, other]), ["wishart"]).axes) == 2
 
 
 def test_recording_quality_has_takes_in_the_units_beside_them_limits_and_crosses(tables):
@@ -248,24 +210,3 @@ def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle
         np.testing.assert_array_equal(arc.get_center(), start)
         x, y = tip - start
         np.testing.assert_allclose(np.degrees(np.arctan2(y, x)) % 360, arc.theta2)
-
-
-def test_planes_have_the_measured_density_in_shades_and_the_model_in_lines_at_their_edges(tables):
-    figure = wrench.wrench_planes(tables["wrench_planes"])
-    assert len(figure.axes) == 4
-    for axes in figure.axes:
-        shades, lines = axes.collections
-        np.testing.assert_allclose(lines.levels, shades.levels[:-1])
-        # the model's outermost line lies where its own density is that low, of a measured peak of 1
-        places = np.vstack([path.vertices for path in lines.get_paths()[:1]])
-        radius = 2 * np.sqrt(-2 * np.log(4 * wrench.LEVELS[0]))
-        np.testing.assert_allclose(np.hypot(*places.T), radius, atol=0.1)
-
-
-def test_marginals_have_a_line_for_each_source_and_a_panel_for_each_row(tables):
-    marginals = tables["wrench_marginals"]
-    panels = wrench.wrench_marginals(marginals).axes
-    for axes, row in zip(panels, ("fx", "mz") * 2, strict=True):
-        for line, source in zip(axes.lines, ("measured", "modelled"), strict=True):
-            own = marginals[(marginals["source"] == source) & (marginals["row"] == row)]
-            np.testing.assert_array_equal(line.get_ydata(), own["density"].to_numpy()[:21])
