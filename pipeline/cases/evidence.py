@@ -26,14 +26,9 @@ from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.models.prediction import modelled_noise
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
+from pipeline.statistics import filters as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
-from pipeline.statistics.filters import (
-    Filtered,
-    filter_metrics,
-    filter_tables,
-    no_filter,
-    sensor_scores,
-)
+from pipeline.statistics.filters import Filtered
 from pipeline.statistics.scores import compared
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
@@ -147,7 +142,7 @@ def case_evidence(
     noise = camera.noise[camera.noise["take"] == "none"]
     joints, count = members(noise, "b"), camera.noise["take"].nunique() - 1
     variance = np.diagonal(matrices(noise, "r", joints), axis1=1, axis2=2)
-    scores = sensor_scores(values(noise, "b"), variance, count, joints)
+    scores = scoring.sensor_scores(values(noise, "b"), variance, count, joints)
     evidence["metrics/recordings"] = scores
     whole, tested = {}, []
     for model, by_take in posteriors.items():
@@ -228,12 +223,12 @@ def filter_evidence(
     opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
     if not opened:
         return {}
-    filters = {NONE: no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
+    filters = {NONE: scoring.no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth
         covariance = np.stack([posterior.covariance for posterior in by_take])
         filters[name] = Filtered(error, covariance, pose if name in opened else held)
     rng = stream(RESAMPLING_SEED, "cases.resampling")
-    tables, _ = filter_tables(filters, joints, constant_speed(truth), rng)
-    scores = filter_metrics(tables.pop("filter_scores"))
+    tables, _ = scoring.filter_tables(filters, joints, constant_speed(truth), rng)
+    scores = scoring.filter_metrics(tables.pop("filter_scores"))
     return {"metrics/filter": scores} | {f"tables/{name}": table for name, table in tables.items()}

@@ -26,29 +26,21 @@ from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.frame import Study, Tables, joined, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
-from pipeline.studies.which_decomposition.evidence import (
-    GAUSSIAN,
-    PIVOTED,
-    PLAIN,
-    QR,
-    QR_TRANSPOSED,
-    Published,
-    Widths,
-)
+from pipeline.studies.which_decomposition.evidence import PLAIN, Published, Widths
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths, with_tool
 from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
 PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # whatever dataset is analysed
-GENERAL = (PIVOTED, QR, QR_TRANSPOSED)  # readings for a task of any size
+GENERAL = (laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED)  # readings for a task of any size
 
 NAMES = {
-    PIVOTED: "LU, pivoted",
+    laws.PIVOTED: "LU, pivoted",
     **{name: "LU, rows " + " ".join("xzφ"[row] for row in rows) for name, rows in PLAIN.items()},
-    QR: "QR of J",
-    QR_TRANSPOSED: "QR of Jᵀ",
-    GAUSSIAN: "Gaussian model",
+    laws.QR: "QR of J",
+    laws.QR_TRANSPOSED: "QR of Jᵀ",
+    laws.GAUSSIAN: "Gaussian model",
 }
 QUANTITIES = {
     "sigma_b": "Σ_ω and σ_B",
@@ -56,7 +48,7 @@ QUANTITIES = {
     "small_difference": "with small difference",
 }
 PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
-SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", QR, QR_TRANSPOSED)  # in the page's table
+SHOWN = (laws.PIVOTED, "lu_xzp", "lu_zxp", laws.QR, laws.QR_TRANSPOSED)  # in the page's table
 
 
 def time_laws(options: SimpleNamespace) -> dict[str, tuple[TimeLaw, int]]:
@@ -116,9 +108,6 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
     """Return the table ``units`` of the poses ``q`` (K, n), equally far apart on a straight line in
     the joints, of an arm whose task is its whole pose: the decompositions in other units, and in
     axes turned about z by ``turns`` in degrees.
-
-    Pivoted LU compares entries of different units and axes with each other. The QR of J depends on
-    the units alone, the QR of Jᵀ on neither.
     """
     jacobian, pseudoinverse = chain.jacobian(q), chain.inverse_jacobian(q)
     cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, np.diag([1000.0] * 3 + [1.0] * 3))]
@@ -153,7 +142,7 @@ def level_rows(recorded: Recorded) -> pd.DataFrame:
     variance = recorded.noise.var(axis=0, ddof=1).mean(axis=0) - np.diag(recorded.measurement)
     plain = tuple(PLAIN) if m == n == 3 else ()
     levels = [("recorded", np.nan, variance)]
-    for reading in (PIVOTED, *plain, QR, QR_TRANSPOSED):
+    for reading in (laws.PIVOTED, *plain, laws.QR, laws.QR_TRANSPOSED):
         parts = [part.mean(axis=-1) for part in laws.wishart_parts(reading, jacobian, inverse, v)]
         try:
             squares = StepSquares(*(part.sum() for part in parts))
@@ -193,7 +182,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         first, last = (span(own.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
         choices.append(f"{size} {first}, with all quantities {last}")
     by = widths.set_index(["reading", "prior"])
-    ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[GAUSSIAN, "reached"])
+    ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
     below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
     unsquared = tables["unsquared"]
     still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
@@ -202,9 +191,9 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "verb": "do not determine" if below and above else "favour one side of",
         "later": span(later, PHI_LATER),
         "best": "; ".join(best),
-        "odds": span(rows, [QR]),
-        "control": span(rows, [QR_TRANSPOSED]),
-        "widest": number(by.loc[QR_TRANSPOSED, "best"].iloc[0]),
+        "odds": span(rows, [laws.QR]),
+        "control": span(rows, [laws.QR_TRANSPOSED]),
+        "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
         "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
         "evidence": evidence_table(of_first(evidence, "size")),
         "span": options.span,
@@ -212,8 +201,8 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "level": level_text(tables["level"]) if "level" in tables else "",
         "ramped": ramped,
         "constant": constant,
-        "least": number(by.loc[PIVOTED, "least_ratio"].min()),
-        "post": unsquared[unsquared["reading"] == PIVOTED].iloc[-1],
+        "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
+        "post": unsquared[unsquared["reading"] == laws.PIVOTED].iloc[-1],
         **{name: "{:g} to {:g}".format(*getattr(options, name)) for name in ranges},
         **(still["mm"] / still["m"]).to_dict(),
     }
@@ -233,15 +222,13 @@ def span(rows: pd.DataFrame, readings: list[str]) -> str:
 def level_text(level: pd.DataFrame) -> str:
     """Return the finding at the recorded level: σ_B and standard deviations by joint."""
     texts = []
-    for reading in ("recorded", PIVOTED, QR, QR_TRANSPOSED):
+    for reading in ("recorded", laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED):
         own = level[level["reading"] == reading]
         sigma_b = "" if reading == "recorded" else f" (σ̂_B {number(own['sigma_b'].iloc[0])})"
         stds = "/".join(number(1000 * std) for std in own["std"])
         texts.append(f"{NAMES.get(reading, reading)} {stds}{sigma_b}")
-    return (
-        "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints\n"
-        f"  are, in mrad: {'; '.join(texts)}.\n"
-    )
+    first = "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints"
+    return f"{first}\n  are, in mrad: {'; '.join(texts)}.\n"
 
 
 def evidence_table(rows: pd.DataFrame) -> str:
@@ -288,7 +275,7 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         right.plot(here["likelihood"], heights[here.index], linestyle="", markersize=4, **look)
     left.plot([], [], **dot, label="median, 90 % of the paths")
     left.plot([], [], color=style.GREY, label="printed value; pivoted LU")
-    names = NAMES | {QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
+    names = NAMES | {laws.QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
     left.set_yticks(list(place.values()), [names[reading] for reading in place])
     left.set(xlim=limits, ylim=(len(place) - 0.5, -0.6))
     left.set_xlabel("standard deviation over printed one (1)")
