@@ -32,10 +32,11 @@ def result(run: Run) -> list[str]:
         best, pairs = means.index[0], run.tables["prediction_pairs"].query("steps == @ALL")
         kinds = {n: run.models.get(n, n.partition("_")[0]) in MATRIX_KINDS for n in means.index}
         others = [name for name in means.index if kinds[name] != kinds[best]]
-        text = TEXT["best"].format(plain_name(best), number(means[best]))
+        name = plain_name(best).removesuffix(" (this motion)")
+        text = TEXT["best"].format(number(means[best]), name)
         if others:
             pair = pairs.set_index(["model", "rival"]).loc[(best, others[0])]
-            text += f": {_away(pair)} the best {'baseline' if kinds[best] else 'matrix model'}"
+            text += f", {_away(pair)} the best {'baseline' if kinds[best] else 'matrix model'}'s"
         sentences.append(f"{text}.")
     if FILTERS in run.tables:
         rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
