@@ -39,7 +39,6 @@ from pipeline.studies.robustness.grid import (
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.wording import table
-from pipeline.wrench.bounds import study_bounds
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
@@ -120,19 +119,10 @@ def laboratory_grid(
 ) -> tuple[list[Condition], Common]:
     """Return every condition of the laboratory, and what they have in common."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
-    noise, study = contracts.read("kinect_noise", ARTICULATE), settings.wrench
-    case = Choices.of_run(settings, **config.model_options([BESIDE]))
-    common = Common(
-        laboratory=Laboratory.of_run(settings, recorded, noise),
-        ways=options.trajectories,
-        case=replace(case, closed=True),
-        takes=(options.training_takes, options.test_takes),
-        realizations=options.realizations,
-        bounds=study_bounds(study),
-        agents=study.agents,
-        systems=(study.systems, study.test_systems, study.repeats),
-        claims=claims,
-    )
+    noise = contracts.read("kinect_noise", ARTICULATE)
+    laboratory = Laboratory.of_run(settings, recorded, noise)
+    case = replace(Choices.of_run(settings, **config.model_options([BESIDE])), closed=True)
+    common = Common(laboratory, case, claims, options, settings.wrench)
     varied = {"trajectory": list(options.trajectories)} | options.factors
     motion = conditions(varied, options.seeds, "motion", options.combined)
     return [*motion, *conditions(options.wrench, options.seeds, "wrench")], common
