@@ -4,7 +4,7 @@ A study is a folder of ``pipeline/studies`` with
 
 - ``stage.py``: the question as docstring, ``evaluate``, ``facts`` and ``draw``, and
   ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
-- ``params.yaml``: the options of each scale, all with the keys of the scale paper;
+- ``params.yaml``: the options of each scale, of equal names and kinds in all;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of its tables, in the notation of pipeline/core/tables.yaml;
 - ``page.md``: its page with the figure's caption, the fields that ``facts`` returns in braces.
@@ -48,7 +48,7 @@ class NoAnswerError(PipelineError):
 
 @dataclass(frozen=True)
 class Study:
-    """A study, in the folder of the module that defines its options."""
+    """A study, in the folder of the module that defines ``evaluate``."""
 
     evaluate: Callable[[SimpleNamespace, SimpleNamespace], Tables]  # settings, options
     facts: Callable[[Tables, SimpleNamespace], dict[str, object]]  # tables, options
@@ -59,10 +59,8 @@ class Study:
         folder = Path(sys.modules[self.evaluate.__module__].__file__).parent
         name = folder.name
         settings = config.sections(name, folder / "dvc.yaml")
-        options, stated = config.study_options(folder, dict), read_yaml(folder / "params.yaml")
-        for key in sorted(options.keys() ^ stated["paper"].keys()):
-            raise ConfigError("must be an option of all scales or none", key=key, file=folder)
-        options = SimpleNamespace(**options)
+        require_equal_kinds(folder / "params.yaml")
+        options = SimpleNamespace(**config.study_options(folder, dict))
         page = (folder / "page.md").read_text(encoding="utf-8")
         try:
             tables = self.evaluate(settings, options)
@@ -83,6 +81,17 @@ class Study:
                 save(self.draw(**shown), report, name)
                 page = page.format(**self.facts(tables, options))
         contracts.write_text(page, REPORTS / f"{name}.md")
+
+
+def require_equal_kinds(file: Path) -> None:
+    """Raise ConfigError for an option of ``file`` that a scale lacks or has in another kind."""
+    scales = read_yaml(file)
+    for key in sorted(set().union(*scales.values())):
+        values = {scale: section.get(key) for scale, section in scales.items()}
+        kinds = {float if isinstance(value, int) else type(value) for value in values.values()}
+        if len(kinds) > 1:
+            message = f"must be of one kind in every scale, got {values}"
+            raise ConfigError(message, key=key, file=file)
 
 
 def trials(

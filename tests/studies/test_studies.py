@@ -128,9 +128,10 @@ def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it
         with pytest.raises(error):
             replace(counting, **part).run()
         assert written() == first
-    Path("counting/params.yaml").write_text("paper: {rows: 5}\nsmoke: {row: 2}\n")
-    with pytest.raises(ConfigError, match="option of all scales"):
-        counting.run()
+    for options in ("{row: 2}", "{rows: few}", "{rows: 2, length: 1}"):
+        Path("counting/params.yaml").write_text(f"paper: {{rows: 5}}\nsmoke: {options}\n")
+        with pytest.raises(ConfigError, match="of one kind in every scale"):
+            counting.run()
     assert written() == first
 
 
