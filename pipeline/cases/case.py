@@ -70,11 +70,6 @@ class Choices:
         plain = {"mode": "", "measurement": 1.0, "batch": 0}
         return replace(self, models={name: self.models[name]}, closed=closed, **plain)
 
-    def batch_of(self, takes: list[str], count: int) -> list[str]:
-        """The ``count`` of the test ``takes`` that the filter runs on; none of too few."""
-        batch = takes[self.batch * count : (self.batch + 1) * count]
-        return batch if len(batch) == count else []
-
     def with_wishart(self, **changes: object) -> Choices:
         """This case with other options of the Wishart model."""
         wishart = replace(self.models["wishart"], **changes)

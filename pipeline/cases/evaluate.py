@@ -27,7 +27,7 @@ def evaluate(
     cases: Sequence[Choices], recordings: Recordings, run: Run
 ) -> list[tuple[Evidence, list[str]]]:
     """Return the evidence and refusals of every case; only the paper's models are filtered."""
-    cameras, dt = recordings.cameras, 1 / recordings.rate
+    cameras, dt, count = recordings.cameras, 1 / recordings.rate, recordings.filtered
     takes = list(next(iter(cameras.values())).takes) if cameras else []
 
     def mapped(function: Callable, trials: Mapping[str, object]) -> dict:
@@ -42,11 +42,12 @@ def evaluate(
     filters: list[dict[str, dict[str, str]]] = []  # of each case: filter → take → key of its trial
     for case in cases:
         filters.append({})
+        batch = takes[case.batch * count : (case.batch + 1) * count]
         for name in filter(KINDS.__contains__, case.models):
             for closed, loop in loops[repr(case.model_case(name))].items():
                 own = filters[-1].setdefault(names.closed(name) if closed else name, {})
                 part = case.filter_case(name, closed)
-                for take in case.batch_of(takes, recordings.filtered):
+                for take in batch if len(batch) == count else []:
                     own[take], measured = f"{take} {part!r}", cameras[case.clock].takes[take]
                     trials[own[take]] = (takes.index(take), part, loop, measured)
     posteriors = mapped(_posterior, trials)

@@ -23,18 +23,12 @@ from pipeline.models.draws import realize, realized_moments
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import recorded_deviation, rest_covariance
-from pipeline.models.options import Options
 from pipeline.models.prediction import modelled_noise
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
+from pipeline.statistics import filters as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
-from pipeline.statistics.filters import (
-    Filtered,
-    filter_metrics,
-    filter_tables,
-    no_filter,
-    sensor_scores,
-)
+from pipeline.statistics.filters import Filtered
 from pipeline.statistics.scores import compared
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
@@ -60,47 +54,43 @@ class Outcome:
 
 def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
     """Fit, realise ``realizations`` times and score a model; a refusal is an outcome too."""
-    fared = Outcome()
+    fared, training = Outcome(), takes.training
+    chain, v = training.chain, training.v
     try:
-        fit = estimate(takes.training, case.options)
+        fit = estimate(training, case.options)
         fared.model = fit.model
-        fared.estimates = fit.estimates | _papers_estimates(takes.training, case.options, fit)
+        fared.estimates = fit.estimates | _papers_estimates(case, training, fit)
         if case.closed:
-            fared.closed, refused = closed_loop_of(takes.training, case.options, fit)
-            if refused:
-                fared.refusals.append(f"no closed loop: {refused}")
+            fared.closed, refused = closed_loop_of(training, case.options, fit)
+            fared.refusals += [f"no closed loop: {refused}"] if refused else []
         fared.log_score = _log_scores(case, fit, takes)
         starts = np.resize(takes.poses, (realizations, *takes.poses.shape[1:]))
-        chain, v = takes.training.chain, takes.training.v
         realized, _, _ = realize(fared.model, chain, starts, v, case.mode, rng)
         fared.mean, fared.deviation, refused = realized_moments(
             fared.model, chain, starts, v, case.mode, realized
         )
-        if refused:
-            fared.refusals.append(refused)
+        fared.refusals += [refused] if refused else []
         if case.mode == "one_step":
-            noise, training = modelled_noise(fared.model, takes.training, rng), takes.training
-            fared.following = following_tests(
-                noise, training.noise, constant_speed(takes.poses), training.joints, rng
-            )
+            noise, steady = modelled_noise(fared.model, training, rng), constant_speed(takes.poses)
+            compare = (noise, training.noise, steady, training.joints, rng)
+            fared.following = following_tests(*compare)
             fared.modelled = replace(noise, draws=noise.draws[:0])
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         fared.refusals.append(str(error))
     return fared
 
 
-def _papers_estimates(recorded: Recorded, options: Options, fit: Estimate) -> dict[str, float]:
+def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
     """Estimates by the paper's estimator, which its published parameters are compared with."""
-    if (requested := kinds.compared(options).get(PAPER)) is None:
+    if (requested := kinds.compared(case.options).get(PAPER)) is None:
         return {}
     try:
-        own = fit if requested == options else estimate(recorded, requested)
+        own = fit if requested == case.options else estimate(recorded, requested)
     except (ModelDomainError, SolverError):
         return {}
     estimates = {PAPER.format(name): value for name, value in own.estimates.items()}
-    # whether û is an estimate at all
-    unbounded = {"u_paper_unbounded": own.diagnostics.get("u_unbounded")}
-    return estimates | {name: value for name, value in unbounded.items() if value is not None}
+    unbounded = own.diagnostics.get("u_unbounded")  # whether û is an estimate at all
+    return estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
@@ -149,7 +139,11 @@ def case_evidence(
     refusals = {f"{model}: {why}" for model, fared in outcomes.items() for why in fared.refusals}
     if camera is None:
         return evidence, sorted(refusals)
-    evidence |= sensor_evidence(camera.noise)
+    noise = camera.noise[camera.noise["take"] == "none"]
+    joints, count = members(noise, "b"), camera.noise["take"].nunique() - 1
+    variance = np.diagonal(matrices(noise, "r", joints), axis1=1, axis2=2)
+    scores = scoring.sensor_scores(values(noise, "b"), variance, count, joints)
+    evidence["metrics/recordings"] = scores
     whole, tested = {}, []
     for model, by_take in posteriors.items():
         lost = {f"{model}: {own}" for own in by_take.values() if isinstance(own, str)}
@@ -213,15 +207,6 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
     return evidence
 
 
-def sensor_evidence(noise: pd.DataFrame) -> Evidence:
-    """Evidence of the depth camera's ``noise``, the table ``kinect_noise``."""
-    everywhere, joints = noise[noise["take"] == "none"], members(noise, "b")
-    variance = np.diagonal(matrices(everywhere, "r", joints), axis1=1, axis2=2)
-    takes = noise["take"].nunique() - 1
-    scores = sensor_scores(values(everywhere, "b"), variance, takes, joints)
-    return {"metrics/recordings": scores}
-
-
 def filter_evidence(
     posteriors: Mapping[str, list[Posterior]],
     linear: Filtered | None,
@@ -238,12 +223,12 @@ def filter_evidence(
     opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
     if not opened:
         return {}
-    filters = {NONE: no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
+    filters = {NONE: scoring.no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth
         covariance = np.stack([posterior.covariance for posterior in by_take])
         filters[name] = Filtered(error, covariance, pose if name in opened else held)
     rng = stream(RESAMPLING_SEED, "cases.resampling")
-    tables, _ = filter_tables(filters, joints, constant_speed(truth), rng)
-    scores = filter_metrics(tables.pop("filter_scores"))
+    tables, _ = scoring.filter_tables(filters, joints, constant_speed(truth), rng)
+    scores = scoring.filter_metrics(tables.pop("filter_scores"))
     return {"metrics/filter": scores} | {f"tables/{name}": table for name, table in tables.items()}

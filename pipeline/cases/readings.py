@@ -15,7 +15,7 @@ from pipeline.core.columns import PLANE
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.wishart.decomposition import COMPUTED, chosen
 from pipeline.verdicts.claims import Claim, parse_claims
-from pipeline.verdicts.decision import decide, verdict_table
+from pipeline.verdicts.decision import decide
 from pipeline.verdicts.run import ArmNames
 from pipeline.verdicts.wording import case_text
 
@@ -38,13 +38,16 @@ def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.Da
     """A row for every case of ``claims``: the values that its rule compares, ``holds`` of the case,
     and the ``verdict`` of the claim, which holds in every case on which there is evidence.
     """
-    rows = verdict_table(decide(claims, evidence, "paper", arm)).rename(columns={"id": "claim"})
-    rows["holds"] = rows["holds"].map({True: HOLDS, False: FAILS}).fillna(UNKNOWN)
-    order = {FAILS: 0, HOLDS: 1, UNKNOWN: 2}
-    worst = rows["holds"].map(order).groupby(rows["claim"]).transform("min")
-    rows["verdict"] = worst.map({place: word for word, place in order.items()})
-    rows["about"] = rows["claim"].map({claim.id: claim.about for claim in claims})
-    return rows[COLUMNS].astype(dict.fromkeys(["value", "than", "low", "high"], float))
+    rows = []
+    for claim, _, cases in decide(claims, evidence, "paper", arm):
+        words = [
+            UNKNOWN if case.holds is None else HOLDS if case.holds else FAILS for case in cases
+        ]
+        verdict = next((word for word in (FAILS, HOLDS) if word in words), UNKNOWN)
+        place = {"claim": claim.id, "about": claim.about, "verdict": verdict}
+        rows += [c._asdict() | place | {"holds": w} for c, w in zip(cases, words, strict=True)]
+    rows = pd.DataFrame(rows, columns=COLUMNS)
+    return rows.astype(dict.fromkeys(["value", "than", "low", "high"], float))
 
 
 def readings(

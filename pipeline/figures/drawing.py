@@ -1,41 +1,55 @@
-"""Figures of the paper, each a module of this package that is found by its place.
-
-The module's docstring holds title and caption, ``TABLES`` maps each table to the folder of the
-stage that writes it, and ``draw(**tables, **options)`` draws. ``NEEDS`` names the part that a
-dataset lacks where a table is absent. Options are ``models``, ``joints``, ``mode`` and
-``configurations``; ``draw`` gets those that it names.
+"""Figures of the paper: functions of this package, found by the YAML file beside their module that
+holds their captions and tables. A figure gets its tables, and of the options ``models``,
+``joints``, ``mode`` and ``configurations`` those that it names.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
+from typing import NamedTuple
 
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures.style import save
 
-PACKAGE = "pipeline.figures"
+
+class Drawing(NamedTuple):
+    """A figure: its function, title, caption, tables by the folders of the stages that write them,
+    and the part that a dataset ``needs`` for these.
+    """
+
+    draw: Callable
+    title: str
+    caption: str
+    tables: dict[str, str]
+    needs: str = ""
 
 
-def figures_in(folder: Path = Path(__file__).parent) -> list[str]:
-    """Return the names of the modules of ``folder`` that draw a figure, in order."""
-    names = sorted(file.stem for file in folder.glob("[a-z]*.py"))
-    return [name for name in names if hasattr(import_module(f"{PACKAGE}.{name}"), "TABLES")]
+def figures_in() -> dict[str, Drawing]:
+    """Return the figures of this package by their names, in order."""
+    figures = {}
+    for file in Path(__file__).parent.glob("*.yaml"):
+        module = import_module(f"pipeline.figures.{file.stem}")
+        for name, known in read_yaml(file).items():
+            figures[name] = Drawing(getattr(module, name), **known)
+    return dict(sorted(figures.items()))
 
 
 def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
     """Draw every figure whose tables exist, and ``captions.json``, into ``out``: all or none."""
     wanted = []
-    for name in figures_in():
-        module = import_module(f"{PACKAGE}.{name}")
-        absent = [t for t, place in module.TABLES.items() if not contracts.exists(t, Path(place))]
+    for name, figure in figures_in().items():
+        places = figure.tables.items()
+        absent = [table for table, place in places if not contracts.exists(table, Path(place))]
         if absent:
-            lacking = getattr(module, "NEEDS", f"table {absent[0]}")
+            lacking = figure.needs or f"table {absent[0]}"
             print(f"figures: {name} left out: the dataset has no {lacking}")
         else:
             wanted.append(name)
@@ -48,16 +62,10 @@ def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
 
 def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dict]:
     """Draw one figure; return its name and caption with the files that it shows."""
-    module = import_module(f"{PACKAGE}.{name}")
-    tables = {table: contracts.read(table, Path(p)) for table, p in module.TABLES.items()}
-    named = signature(module.draw).parameters
-    options = {key: value for key, value in options.items() if key in named}
+    draw, title, caption, tables, _ = figures_in()[name]
     # a table comes before an option of its name
-    save(module.draw(**(options | tables)), folder, name)
-    title, _, text = " ".join(module.__doc__.split()).partition(". ")
-    return name, {
-        "title": title,
-        "caption": text,
-        "sources": [f"{place}/{table}.parquet" for table, place in module.TABLES.items()],
-        "script": f"{PACKAGE.replace('.', '/')}/{name}.py",
-    }
+    named = options | {table: contracts.read(table, Path(place)) for table, place in tables.items()}
+    save(draw(**{key: named[key] for key in signature(draw).parameters}), folder, name)
+    sources = [f"{place}/{table}.parquet" for table, place in tables.items()]
+    script = f"{draw.__module__.replace('.', '/')}.py"
+    return name, {"title": title, "caption": caption, "sources": sources, "script": script}

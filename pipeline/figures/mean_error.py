@@ -1,9 +1,4 @@
-"""Error of the mean of each model's realisations.
-
-Euclidean distance over all joints between the mean of a model's realisations and the mean of
-the training takes, at every step. All models share the nominal motion, so what differs is the bias
-of each model and the sampling error of a finite number of realisations.
-"""
+"""Error of the models' means (Sec. 4.1.2), the smallest figure."""
 
 from __future__ import annotations
 
@@ -12,10 +7,8 @@ from matplotlib.figure import Figure
 
 from pipeline.figures import style
 
-TABLES = {"deviation": "data/score"}
 
-
-def draw(deviation: pd.DataFrame, models: list[str]) -> Figure:
+def mean_error(deviation: pd.DataFrame, models: list[str]) -> Figure:
     """Fig. (MeanError): one line per model."""
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.4)
     for model, line in style.model_lines(models).items():

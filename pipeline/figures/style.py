@@ -1,9 +1,6 @@
-"""One look for every figure: print sizes, a colour-blind-safe palette, one line style per motion
-model, and files that keep their bytes.
-
-Colours are those of Okabe and Ito (jfly.uni-koeln.de/color, 2008); lines that share axes also
-differ in their dashes, so that they can be told apart in grey. Widths are those of one and of two
-columns of a journal page; no letter is smaller than 7 pt at that size.
+"""One look for every figure: widths of one and two columns of a journal page, letters of 7 pt or
+more, the colours of Okabe and Ito (jfly.uni-koeln.de/color, 2008), lines that share axes with
+different dashes, and files that keep their bytes.
 """
 
 from __future__ import annotations
@@ -143,6 +140,12 @@ def beside(joints: int) -> int:
 def letter(axes: Axes, name: str, **place: float) -> None:
     """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
     axes.set_title(f"({name})", loc="left", fontweight="bold", **place)
+
+
+def letters(panels: Iterable[Axes]) -> None:
+    """Name the ``panels`` (a), (b), … in their order."""
+    for axes, name in zip(panels, "abcdefg", strict=False):
+        letter(axes, name)
 
 
 def legend(figure: Figure, ncols: int = 4) -> Legend:

@@ -2,34 +2,35 @@
 
 A study is a folder of ``pipeline/studies`` with
 
-- ``stage.py``: the question as docstring, ``Options`` (pipeline/core/validation.py), ``evaluate``,
-  ``facts`` and ``draw``, and ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
-- ``params.yaml``: the options of each scale;
+- ``stage.py``: the question as docstring, ``evaluate``, ``facts`` and ``draw``, and
+  ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
+- ``params.yaml``: the options of each scale, of equal names and kinds in all;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of its tables, in the notation of pipeline/core/tables.yaml;
-- ``page.md``: its page, with the fields that ``facts`` returns in braces, and ``{figure}``.
+- ``page.md``: its page with the figure's caption, the fields that ``facts`` returns in braces.
 
-The docstring of ``draw`` is title and caption of the figure; its arguments are tables, by their
-names. The study NAME writes ``data/studies/NAME`` (its tables, checked), ``reports/studies/NAME``
-(the figure, and each table as CSV) and the page ``reports/studies/NAME.md``: all of them or none.
+The arguments of ``draw`` are tables, by their names. The study NAME writes ``data/studies/NAME``
+(its tables, checked), ``reports/studies/NAME`` (the figure, and each table as CSV) and the page
+``reports/studies/NAME.md``: all of them or none.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.core import config, contracts
-from pipeline.core.errors import PipelineError
+from pipeline.core.compute.trials import run_trials
+from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures.style import save
 from pipeline.verdicts import wording
 from pipeline.verdicts.wording import MISSING
@@ -47,19 +48,19 @@ class NoAnswerError(PipelineError):
 
 @dataclass(frozen=True)
 class Study:
-    """A study, in the folder of the module that defines its options."""
+    """A study, in the folder of the module that defines ``evaluate``."""
 
-    options: type  # of a scale's section of params.yaml
-    evaluate: Callable[[SimpleNamespace, Any], Tables]  # settings, options
-    facts: Callable[[Tables, Any], dict[str, object]]  # tables, options
+    evaluate: Callable[[SimpleNamespace, SimpleNamespace], Tables]  # settings, options
+    facts: Callable[[Tables, SimpleNamespace], dict[str, object]]  # tables, options
     draw: Callable[..., Figure]
 
     def run(self) -> None:
         """Evaluate the study and write its tables, figure and page."""
-        folder = Path(sys.modules[self.options.__module__].__file__).parent
+        folder = Path(sys.modules[self.evaluate.__module__].__file__).parent
         name = folder.name
         settings = config.sections(name, folder / "dvc.yaml")
-        options = config.study_options(folder, self.options)
+        require_equal_kinds(folder / "params.yaml")
+        options = SimpleNamespace(**config.study_options(folder, dict))
         page = (folder / "page.md").read_text(encoding="utf-8")
         try:
             tables = self.evaluate(settings, options)
@@ -76,17 +77,34 @@ class Study:
                 csv = rows.to_csv(index=False, float_format=CSV_DIGITS)
                 contracts.write_text(csv, report / f"{table}.csv")
             if tables:
-                figure = self.figure(tables, report, name)
-                page = page.format(figure=figure, **self.facts(tables, options))
+                shown = {table: tables[table] for table in signature(self.draw).parameters}
+                save(self.draw(**shown), report, name)
+                page = page.format(**self.facts(tables, options))
         contracts.write_text(page, REPORTS / f"{name}.md")
 
-    def figure(self, tables: Tables, folder: Path, name: str) -> str:
-        """Draw the figure ``name`` into ``folder``, as PNG and SVG; return its Markdown."""
-        save(
-            self.draw(**{key: tables[key] for key in signature(self.draw).parameters}), folder, name
-        )
-        title, _, caption = " ".join(self.draw.__doc__.split()).partition(". ")
-        return f"![{title}]({name}/{name}.png)\n\n**{title}.** {caption}"
+
+def require_equal_kinds(file: Path) -> None:
+    """Raise ConfigError for an option of ``file`` that a scale lacks or has in another kind."""
+    scales = read_yaml(file)
+    for key in sorted(set().union(*scales.values())):
+        values = {scale: section.get(key) for scale, section in scales.items()}
+        kinds = {float if isinstance(value, int) else type(value) for value in values.values()}
+        if len(kinds) > 1:
+            message = f"must be of one kind in every scale, got {values}"
+            raise ConfigError(message, key=key, file=file)
+
+
+def trials(
+    settings: SimpleNamespace, label: str, function: Callable, cases: Iterable, **common: object
+) -> list:
+    """Return ``function(case, **common)`` of each of the ``cases``, evaluated side by side."""
+    run = partial(function, **common)
+    return list(run_trials(run, cases, compute=settings.compute, label=label))
+
+
+def joined(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    """Return the rows of all ``parts``."""
+    return pd.concat(parts, ignore_index=True)
 
 
 def interval(middle: float, low: float, high: float) -> str:

@@ -51,23 +51,16 @@ class PhysicsFactors:
 
 FACTORS = tuple(each.name for each in fields(PhysicsFactors))
 SIZES = FACTORS[1:9]  # disturbances that have a size
+LAGS = ("sway_time", "clearance_time")
 
 
 def disturbed(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
     """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
-    scaled = {
-        name: np.multiply(
-            getattr(dynamics, name), factors.disturbances * getattr(factors, name)
-        ).tolist()
-        for name in SIZES
-    }
-    return replace(
-        dynamics,
-        **scaled,
-        speed_exponent=dynamics.speed_exponent * factors.speed_exponent,
-        sway_time=dynamics.sway_time * factors.lasting,
-        clearance_time=dynamics.clearance_time * factors.lasting,
-    )
+    by = {name: factors.disturbances * getattr(factors, name) for name in SIZES}
+    scaled = {name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()}
+    lags = {name: getattr(dynamics, name) * factors.lasting for name in LAGS}
+    exponent = dynamics.speed_exponent * factors.speed_exponent
+    return replace(dynamics, **scaled, **lags, speed_exponent=exponent)
 
 
 @dataclass(frozen=True)
@@ -98,8 +91,7 @@ class Laboratory:
     clock: ClockOptions
     pose_noise: np.ndarray  # (n, n) rad², of a pose of the motion capture
     depth_noise: NoiseLaw
-    # frames on either side over which the covariance of the depth camera's noise is estimated
-    window: int
+    window: int  # frames on either side over which the depth camera's covariance is estimated
 
     @classmethod
     def of_run(
@@ -110,8 +102,7 @@ class Laboratory:
         noise = kinect_noise[kinect_noise["take"] == "none"]
         share = noise["t"].to_numpy() / own["trajectory"].duration
         law = NoiseLaw(share, values(noise, "b"), matrices(noise, "r", joints))
-        none = np.zeros((len(joints), len(joints)))
-        window = settings.articulation.noise_window
+        none, window = np.zeros((len(joints), len(joints))), settings.articulation.noise_window
         parts = (own["dynamics"], own["trajectory"], own["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
         takes = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
@@ -172,16 +163,14 @@ def observe(
 
     Raises SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
     """
-    fitted = perform(laboratory, factors, seed, "train", training)
-    kept = perform(laboratory, factors, seed, "test", test)
+    fitted, kept = (
+        perform(laboratory, factors, seed, part, count)
+        for part, count in (("train", training), ("test", test))
+    )
     poses, others = (
-        measured(
-            takes,
-            laboratory.pose_noise,
-            factors.motion_capture,
-            rng.stream(seed, "simulated.capture", number),
-        )
+        measured(takes, laboratory.pose_noise, factors.motion_capture, stream)
         for number, takes in enumerate((fitted, kept))
+        for stream in [rng.stream(seed, "simulated.capture", number)]
     )
     motion, stream = laboratory.motion, rng.stream(seed, "simulated.camera")
     names = [f"test_{number:03d}" for number in range(1, test + 1)]

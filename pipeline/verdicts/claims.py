@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import field
 from itertools import product
@@ -72,40 +71,27 @@ class Claim:
     why: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        every = EVERY in self.each.values()
-        cases = 1 if every else len(self.cases())
-        published = self.published if isinstance(self.published, list) else [self.published]
-        listed = (
-            (v and isinstance(v, list)) or (n, v) == ("joint", EVERY) for n, v in self.each.items()
-        )
+        for name, values in self.each.items():
+            if not (values and isinstance(values, list)) and (name, values) != ("joint", EVERY):
+                message = f"must map names to lists of values, or joint to {EVERY}"
+                raise ConfigError(message, key="each")
+        cases = 1 if EVERY in self.each.values() else len(self.cases())
+        if isinstance(self.published, list) and len(self.published) not in (1, cases):
+            message = f"must be one number, or one for each of the {cases} cases"
+            raise ConfigError(message, key="published")
         needs, rule = set(RULES[self.rule].needs), f"the rule {self.rule}"
-        if self.rule in ORDERS and self.by != CONSTRUCTION:
-            needs |= ENDS  # an order without an interval is no verdict
         stated = {key for key in STATED if getattr(self, key) is not None}
         yardstick = {"published", "limit"} if "yardstick" in needs else set()
-        unused = {"limit", "tolerance", "threshold", "power"} - needs - yardstick
-        faults = {
-            "where": (bool(self.where) == (self.source == PROJECT), "is for the paper's claims"),
-            "because": (bool(self.because) != bool(self.by), "must say why if `by` is given"),
-            "each": (not all(listed), f"must map names to lists of values, or joint to {EVERY}"),
-            "published": (
-                "published" in stated and len(published) not in (1, cases),
-                f"must be one number, or one for each of the {cases} cases",
-            ),
-            "parameter": (
-                bool(self.parameter) and ("published" not in stated or every),
-                "needs a published value and the same cases on every arm",
-            ),
-            "limit": (
-                bool(yardstick) and len(stated & yardstick) != 1,
-                f"{rule} needs a published value or a limit of ours, not both",
-            ),
-        }
-        wrong = [(key, message) for key, (fault, message) in faults.items() if fault]
-        wrong += [(key, f"{rule} has none") for key in sorted(unused & stated)]
-        wrong += [(key, f"{rule} needs it") for key in sorted(needs - stated - {"yardstick"})]
-        if wrong:
-            raise ConfigError(wrong[0][1], key=wrong[0][0])
+        if yardstick and len(stated & yardstick) != 1:
+            message = f"{rule} needs a published value or a limit of ours, not both"
+            raise ConfigError(message, key="limit")
+        if self.rule in ORDERS and self.by != CONSTRUCTION:
+            needs |= ENDS  # an order without an interval is no verdict
+        for key in sorted({"limit", "tolerance", "threshold", "power"} - needs - yardstick):
+            if key in stated:
+                raise ConfigError(f"{rule} has none", key=key)
+        if missing := sorted(needs - stated - {"yardstick"}):
+            raise ConfigError(f"{rule} needs it", key=missing[0])
         self.references()
 
     def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
@@ -148,8 +134,4 @@ class ClaimsFile:
 
 def parse_claims(entries: object) -> list[Claim]:
     """Return the claims of a YAML list. Raises ConfigError with the claim and the key."""
-    claims = parsed_entries(Claim, entries, "claim")
-    for name, count in Counter(claim.id for claim in claims).items():
-        if count > 1:
-            raise ConfigError("two claims have one id", claim=name, key="id")
-    return claims
+    return parsed_entries(Claim, entries, "claim")

@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, Claim
 from pipeline.verdicts.rules import RULES
-from pipeline.verdicts.run import ArmNames, Evidence, Reference, Run, joint_names
+from pipeline.verdicts.run import ArmNames, Evidence, Reference, Run
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
@@ -23,6 +23,7 @@ NO_RECORDING = "decided without a recording"
 COMMAND = "dvc repro publish"  # writes all evidence into the dataset's reports
 WITHOUT_RECORDING = "no recording"  # name of the column of claims that need none
 PRINTED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
+PRINTED += ("quantity", "unit", "test", "reason")
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
@@ -55,11 +56,10 @@ def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
     """Return verdicts from every run, then without a recording; ``papers_own`` are datasets."""
-    whose = ["synthetic" if run.synthetic else "real" for run in runs]
-    whose = [
-        "paper" if run.dataset in papers_own else w for run, w in zip(runs, whose, strict=True)
-    ]
-    columns = [*zip([run.dataset for run in runs], whose, runs, strict=True)]
+    columns = []
+    for run in runs:
+        whose = "synthetic" if run.synthetic else "real"
+        columns.append((run.dataset, "paper" if run.dataset in papers_own else whose, run))
     columns.append((WITHOUT_RECORDING, "none", runs[0]))
     return [Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns]
 
@@ -91,31 +91,33 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
     decides, holds = known & rule.decides(r) & (not void), rule.holds(r)
     half = NORMAL_QUANTILE * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
-    numbers = r[list(Case._fields[1:-1])].replace(np.inf, np.nan).replace(-np.inf, np.nan)
-    cases = tuple(
-        Case(_named(case, arm), *(None if np.isnan(x) else float(x) for x in row), held)
-        for case, row, held in zip(
-            each, numbers.to_numpy(), holds.astype(object).where(decides, None), strict=True
-        )
-    )
-    if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
-        return Verdict(claim, NO_RECORDING, cases)
-    # on an arm without joints nothing holds, though no case fails
-    if void or not len(known) or not known.all():
-        return Verdict(claim, NO_EVIDENCE, cases)
-    if claim.by == CONSTRUCTION:
-        return Verdict(claim, FORCED, cases)
-    if claim.about == "specimen" and recordings == "real":
-        return Verdict(claim, NO_EVIDENCE, cases)
-    if claim.about != "method" and recordings == "synthetic":
-        return Verdict(claim, SYNTHETIC_CANNOT, cases)
-    if (decides & ~holds).any():
-        return Verdict(claim, NOT_REPRODUCED, cases)  # one case refutes a claim on all
-    return Verdict(claim, REPRODUCED if decides.all() else NO_EVIDENCE, cases)
+    numbers = r[list(Case._fields[1:-1])].replace([np.inf, -np.inf], np.nan).astype(object)
+    numbers = numbers.where(numbers.notna(), None)
+    numbers["holds"] = holds.astype(object).where(decides, None)
+    names = [_name(case, arm) for case in each]
+    cases = tuple(Case(*row) for row in zip(names, *map(numbers.get, numbers), strict=True))
+
+    def verdict() -> str:
+        if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
+            return NO_RECORDING
+        # on an arm without joints nothing holds, though no case fails
+        if void or not len(known) or not known.all():
+            return NO_EVIDENCE
+        if claim.by == CONSTRUCTION:
+            return FORCED
+        if claim.about == "specimen" and recordings == "real":
+            return NO_EVIDENCE
+        if claim.about != "method" and recordings == "synthetic":
+            return SYNTHETIC_CANNOT
+        if (decides & ~holds).any():
+            return NOT_REPRODUCED  # one case refutes a claim on all
+        return REPRODUCED if decides.all() else NO_EVIDENCE
+
+    return Verdict(claim, verdict(), cases)
 
 
-def _named(case: dict, arm: ArmNames) -> str:
-    texts = (joint_names(v, arm) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
+def _name(case: dict, arm: ArmNames) -> str:
+    texts = (arm.named(v) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
     return ", ".join(texts)
 
 
@@ -135,22 +137,12 @@ def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> 
     return r.assign(distance=(r.published - r.value) / r.standard_error)
 
 
-def verdict_table(verdicts: Sequence[Verdict]) -> pd.DataFrame:
-    """Return one row per case: id, verdict and the fields of ``Case``; for comparing runs."""
-    return pd.DataFrame(
-        {"id": verdict.claim.id, "verdict": verdict.verdict} | case._asdict()
-        for verdict in verdicts
-        for case in verdict.cases
-    )
-
-
 def verdict_data(decided: Sequence[Decided]) -> list[dict]:
     """Return each claim with its verdicts by dataset that decides it, as JSON can hold them."""
     entries = []
     for row in zip(*(whose.verdicts for whose in decided), strict=True):
         claim = row[0].claim
-        entry = {name: getattr(claim, name) for name in (*PRINTED, "quantity", "unit")}
-        entry |= {"test": claim.test, "reason": claim.reason, "command": COMMAND}
+        entry = {name: getattr(claim, name) for name in PRINTED} | {"command": COMMAND}
         entry["evidence"] = [reference.address for reference in claim.references()]
         entry["datasets"] = {
             whose.dataset: {"verdict": v.verdict, "cases": [case._asdict() for case in v.cases]}

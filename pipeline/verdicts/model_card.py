@@ -14,13 +14,6 @@ from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name,
 
 CARD = TEXTS["card"]
 EACH = "each"  # the mean over all held-out motions
-# what a standard deviation of the noise is, by the beginning of the model's name
-STD = {"additive": "a_j", "scaled": "√(a_j² + b_j²·Δq_j²)", "distance": "√(a_j² + c_j·|Δq_j|)"}
-# its gain: symbol, column, factor and unit
-GAINS = {
-    "scaled": ("b_j", "share_of_step", 100, "%"),
-    "distance": ("c_j", "per_angle_rad", 1e6, "µrad"),
-}
 MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
 MOVING = 0.1  # of a joint's greatest recorded spread, above which a held-out spread counts
 STILL = 0.1  # of the greatest joint speed, below which a joint counts as standing still
@@ -39,21 +32,15 @@ def recommended(
     if means.empty:
         return None, "no model has a score on every held-out motion"
     best = str(means.idxmax())
-    score = f"{number(means[best])} nats a step"
+    score, name = f"{number(means[best])} nats a step", plain_name(best)
     if len(motions) < 2:
-        return None, (
-            "the recordings hold one motion, so nothing is known of another; on held-out takes of "
-            f"it {plain_name(best)} has the highest log score, {score}"
-        )
+        return None, CARD["one_motion"].format(name, score)
     own = spread[(spread["model"] == best) & (spread["measured_rad"] > 0)]
     own = own[own["measured_rad"] >= MOVING * own.groupby("joint")["measured_rad"].transform("max")]
     ratio = own["predicted_rad"] / own["measured_rad"]
     off = ((ratio > OFF) | (ratio < 1 / OFF)).mean() if len(own) else 0.0
     if off > MANY:
-        return None, (
-            f"the best of them, {plain_name(best)}, predicts {100 * off:.0f} % of the held-out "
-            f"spreads by more than a factor of {OFF:g} wrongly"
-        )
+        return None, CARD["wrong_spread"].format(name, 100 * off, OFF)
     return best, f"highest mean log score over {len(motions)} held-out motions, {score}"
 
 
@@ -81,24 +68,23 @@ def answer(run: Run) -> str:
 def _formula(model: str, known: pd.DataFrame) -> str:
     kind, tails = model.split("_")
     law = CARD["student" if tails == "t" else "normal"]
-    text = CARD["formula"].format(std=STD[kind], law=law)
+    text = CARD["formula"].format(std=CARD["std"][kind], law=law)
     cells = {"joint": known["joint"]}
     cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
-    if kind in GAINS:
-        symbol, column, factor, unit = GAINS[kind]
-        cells[symbol] = [
-            f"{factor * each:.3g} {unit}" if pd.notna(each) else "not known"
-            for each in known[column]
-        ]
+    if kind in CARD["gains"]:
+        symbol, column, factor, unit = CARD["gains"][kind]
+        gains = known[column].map(lambda gain: f"{factor * gain:.3g} {unit}", na_action="ignore")
+        cells[symbol] = gains.astype(object).fillna("not known")
     if tails == "t":
         cells["ν_j"] = known["degrees"]
     return f"{text}\n\n{table([*cells], zip(*cells.values(), strict=True))}"
 
 
-def fastest_speeds(ranges: pd.DataFrame) -> pd.Series:
-    """Return the greatest recorded |q̇| of each joint in rad/s from a table of ranges."""
+def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
+    """Greatest recorded |q̇| of each joint in rad/s, and the part of joints that stood still."""
     speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
-    return speeds[["least", "greatest"]].abs().max(axis=1)
+    fastest = speeds[["least", "greatest"]].abs().max(axis=1)
+    return fastest, fastest[fastest < STILL * fastest.max()]
 
 
 def _untold(run: Run, model: str) -> str:
@@ -108,9 +94,8 @@ def _untold(run: Run, model: str) -> str:
         f" No number for the {parameter} of {', '.join(own['joint'])} ({own['found'].iloc[0]})."
         for parameter, own in rows.groupby("parameter", sort=False)
     )
-    fastest = fastest_speeds(run.tables["motion_ranges"])
-    still = fastest.index[fastest < STILL * fastest.max()]
-    text += f" These joints stood still: {', '.join(still)}." if len(still) else ""
+    fastest, still = _speeds(run.tables["motion_ranges"])
+    text += f" These joints stood still: {', '.join(still.index)}." if len(still) else ""
     seen = ", ".join(f"{joint} {number(float(f'{speed:.3g}'))}" for joint, speed in fastest.items())
     text += f" Speeds above (rad/s): {seen}; poses outside the ranges below."
     return f"**What the recordings cannot tell:**{text}"
@@ -139,10 +124,10 @@ def held_out_spread(run: Run) -> str:
     """Return predicted and measured rms of a step in µrad by held-out motion and joint."""
     spread, place = run.tables["motion_spread"], ["motion", "joint"]
     if len(run.tables["motions"]) == 1:
-        squares = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
         sizes = ["predicted_rad", "measured_rad"]
-        squares[sizes] = squares[sizes] ** 2
-        means = squares.groupby([*place, "model"], sort=False)[sizes].mean()
+        spread = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
+        spread[sizes] = spread[sizes] ** 2
+        means = spread.groupby([*place, "model"], sort=False)[sizes].mean()
         spread = means.pow(0.5).reset_index()
     wide = spread.pivot(index=place, columns="model", values="predicted_rad")
     measured = spread.drop_duplicates(place).set_index(place)["measured_rad"]
@@ -156,9 +141,9 @@ def held_out_tails(run: Run) -> str:
     """Return kurtosis and coverage of the held-out noise by model and joint."""
     tails = run.tables["tails"]
     numbers = tails[["kurtosis", "one_sigma", "two_sigma", "three_sigma"]].map("{:.3g}".format)
-    names = tails["model"].map(plain_name), tails["joint"]
-    rows = zip(*names, *(numbers[column] for column in numbers), strict=True)
-    return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], rows)
+    numbers.insert(0, "joint", tails["joint"])
+    numbers.insert(0, "model", tails["model"].map(plain_name))
+    return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], numbers.to_numpy())
 
 
 def few_takes(run: Run) -> bool:
@@ -185,10 +170,19 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     if any(f"fit_{model}" in run.metrics for model in run.models):
         how = "Standard errors by the bootstrap over takes."
         parts["Parameters of the run's models"] = f"{how}\n\n{_parameters(run)}"
-    parts["Where it was fitted"] = _ranges(run)
+    tables = [run.tables[name] for name in ("motion_ranges", "ranges") if name in run.tables]
+    seen = pd.concat(tables).drop_duplicates(["quantity", "name"])
+    rows = seen[["quantity", "name", "unit", "least", "greatest"]].itertuples(index=False)
+    parts["Where it was fitted"] = table(["", "of", "unit", "least", "greatest"], rows)
     parts["Where it must not be used"] = CARD["not_for"]
     if "takes" in run.tables:
-        parts["Takes left out"] = _left_out(run)
+        takes = run.tables["takes"].drop_duplicates("take")
+        gone, kept = takes[takes["left_out"]], takes[~takes["left_out"]]
+        parted = kept.groupby("part").size()
+        counted = ", ".join(f"{count} {part}" for part, count in parted.items())
+        text = f"Takes kept: {counted}; left out: {len(gone)}."
+        listed = table(["take", "reason"], gone[["take", "reason"]].to_numpy())
+        parts["Takes left out"] = f"{text}\n\n{listed}" if len(gone) else text
     parts["Export"] = CARD["export"]
     parts["Other datasets"] = "\n".join(
         f"- {one.dataset}: {answer(one).splitlines()[0]}"
@@ -228,26 +222,7 @@ def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
     if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
         absent["sigma_b"] = "a step has no covariance at the estimate"
     if "ranges" in run.tables:
-        fastest = fastest_speeds(run.tables["ranges"])
-        for joint, speed in fastest[fastest < STILL * fastest.max()].items():
+        for joint, speed in _speeds(run.tables["ranges"])[1].items():
             if (name := f"std_share_of_the_step_{joint}") in fitted:
                 absent[name] = f"{joint} hardly moved (at most {number(speed)} rad/s)"
     return absent
-
-
-def _ranges(run: Run) -> str:
-    """Ranges of all motions and of the analysed motion."""
-    tables = [run.tables[name] for name in ("motion_ranges", "ranges") if name in run.tables]
-    seen = pd.concat(tables).drop_duplicates(["quantity", "name"])
-    rows = seen[["quantity", "name", "unit", "least", "greatest"]].itertuples(index=False)
-    return table(["", "of", "unit", "least", "greatest"], rows)
-
-
-def _left_out(run: Run) -> str:
-    """Number of takes, and those left out with their reasons."""
-    takes = run.tables["takes"].drop_duplicates("take")
-    gone, kept = takes[takes["left_out"]], takes[~takes["left_out"]]
-    counted = ", ".join(f"{count} {part}" for part, count in kept.groupby("part").size().items())
-    text = f"Takes kept: {counted}; left out: {len(gone)}."
-    rows = gone[["take", "reason"]].to_numpy()
-    return f"{text}\n\n{table(['take', 'reason'], rows)}" if len(gone) else text

@@ -23,16 +23,18 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.run import Reference, Run, TestName, parsed_entries
+from pipeline.verdicts.run import Evidence, Reference, Run, TestName, parsed_entries
 from pipeline.verdicts.wording import TEXTS, number, page, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
 LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
-TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
+TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
 MISSING = "(not in this dataset)"
+CLAIMED = ("published", "value", "distance")  # numbers of a claim
+STEPS = 320  # M of the paper's motion
 COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
 
 
@@ -85,13 +87,10 @@ def parse_items(entries: object) -> list[Item]:
     """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
     ConfigError with the item and the key.
     """
-    items, counted = [], Counter()
-    for item in parsed_entries(Item, entries, "item"):
+    counted, items = Counter(), []
+    for item in parsed_entries(Item, entries, "item", "label"):
         counted[item.kind] += 1
         items.append(replace(item, number=counted[item.kind]))
-    for name, count in Counter(item.cited_as for item in items).items():
-        if count > 1:
-            raise ConfigError("two items have one label", item=name, key="label")
     return items
 
 
@@ -160,35 +159,10 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
 
 
 @options(frozen=True)
-class ClaimNumber:
-    """A number of a claim: the ``published`` one, ours (``value``) or their ``distance`` in
-    standard errors, in one of its cases; of a variance a step the standard deviation of the sum of
-    so many independent ``steps``.
-    """
-
-    claim: str
-    number: Literal["published", "value", "distance"]
-    case: str = ""
-    steps: int = 0
-
-    def look_up(self, decided: Sequence[Decided]) -> float | None:
-        """Return the number, or None if the run has none; ConfigError for no such claim or case."""
-        for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
-            found = [case for case in cases if case.case == self.case]
-            if claim.id == self.claim and verdict != NO_RECORDING and found:
-                break
-        else:
-            raise ConfigError(f"no claim {self.claim!r} with the case {self.case!r}", key="values")
-        value = getattr(found[0], self.number)
-        return sqrt(self.steps * value) if self.steps and value is not None else value
-
-
-@options(frozen=True)
 class Erratum:
     """One entry: ``place`` in the paper and what the ``paper`` says there, the ``fact``, what is
-    ``done`` here, the ``tests`` that show it.
-
-    ``{name}`` in the prose is the number of that name in ``values``.
+    ``done`` here, the ``tests`` that show it. ``{name}`` in the prose is the number of that name in
+    ``values``: of the run, or of a claim in the files claims/published, value, distance and walk.
     """
 
     id: str
@@ -198,7 +172,7 @@ class Erratum:
     fact: str
     done: str
     tests: list[TestName] = Field(min_length=1)
-    values: dict[str, ClaimNumber | Reference] = field(default_factory=dict)
+    values: dict[str, Reference] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         try:
@@ -220,13 +194,10 @@ def parse_errata(entries: object) -> list[Erratum]:
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
     """Return ``errata.md`` with the numbers of ``run``, the first that is ``decided``."""
-    sections = [TEXTS["errata"]]
+    evidence, sections = {**run.evidence, **_claim_numbers(decided)}, [TEXTS["errata"]]
     for place, erratum in enumerate(errata, 1):
-        numbers = {}
-        for name, source in erratum.values.items():
-            own = isinstance(source, Reference)
-            value = source.look_up(*((run.evidence, run.arm) if own else (decided,)))
-            numbers[name] = MISSING if value is None else number(value)
+        values = {n: source.look_up(evidence, run.arm) for n, source in erratum.values.items()}
+        numbers = {n: MISSING if value is None else number(value) for n, value in values.items()}
         paper, fact, done = erratum.prose(numbers)
         sections += [
             f'<a id="{erratum.id}"></a>\n\n## {place}. {erratum.title}',
@@ -236,3 +207,18 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
             "\n".join(f"- `{test}`" for test in erratum.tests),
         ]
     return page(sections)
+
+
+def _claim_numbers(decided: Sequence[Decided]) -> Evidence:
+    """Numbers of the claims by id and case: published, ours, their distance in standard errors, and
+    the standard deviation of a sum of independent steps of the published variance.
+    """
+    numbers: dict[str, dict[str, float]] = {f"claims/{name}": {} for name in (*CLAIMED, "walk")}
+    for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
+        for case in cases if verdict != NO_RECORDING else ():
+            key = f"{claim.id} {case.case}".strip()
+            for name in CLAIMED:
+                numbers[f"claims/{name}"][key] = getattr(case, name)
+            if (case.published or 0) > 0:
+                numbers["claims/walk"][key] = sqrt(STEPS * case.published)
+    return numbers

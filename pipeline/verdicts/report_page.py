@@ -13,7 +13,7 @@ import pandas as pd
 from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
-from pipeline.verdicts.claims import CONSTRUCTION, LEVEL, PROJECT, Claim
+from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source
@@ -21,35 +21,12 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
 
 TEXT = TEXTS["report"]
-# datasets that have a column, one a robot, and the robot; a dataset that is tried out has none
-ROBOTS = {"youbot": "youBot, synthetic", "ur5": "UR5, real", "lwr4": "LWR4+, real"}
-GRAVEST = (
-    *("sign-of-omega", "which-decomposition", "weights-not-given"),
-    *("objective-not-bounded", "mean-of-the-inverse", "isotropic"),
-)
+ROBOTS: dict[str, str] = TEXT["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
-MARKS = {d.REPRODUCED: "✓", d.NOT_REPRODUCED: "✗", d.SYNTHETIC_CANNOT: "?"}
-MARKS |= {d.NO_EVIDENCE: "–", d.FORCED: "=", d.NO_RECORDING: ""}
-NOTES = {CONSTRUCTION: "by construction", LEVEL: "decided by the level"}
-# parameters: name, file and key; each estimator has the key with its own name behind it
-ESTIMATORS = {"paper": "the paper's estimator", "moments": "moments", "likelihood": "likelihood"}
-PARAMETERS = (
-    ("σ̂_B", "fit_wishart", "sigma_b", "sigma-b"),
-    ("σ̂_B, QR of Jᵀ (control)", "fit_wishart", "control_qr_transposed_sigma_b", ""),
-    ("û", "fit_gaussian", "u", "u"),
-    ("α̂", "fit_gaussian", "alpha", "alpha"),
-    ("α̂û", "fit_gaussian", "noise_level", ""),
-)
+MARKS: dict[str, str] = TEXT["marks"]
+UNKNOWN = "no evidence"  # in the table readings
 # numbers of summary.json by model and name of its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
-HOLDS, FAILS, UNKNOWN = "holds", "fails", "no evidence"
-SIGNS = {HOLDS: "✓", FAILS: "✗", UNKNOWN: "–"}
-WHOSE = {
-    "none": "computations without a recording",
-    "synthetic": "synthetic recordings",
-    "real": "recordings of a real robot, not the paper's",
-    "paper": "the paper's own recordings",
-}
 # counts of what was not solved, lost, clipped or left out
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
@@ -65,24 +42,20 @@ def report_page(
     own = {**parts, "More": TEXT["links"]}
     if here.scale == SMOKE:
         return page([TEXT["trial"].format(here.dataset)], own)
-    head = [f"# Results: dataset {here.dataset}, scale {here.scale}"]
-    head += [f"{TEXT['limits']} {summary(here, decided)}", claims_table(here, decided)]
+    robots = [run for run in runs if run is here or run.dataset in ROBOTS]
+    counts = TEXT["counts"].format(_counts(here, decided).replace(" / ", "/"))
+    head = [f"# Results: dataset {here.dataset}, scale {here.scale}", TEXT["limits"]]
+    head += [" ".join([counts, *scores.result(here)]), claims_table(here, decided)]
     verdicts = {
         "Claims that fail": failures(here, decided),
-        "Readings of LU or QR": readings([r for r in runs if r is here or r.dataset in ROBOTS]),
+        "Readings of LU or QR": readings(robots),
         "Published against ours": published_and_ours(here, decided),
-        "Predictors": scores.predictors(here),
+        "Predictors": "\n\n".join(
+            filter(None, [scores.spread_note(here), scores.predictors(here)])
+        ),
         "Filters": scores.filters(here),
     }
     return page(head, verdicts | own)
-
-
-def summary(here: Run, decided: Sequence[Decided]) -> str:
-    """Return counts of verdicts and what predicts and filters the motion of ``here``."""
-    sentences = [f"Claims of the paper that hold / fail: {_counts(here, decided)}."]
-    if "predictions" in here.tables:
-        sentences.append(scores.choice(here))
-    return " ".join(filter(None, [*sentences, scores.filter_verdict(here)]))
 
 
 def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
@@ -94,26 +67,23 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
         raise ContractError(message, file="README.md")
     lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
     if ours := here.metrics.get("fit_wishart", {}).get("sigma_b"):
-        claims = {verdict.claim.id: verdict.claim for verdict in decided[0].verdicts}
-        published = claims["sigma-b"].published
-        lines.append(
-            f"The Wishart model's dispersion σ̂_B is {number(ours)}; printed is {published}."
-        )
+        (claim,) = (v.claim for v in decided[0].verdicts if v.claim.id == "sigma-b")
+        lines.append(TEXT["dispersion"].format(number(ours), claim.published))
     if "predictions" in here.tables:
         best = plain_name(scores.log_scores(here)["mean"].idxmax())
         lines.append(f"The {best} predicts the next pose best (highest log score).")
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 
-def counted(verdicts: Sequence[Verdict]) -> str:
-    """Return how many claims of the paper hold and fail."""
+def counted(verdicts: Sequence[Verdict]) -> tuple[int, int]:
+    """Return how many claims of the paper hold, and how many fail."""
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
-    return f"{verdict.count(d.REPRODUCED)} / {verdict.count(d.NOT_REPRODUCED)}"
+    return verdict.count(d.REPRODUCED), verdict.count(d.NOT_REPRODUCED)
 
 
 def _counts(here: Run, decided: Sequence[Decided]) -> str:
-    whose = _columns(here, decided)
-    return "; ".join(f"{ROBOTS.get(w.dataset, w.dataset)}: {counted(w.verdicts)}" for w in whose)
+    columns = {_robot(whose): counted(whose.verdicts) for whose in _columns(here, decided)}
+    return "; ".join(f"{name}: {holds} / {fails}" for name, (holds, fails) in columns.items())
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
@@ -121,7 +91,7 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
-        numbers |= zip(("hold", "fail"), map(int, counted(own.verdicts).split(" / ")), strict=True)
+        numbers |= zip(("hold", "fail"), counted(own.verdicts), strict=True)
     for name, (model, key) in SUMMARY.items():
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
@@ -136,6 +106,10 @@ def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
     return [by_name[name] for name in names if name in by_name]
 
 
+def _robot(whose: Decided) -> str:
+    return ROBOTS.get(whose.dataset, whose.dataset)
+
+
 def _rows(columns: Sequence[Decided]) -> Iterator[tuple[Verdict, ...]]:
     return zip(*(whose.verdicts for whose in columns), strict=True)
 
@@ -145,13 +119,12 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
     columns = _columns(here, decided)
     rows = sorted(_rows(columns), key=lambda row: row[0].claim.source == PROJECT)
     body = [[statement(row[0].claim), *map(verdict_cell, row)] for row in rows]
-    header = ["claim", *(ROBOTS.get(whose.dataset, whose.dataset) for whose in columns)]
-    return f"{table(header, body)}\n\n{TEXT['key']} {TEXT['cell']}"
+    return f"{table(['claim', *map(_robot, columns)], body)}\n\n{TEXT['key']} {TEXT['cell']}"
 
 
 def statement(claim: Claim) -> str:
     """Return the statement of ``claim`` with notes: forced, of the project, of the paper's arm."""
-    notes = [NOTES[claim.by]] if claim.by else []
+    notes = [TEXT["by"][claim.by]] if claim.by else []
     notes += ["the project's own claim"] if claim.source == PROJECT else []
     notes += ["the paper's own arm"] if claim.about == "specimen" else []
     return f"{claim.statement} *({'; '.join(notes)})*" if notes else claim.statement
@@ -193,7 +166,7 @@ def readings(runs: Sequence[Run]) -> str:
         first = ruled.iloc[:, 0]
         changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(UNKNOWN)
         for claim, words in ruled[changes].iterrows():
-            signs = words.map(SIGNS)
+            signs = words.map(MARKS)
             signs.iloc[0] = f"**{signs.iloc[0]}**"
             rows.append({"claim": claim, "dataset": run.dataset, **signs})
         lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
@@ -214,24 +187,25 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
     own = next(whose for whose in decided if whose.dataset == here.dataset)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
     rows, others = [], []
-    for name, file, key, claim in PARAMETERS:
+    for name, (file, key, claim) in TEXT["parameters"].items():
         fitted = here.metrics.get(file, {})
-        cells = [_estimate(fitted, key, estimator, few) for estimator in ESTIMATORS]
+        cells = [_estimate(fitted, key, estimator, few) for estimator in TEXT["estimators"]]
         if any(cell != "–" for cell in cells):
             rows.append([name, claims[claim].published if claim in claims else "–", *cells])
     for pair in _rows([own, without]):
         claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
         cases = [case for case in cases if case.value is not None]
-        if claim.parameter and cases and claim.id not in {each for *_, each in PARAMETERS}:
+        shown = claim.id in {each for *_, each in TEXT["parameters"].values()}
+        if claim.parameter and cases and not shown:
             unit = f" ({claim.unit})" if claim.unit else ""
             names = " / ".join(filter(None, (case.case for case in cases)))
             name = ", ".join(filter(None, [claim.parameter, names])) + unit
             printed = " / ".join(number(case.published) for case in cases)
             ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
-            ours = [number(case.value) + own for case, own in zip(cases, ends, strict=True)]
+            ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
             others.append([name, printed, " / ".join(ours)])
     parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
-    parts += [table(["parameter", "published", *ESTIMATORS.values()], rows)] if rows else []
+    parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
 
@@ -256,39 +230,33 @@ def figures(
     """Return the paper's figures in its order, a sentence each (what to look at, else the first),
     and links to ours; ``sources`` by item draw one of the paper's.
     """
-    drawn = {
-        source.file.as_posix(): item.title
-        for item in items
-        if item.kind == "figure"
-        for source in sources[item.cited_as]
-    }
-    by_script, lines = {caption["script"]: name for name, caption in captions.items()}, []
-    for script, place in drawn.items():
-        if name := by_script.pop(script, None):
-            sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", captions[name]["caption"])
-            look = (text for text in sentences if text.startswith("To look at"))
-            picture = f"![{captions[name]['title']}](figures/{name}.png)"
-            lines += [f"- **{place}.** {next(look, sentences[0])}", f"  {picture}"]
-    ours = [f"[{captions[name]['title']}](figures/{name}.png)" for name in by_script.values()]
-    return "\n".join([*lines, *[f"- Not in the paper: {'; '.join(ours)}."] * bool(ours)])
+    ours, lines = dict(captions), []
+    for item in (item for item in items if item.kind == "figure"):
+        for name in (source.name.rpartition(".")[2] for source in sources[item.cited_as]):
+            if caption := ours.pop(name, None):
+                sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption["caption"])
+                look = next((s for s in sentences if s.startswith("To look at")), sentences[0])
+                lines.append(f"- **{item.title}.** {look}")
+                lines.append(f"  ![{caption['title']}](figures/{name}.png)")
+    links = "; ".join(f"[{own['title']}](figures/{name}.png)" for name, own in ours.items())
+    return "\n".join([*lines, *[f"- Not in the paper: {links}."] * bool(links)])
 
 
 def gravest_errata(errata: Sequence[Erratum]) -> str:
-    """Return the titles of the errata of GRAVEST as links, and how many there are in all."""
+    """Return the titles of the gravest errata as links, and how many there are in all."""
     titles = {erratum.id: erratum.title for erratum in errata}
-    lines = [f"- [{titles[name]}](errata.md#{name})" for name in GRAVEST if name in titles]
+    lines = [f"- [{titles[name]}](errata.md#{name})" for name in TEXT["gravest"] if name in titles]
     return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])
 
 
 def datasets_page(decided: Sequence[Decided]) -> str:
     """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
-    claims = zip(*(whose.verdicts for whose in decided), strict=True)
-    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in claims]
-    tally = [
-        [n, WHOSE[recordings], counted(own), sum(each.verdict == d.FORCED for each in own)]
-        for n, recordings, own in decided
-    ]
+    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in _rows(decided)]
+    tally = []
+    for name, whose, own in decided:
+        forced = sum(verdict.verdict == d.FORCED for verdict in own)
+        tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*counted(own)), forced])
     head = ["# Every claim in every dataset", TEXTS["datasets"]]
     head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
     return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])

@@ -51,16 +51,12 @@ HOLDS: dict[str, Judge] = {
     ),
     "standard_errors": lambda r: r.distance.abs() < r.limit,
 }
-DECIDES: dict[str, Judge] = dict.fromkeys(ORDERS, lambda r: (r.low > 0) | (r.high < 0)) | {
+DECIDES: dict[str, Judge] = dict.fromkeys(HOLDS, lambda r: r.value.notna()) | {
+    **dict.fromkeys(ORDERS, lambda r: (r.low > 0) | (r.high < 0)),
     "varies": lambda r: (r.value <= r.limit) | (r.value > r.threshold),
     "follows": lambda r: r.power >= LEAST_POWER,
 }
 RULES = {
-    name: Rule(
-        rule["words"],
-        {*rule["needs"]},
-        HOLDS[name],
-        DECIDES.get(name, lambda r: pd.Series(True, r.index)),
-    )
+    name: Rule(rule["words"], {*rule["needs"]}, HOLDS[name], DECIDES[name])
     for name, rule in read_yaml(Path(__file__).with_name("rules.yaml")).items()
 }

@@ -41,6 +41,11 @@ class ArmNames(NamedTuple):
         same = len(self.joints) == NUMBERED and self.task == PLANE
         return self.joints if same else ()
 
+    def named(self, text: str) -> str:
+        """Return ``text`` with a joint's name in the place of each number that the arm has."""
+        names = {str(number): name for number, name in enumerate(self.numbered, 1)}
+        return JOINT.sub(lambda place: names.get(place[1], place[0]), text)
+
 
 @options(frozen=True)
 class Reference:
@@ -93,7 +98,7 @@ class Reference:
         """Return the number, None if the run has none; ConfigError if several rows fit."""
         if any(number > len(arm.numbered) for number in self.joint_numbers):
             return None
-        named, value = self._with(lambda text: joint_names(text, arm)), None
+        named, value = self._with(arm.named), None
         numbers = evidence.get(self.file)
         if self.key and isinstance(numbers, Mapping):
             value = numbers.get(named.key)
@@ -111,24 +116,22 @@ class Reference:
         return Reference(change(self.file), change(self.key), rows, change(self.column))
 
 
-def joint_names(text: str, arm: ArmNames) -> str:
-    """Return ``text`` with the name of a joint in the place of each number that ``arm`` has."""
-    named = {str(number): name for number, name in enumerate(arm.numbered, 1)}
-    return JOINT.sub(lambda place: named.get(place[1], place[0]), text)
-
-
-def parsed_entries(structure: type[T], entries: object, kind: str) -> list[T]:
-    """Return a ``structure`` for each of ``entries``; ConfigError names ``kind`` and id."""
+def parsed_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
+    """Return a ``structure`` for each of ``entries``, no two of one ``name``. Raises ConfigError
+    with ``kind``, name and key.
+    """
     if not isinstance(entries, list):
         raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
-    result = []
+    result = {}
     for number, entry in enumerate(entries, 1):
-        name = entry.get("id", number) if isinstance(entry, dict) else number
+        own = (entry.get(name) if isinstance(entry, dict) else None) or number
+        if own in result:
+            raise ConfigError(f"two {kind}s have one {name}", **{kind: own, "key": name})
         try:
-            result.append(validated(structure, entry))
+            result[own] = validated(structure, entry)
         except ConfigError as error:
-            raise ConfigError(error.message, **{kind: name} | error.evidence) from None
-    return result
+            raise ConfigError(error.message, **{kind: own} | error.evidence) from None
+    return list(result.values())
 
 
 @dataclass(frozen=True)

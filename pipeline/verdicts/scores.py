@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import pandas as pd
 
@@ -15,6 +15,7 @@ ALL = "all"  # the group of all steps
 FILTERS = "filter_against_none"
 BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
 LABELS = {NONE: "training mean", MEMORY: "autoregressive, linear filter"}
+TEXT = TEXTS["scores"]
 
 
 def log_scores(run: Run) -> pd.DataFrame:
@@ -23,29 +24,61 @@ def log_scores(run: Run) -> pd.DataFrame:
     return rows[rows["mean"].notna()].set_index("model")
 
 
+def result(run: Run) -> list[str]:
+    """Return a sentence on the predictors of ``run`` and one on its filters, of those it has."""
+    sentences = []
+    if "predictions" in run.tables:
+        means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
+        best, pairs = means.index[0], run.tables["prediction_pairs"].query("steps == @ALL")
+        kinds = {n: run.models.get(n, n.partition("_")[0]) in MATRIX_KINDS for n in means.index}
+        others = [name for name in means.index if kinds[name] != kinds[best]]
+        name = plain_name(best).removesuffix(" (this motion)")
+        text = TEXT["best"].format(number(means[best]), name)
+        if others:
+            pair = pairs.set_index(["model", "rival"]).loc[(best, others[0])]
+            text += f", {_away(pair)} the best {'baseline' if kinds[best] else 'matrix model'}'s"
+        sentences.append(f"{text}.")
+    if FILTERS in run.tables:
+        rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
+        rows = rows.set_index("model").sort_values("difference", ascending=False)
+        particle = rows.index.difference([NONE, MEMORY], sort=False)
+        parts = [TEXT["particle"].format(_away(rows.loc[particle[0]]))] if len(particle) else []
+        parts += [TEXT["linear"].format(_away(rows.loc[MEMORY]))] if MEMORY in rows.index else []
+        sentences += [f"{', '.join(parts)}."] if len(particle) else []
+    return sentences
+
+
+def _away(row: pd.Series) -> str:
+    """A difference as a distance with its interval, and its direction."""
+    if row["difference"] > 0:
+        return f"{number(row['difference'])} {interval(row['low'], row['high'])} above"
+    return f"{number(-row['difference'])} {interval(-row['high'], -row['low'])} below"
+
+
+def spread_note(run: Run) -> str:
+    """Return the remark on recordings that give no evidence on the standard deviation."""
+    return TEXT["no_spread"] if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT else ""
+
+
 def choice(run: Run) -> str:
     """Return the matrix model of higher log score than all baselines, or none, and the best."""
     means = log_scores(run)["mean"]
     matrix = [name for name, kind in run.models.items() if kind in MATRIX_KINDS and name in means]
     above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
-    passing = [name for name in matrix if not above[name]]
-    parts = []
-    if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT:
-        parts.append(TEXTS["scores"]["no_spread"])
-    if passing:
+    if passing := [name for name in matrix if not above[name]]:
         name = plain_name(means[passing].idxmax())
-        parts.append(f"**{name}**: its log score is above that of every baseline.")
+        parts = [f"**{name}**: its log score is above that of every baseline."]
     else:
         rivals = [f" {plain_name(n)} not above {_listed(names)}" for n, names in above.items()]
         text = f"On {run.dataset} **no matrix model** has a log score above every baseline:"
-        parts.append(f"{text}{';'.join(rivals)}.")
+        parts = [f"{text}{';'.join(rivals)}."]
     absent = dict.fromkeys(run.tables["predictions"]["model"])
     parts += [f"{plain_name(name)} has no score." for name in absent if name not in means]
     best = means.idxmax()
     text = f"Highest log score for this motion: {plain_name(best)}"
     if equal := _not_below(run, best, means.index):
         text += f" (the difference to {_listed(equal)} is not significant)"
-    return " ".join([*parts, f"{text}."])
+    return " ".join([*filter(None, [spread_note(run)]), *parts, f"{text}."])
 
 
 def _not_below(run: Run, model: str, rivals: Sequence[str]) -> list[str]:
@@ -99,34 +132,28 @@ def filters(run: Run) -> str:
     scores = {f"rms error of {joint} (rad)": f"rms_error_{joint}_rad" for joint in run.joints}
     scores |= {f"coverage of {joint}": f"coverage_of_one_sigma_{joint}" for joint in run.joints}
     scores |= {"log score": "log_score"}
-    cells = [[_label(name), *(_cell(rows, name, s) for s in scores.values())] for name in names]
-    return f"{TEXTS['scores']['beyond']}\n\n{table(['filter', *scores], cells)}"
 
+    def cell(name: str, score: str) -> str:
+        if (name, score) not in rows.index or pd.isna(rows.loc[(name, score), "mean"]):
+            return "–"
+        row = rows.loc[(name, score)]
+        plain = score != "log_score" or pd.isna(row["low"])
+        return number(row["mean"]) + ("" if plain else f" ({_difference(row)})")
 
-def _cell(rows: pd.DataFrame, name: str, score: str) -> str:
-    if (name, score) not in rows.index or pd.isna(rows.loc[(name, score), "mean"]):
-        return "–"
-    row = rows.loc[(name, score)]
-    plain = score != "log_score" or pd.isna(row["low"])
-    return number(row["mean"]) + ("" if plain else f" ({_difference(row)})")
-
-
-def _label(name: str) -> str:
-    model = name.removesuffix(CLOSED)
-    return LABELS.get(name) or f"{model}, {'closed' if name != model else 'open'} loop"
+    cells = [[_labels([name]), *(cell(name, s) for s in scores.values())] for name in names]
+    return f"{filter_verdict(run)} {TEXT['beyond']}\n\n{table(['filter', *scores], cells)}"
 
 
 def filter_verdict(run: Run) -> str:
     """Return the filters of higher log score or lower rms errors than the training mean (95 %)."""
     if FILTERS not in run.tables:
         return ""
-    rows, above = run.tables[FILTERS].set_index(["model", "score"]), TEXTS["scores"]["higher"]
+    rows, above = run.tables[FILTERS].set_index(["model", "score"]), TEXT["higher"]
     names = [name for name in dict.fromkeys(rows.index.get_level_values("model")) if name != NONE]
     errors = [f"rms_error_{joint}_rad" for joint in run.joints]
     higher = [name for name in names if rows.loc[(name, "log_score"), "low"] > 0]
     smaller = [n for n in names if all(rows.loc[(n, error), "high"] < 0 for error in errors)]
-    particle = [name for name in higher if name != MEMORY]
-    if particle:
+    if particle := [name for name in higher if name != MEMORY]:
         text = f"On {run.dataset} these particle filters have {above}: {_labels(particle)}."
     else:
         text = f"On {run.dataset} no particle filter has {above}."
@@ -139,5 +166,7 @@ def filter_verdict(run: Run) -> str:
     return text
 
 
-def _labels(names: Sequence[str]) -> str:
-    return "; ".join(map(_label, names))
+def _labels(names: Iterable[str]) -> str:
+    models = {name: name.removesuffix(CLOSED) for name in names}
+    loops = {n: f"{m}, {'open' if n == m else 'closed'} loop" for n, m in models.items()}
+    return "; ".join(LABELS.get(name, loop) for name, loop in loops.items())

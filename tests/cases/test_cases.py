@@ -191,13 +191,6 @@ def test_a_filter_that_was_lost_on_one_take_is_no_evidence_and_says_why(base, ta
     assert models == {"none", "additive", "wishart"}
 
 
-def test_without_a_camera_there_is_no_evidence_on_it_or_the_filter(base, takes):
-    evidence, _ = case_evidence(base, takes, fared(base, takes, "additive"), None, {}, DT)
-    tables = ("mean_error_comparison", "one_step_scores", "spread_comparison")
-    expected = {"metrics/fit_additive", "metrics/motion", *(f"tables/{name}" for name in tables)}
-    assert set(evidence) == expected
-
-
 def steps_off_nominal(takes) -> np.ndarray:
     """(takes, M, 3) what the test takes' steps are off the nominal ones."""
     test, training = np.stack(list(takes.test.values())), takes.training
@@ -232,13 +225,6 @@ def test_without_test_takes_each_training_take_is_predicted_by_a_fit_to_the_othe
     law = multivariate_normal(np.zeros(3), mean_covariance(others) + rest.measurement)
     assert scores[3] == pytest.approx(law.logpdf(training.noise[3]).mean(), rel=1e-10)
     assert len(scores) == 12
-
-
-def test_equal_random_numbers_make_the_same_outcome_and_the_fit_is_the_cases_own(base, takes):
-    once, again = outcome_of(base, "wishart", takes), outcome_of(base, "wishart", takes)
-    np.testing.assert_array_equal(once.mean, again.mean)
-    otherwise = outcome_of(base.with_wishart(ratio_factor=100.0), "wishart", takes)
-    assert otherwise.estimates["sigma_b"] < once.estimates["sigma_b"]
 
 
 def test_a_model_that_refuses_is_an_outcome_with_its_reason(base, takes):

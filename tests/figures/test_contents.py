@@ -3,28 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Arc
 
-from pipeline.figures import (
-    articulation,
-    cable_robot,
-    filter_closed_loop,
-    filter_errors,
-    joint_realizations,
-    joint_std,
-    kinect_noise,
-    mean_error,
-    recording_quality,
-    ridge,
-    sigma_b_over_weight,
-    wrench_density,
-    wrench_error_histograms,
-    wrench_marginals,
-    wrench_planes,
-)
+from pipeline.figures import motion, perception, wrench
+from pipeline.figures.mean_error import mean_error
 from pipeline.figures.style import BLACK, BLUE, RECORDED, VERMILLION, joint_lines
 
 MODELS = ["additive", "wishart", "gaussian"]
@@ -40,7 +24,7 @@ def of_color(axes, color):
 
 
 def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_on_the_right(tables):
-    figure = joint_realizations.draw(tables["joints"], tables["process_noise"])
+    figure = motion.joint_realizations(tables["joints"], tables["process_noise"])
     training = tables["joints"].query("part == 'training'")
     steps = tables["process_noise"].groupby("k")
     for j, (left, right) in enumerate(zip(figure.axes[:3], figure.axes[3:], strict=True), start=1):
@@ -59,7 +43,7 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
 
 def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(tables):
     deviation, by_source = tables["deviation"], tables["deviation"].set_index("source")
-    figure = joint_std.draw(deviation, MODELS, JOINTS, "one_step")
+    figure = motion.joint_std(deviation, MODELS, JOINTS, "one_step")
     assert len(legend(figure)) == 4 and legend(figure)[0] == "recorded"
     for axes, joint in zip(figure.axes, JOINTS, strict=True):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
@@ -69,17 +53,17 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
     outlying = deviation["source"] == "wishart"
     wide.loc[outlying, own] *= 50
-    free = joint_std.draw(wide, MODELS, JOINTS, "free_running")
+    free = motion.joint_std(wide, MODELS, JOINTS, "free_running")
     assert free.axes[0].get_ylabel() == "std of the joint angle (rad)"
     (top,) = {axes.get_ylim()[1] for axes in free.axes}
     assert top == pytest.approx(1.05 * wide.loc[~outlying, own].max().max())
-    (axes,) = mean_error.draw(deviation, ["gaussian", "additive"]).axes
+    (axes,) = mean_error(deviation, ["gaussian", "additive"]).axes
     for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
         np.testing.assert_array_equal(line.get_ydata(), by_source.loc[model, "error"])
 
 
 def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(tables):
-    figure = articulation.draw(tables["cloud"], tables["skeleton"])
+    figure = perception.articulation(tables["cloud"], tables["skeleton"])
     for axes, view in zip(figure.axes, ("initial", "extended"), strict=True):
         points, segments = axes.lines
         assert len(points.get_xdata()) == 50 and axes.get_aspect() == 1
@@ -91,7 +75,7 @@ def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(
 
 
 def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_deviation(tables):
-    mean, std = kinect_noise.draw(tables["kinect_noise"]).axes
+    mean, std = perception.kinect_noise(tables["kinect_noise"]).axes
     rows = tables["kinect_noise"].query("take == 'none'")
     for j in (1, 2, 3):
         np.testing.assert_array_equal(mean.lines[j - 1].get_ydata(), rows[f"b:arm_{j}"])
@@ -101,7 +85,10 @@ def test_kinect_noise_shows_the_estimate_from_all_takes_as_mean_and_standard_dev
 @pytest.mark.parametrize("models", [MODELS, ["gaussian"]])
 def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_others(tables, models):
     errors = tables["filter_error"]
-    figure, alone = filter_errors.draw(errors, models, JOINTS), errors.query("take == 'test_001'")
+    figure, alone = (
+        perception.filter_errors(errors, models, JOINTS),
+        errors.query("take == 'test_001'"),
+    )
     mean = errors.query("model == 'none'").groupby("t")
     for row, model in zip(np.reshape(figure.axes, (len(models), 3)), models, strict=True):
         take = alone.set_index("model").loc[model]
@@ -117,20 +104,7 @@ def test_filter_errors_has_a_row_per_model_with_one_take_its_bound_and_the_other
     assert len({axes.get_ylim() for axes in figure.axes}) == 1
     expected = ["error of test_001", "±1σ bound of test_001", "rms error of the training mean"]
     assert legend(figure) == [*expected, "errors of the other takes"]
-    assert legend(filter_errors.draw(alone, MODELS, JOINTS)) == expected
-
-
-def test_filter_closed_loop_has_the_rms_error_of_each_loop_and_of_the_training_mean(tables):
-    figure = filter_closed_loop.draw(tables["filter_error"], MODELS, JOINTS)
-    by_model = tables["filter_error"].groupby(["model", "t"])
-    for row, model in zip(np.reshape(figure.axes, (3, 3)), MODELS, strict=True):
-        # of the models here one alone has a closed loop
-        names = ["none", model] + (["wishart_closed"] if model == "wishart" else [])
-        for axes, joint in zip(row, JOINTS, strict=True):
-            rms = np.sqrt(by_model[f"e:{joint}"].apply(lambda e: (e**2).mean()))
-            for line, name in zip(axes.lines, names, strict=True):
-                np.testing.assert_allclose(line.get_ydata(), rms[name])
-    assert legend(figure) == ["training mean", "open loop", "closed loop"]
+    assert legend(perception.filter_errors(alone, MODELS, JOINTS)) == expected
 
 
 ARMS = {"one": ["slide"], "seven": [f"lwr_a{number}" for number in range(7)]}
@@ -146,9 +120,9 @@ def test_every_joint_has_a_readable_panel_under_its_own_name(tables, joints):
 
     names = [line["label"] for line in joint_lines(joints).values()]
     figures = (
-        joint_std.draw(of_arm("deviation", "s"), MODELS, joints, "one_step"),
-        filter_errors.draw(of_arm("filter_error", "e", "s"), MODELS, joints),
-        joint_realizations.draw(of_arm("joints", "q"), of_arm("process_noise", "w")),
+        motion.joint_std(of_arm("deviation", "s"), MODELS, joints, "one_step"),
+        perception.filter_errors(of_arm("filter_error", "e", "s"), MODELS, joints),
+        motion.joint_realizations(of_arm("joints", "q"), of_arm("process_noise", "w")),
     )
     for figure in figures:
         shown = [axes.get_title() or axes.get_ylabel() for axes in figure.axes]
@@ -164,34 +138,10 @@ def test_every_joint_has_a_readable_panel_under_its_own_name(tables, joints):
         assert columns == below
 
 
-def test_ridge_has_a_row_of_panels_per_gaussian_model_and_a_dot_at_the_best_bound(tables):
-    both = [tables["ridges"], tables["ridges"].assign(model="gaussian_ml")]
-    for count in (1, 2):
-        figure = ridge.draw(pd.concat(both[:count]), ["additive", "gaussian", "gaussian_ml"])
-        assert len(figure.axes) == 2 * count
-        (line, dot), (alpha, level, _) = (axes.lines for axes in figure.axes[:2])
-        np.testing.assert_array_equal(line.get_ydata(), tables["ridges"]["excess"])
-        assert dot.get_color() == VERMILLION and dot.get_xdata()[0] == 18.0
-        np.testing.assert_allclose(alpha.get_ydata(), 18.0 / tables["ridges"]["u"])
-        np.testing.assert_array_equal(level.get_ydata(), 1.0)
-
-
-def test_sigma_b_over_the_weight_has_a_line_for_each_source_and_the_moment_estimate(tables):
-    table = tables["sigma_b_weights"]
-    (axes,) = sigma_b_over_weight.draw(table, ["additive", "wishart"]).axes
-    by_label = {line.get_label(): line for line in axes.lines}
-    recorded = table[(table["source"] == "recorded") & (table["point"] == "curve")]
-    np.testing.assert_array_equal(by_label["recorded takes"].get_ydata(), recorded["sigma_b"])
-    assert [*by_label["weight that returns it"].get_xdata()] == [5e-3, 5e-5]
-    # two models, the second in no other figure and without a moment estimate
-    other = table[table["point"] != "moments"].assign(model="wishart_ml")
-    assert len(sigma_b_over_weight.draw(pd.concat([table, other]), ["wishart"]).axes) == 2
-
-
 def test_recording_quality_has_takes_in_the_units_beside_them_limits_and_crosses(tables):
-    strips = recording_quality.draw(tables["takes"]).axes
+    strips = perception.recording_quality(tables["takes"]).axes
     measures = ("interpolated", "residual_rms", "clock_drift")
-    names = [recording_quality.STRIPS[measure][0] for measure in measures]
+    names = [perception.STRIPS[measure][0] for measure in measures]
     assert [axes.get_ylabel() for axes in strips] == names
     kept, crossed = (strips[1].lines[i].get_xydata() for i in (0, 1))
     np.testing.assert_allclose(kept, [(1, 0.2), (3, 0.3)])
@@ -205,9 +155,9 @@ def test_recording_quality_has_takes_in_the_units_beside_them_limits_and_crosses
 
 
 def test_histograms_count_every_system_and_state_mean_and_greatest_error(tables):
-    (axes,) = wrench_error_histograms.draw(tables["wrench_errors"]).axes
+    (axes,) = wrench.wrench_error_histograms(tables["wrench_errors"]).axes
     percent = 100 * tables["wrench_errors"].set_index("agents")["error"]
-    edges = np.linspace(0, percent.max(), wrench_error_histograms.BINS + 1)
+    edges = np.linspace(0, percent.max(), wrench.BINS + 1)
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     for m, patch, label in zip((3, 10), axes.patches, labels, strict=True):
         errors = percent.loc[m]
@@ -220,7 +170,7 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     tables, options
 ):
     configurations = options["configurations"]
-    *panels, colorbar = wrench_density.draw(tables["force_density"], configurations).axes
+    *panels, colorbar = wrench.wrench_density(tables["force_density"], configurations).axes
     grid, images = np.reshape(panels, (2, 3)), []
     by_place = tables["force_density"].set_index(["configuration", "source"])
     for row, (name, own) in zip(grid, configurations.items(), strict=True):
@@ -246,7 +196,7 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
 
 
 def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle_of_its_cable():
-    (axes,) = cable_robot.draw().axes
+    (axes,) = wrench.cable_robot().axes
     labels = {text.get_text() for text in axes.texts}
     symbols = (r"$r_{}$", r"$\underline{{T}}_{}$", r"$\boldsymbol{{T}}_{}$")
     symbols += (r"$\underline{{\theta}}_{}$", r"$\boldsymbol{{\theta}}_{}$")
@@ -260,24 +210,3 @@ def test_the_schematic_names_all_that_the_paper_names_and_an_arc_spans_the_angle
         np.testing.assert_array_equal(arc.get_center(), start)
         x, y = tip - start
         np.testing.assert_allclose(np.degrees(np.arctan2(y, x)) % 360, arc.theta2)
-
-
-def test_planes_have_the_measured_density_in_shades_and_the_model_in_lines_at_their_edges(tables):
-    figure = wrench_planes.draw(tables["wrench_planes"])
-    assert len(figure.axes) == 4
-    for axes in figure.axes:
-        shades, lines = axes.collections
-        np.testing.assert_allclose(lines.levels, shades.levels[:-1])
-        # the model's outermost line lies where its own density is that low, of a measured peak of 1
-        places = np.vstack([path.vertices for path in lines.get_paths()[:1]])
-        radius = 2 * np.sqrt(-2 * np.log(4 * wrench_planes.LEVELS[0]))
-        np.testing.assert_allclose(np.hypot(*places.T), radius, atol=0.1)
-
-
-def test_marginals_have_a_line_for_each_source_and_a_panel_for_each_row(tables):
-    marginals = tables["wrench_marginals"]
-    panels = wrench_marginals.draw(marginals).axes
-    for axes, row in zip(panels, ("fx", "mz") * 2, strict=True):
-        for line, source in zip(axes.lines, ("measured", "modelled"), strict=True):
-            own = marginals[(marginals["source"] == source) & (marginals["row"] == row)]
-            np.testing.assert_array_equal(line.get_ydata(), own["density"].to_numpy()[:21])

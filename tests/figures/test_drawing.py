@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import warnings
-from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
@@ -17,26 +16,22 @@ from PIL import Image
 
 from pipeline.core import contracts
 from pipeline.core.options.analysis import Compute
+from pipeline.figures import drawing
 from pipeline.figures.drawing import draw_all, figures_in
 from pipeline.figures.style import RECORDED, joint_lines, model_lines, save
 
 OUT = Path("data/figures")
 CAPTIONS = OUT / "captions.json"
-DEPTH = {"articulation", "kinect_noise", "filter_closed_loop", "filter_errors"}
-FIGURES = {name: import_module(f"pipeline.figures.{name}") for name in figures_in()}
+FIGURES = figures_in()
 BARE = {"cable_robot"}  # a schematic without axes
-TWICE = {
-    "joint_realizations",
-    "wrench_planes",
-}  # lines, pixels and contours; the others in whole runs
+TWICE = {"joint_realizations", "wrench_planes"}  # lines, pixels and contours; others in whole runs
 
 
 def drawn(name: str, tables, options):
     """The figure of this name."""
-    module = FIGURES[name]
-    named = signature(module.draw).parameters
-    chosen = {key: value for key, value in options.items() if key in named}
-    return module.draw(**chosen | {table: tables[table] for table in module.TABLES})
+    named = options | {table: tables[table] for table in FIGURES[name].tables}
+    draw = FIGURES[name].draw
+    return draw(**{key: named[key] for key in signature(draw).parameters})
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -56,7 +51,6 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     assert "dc:date" not in text and "Matplotlib v" not in text
     image = Image.open(tmp_path / "one.png")
     assert image.size == tuple(np.round(200 * figure.get_size_inches()))
-    assert not {"Software", "Creation Time"} & set(image.info)
     assert (np.asarray(image.convert("L"))[:, :2] == 255).all()  # no label is cut at the edge
     shown = [axes for axes in figure.axes if axes.axison]
     assert bool(shown) == (name not in BARE)
@@ -69,52 +63,32 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     assert len(entries) == len({*entries})
     labels = [line.get_label() for axes in shown for line in axes.lines]
     assert {label for label in labels if not label.startswith("_")} <= {*entries}
-    title, _, caption = " ".join(FIGURES[name].__doc__.split()).partition(". ")
-    assert 10 < len(title) < 110 and len(caption) > 100
-
-
-@pytest.fixture
-def draw(tmp_path, monkeypatch, tables, options):
-    """Draws the figures into a folder with the tables of all stages."""
-    monkeypatch.chdir(tmp_path)
-    for module in FIGURES.values():
-        for table, folder in module.TABLES.items():
-            Path(folder).mkdir(parents=True, exist_ok=True)
-            contracts.write(tables[table], table, Path(folder))
-    return lambda: draw_all(OUT, options, Compute(workers=1))
-
-
-def remove(names: set[str]) -> None:
-    """The tables of these figures, as a dataset without the instrument has none of them."""
-    for name in names:
-        for table, folder in FIGURES[name].TABLES.items():
-            (Path(folder) / f"{table}.parquet").unlink(missing_ok=True)
+    assert 10 < len(FIGURES[name].title) < 110 and len(FIGURES[name].caption) > 100
 
 
 @pytest.mark.slow
-def test_figures_without_their_table_are_left_out_by_name_and_with_the_reason(draw, capsys):
-    kept = {"wrench_error_histograms", "cable_robot"}  # one needs no table at all
-    remove({*FIGURES} - kept)
-    draw()
+def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
+    tmp_path, monkeypatch, tables, options, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    kept = {"mean_error", "joint_std", "cable_robot"}  # one needs no table at all
+    Path("data/score").mkdir(parents=True)
+    contracts.write(tables["deviation"], "deviation", Path("data/score"))
+    draw_all(OUT, options, Compute(workers=1))
     lines = {line for line in capsys.readouterr().out.splitlines() if "left out" in line}
     assert len(lines) == len(FIGURES) - len(kept)
     assert "figures: filter_errors left out: the dataset has no depth camera" in lines
     assert "figures: recording_quality left out: the dataset has no table takes" in lines
-    assert {*json.loads(CAPTIONS.read_text())} == kept
     assert {file.stem for file in OUT.iterdir()} == kept | {"captions"}
-
-
-@pytest.mark.slow
-def test_a_figure_that_cannot_be_drawn_leaves_figures_and_captions_as_they_were(draw, monkeypatch):
-    remove({*FIGURES} - {"mean_error", "joint_std", "cable_robot"})
-    draw()
+    captions = json.loads(CAPTIONS.read_text())
+    assert {*captions} == kept
+    assert captions["mean_error"]["sources"] == ["data/score/deviation.parquet"]
+    assert captions["mean_error"]["script"] == "pipeline/figures/mean_error.py"
     before = {file: file.read_bytes() for file in OUT.iterdir()}
-    caption = json.loads(before[CAPTIONS])["mean_error"]
-    assert caption["sources"] == ["data/score/deviation.parquet"]
-    assert caption["script"] == "pipeline/figures/mean_error.py"
-    monkeypatch.setattr(FIGURES["joint_std"], "draw", lambda deviation: 1 / 0)
+    broken = FIGURES["joint_std"]._replace(draw=lambda deviation: 1 / 0)
+    monkeypatch.setattr(drawing, "figures_in", lambda: FIGURES | {"joint_std": broken})
     with pytest.raises(ZeroDivisionError):
-        draw()
+        draw_all(OUT, options, Compute(workers=1))
     assert {file: file.read_bytes() for file in OUT.iterdir()} == before
     assert not list(OUT.parent.glob(".*.partial"))
 

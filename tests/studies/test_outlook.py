@@ -119,7 +119,7 @@ def test_a_motion_goes_from_start_to_end_in_equal_steps():
 
 
 def test_an_error_is_the_papers_over_the_rows_of_its_part():
-    rows = pd.DataFrame(error_rows(BOUNDS, [5], (100, 50), np.random.default_rng(1)))
+    rows = error_rows(BOUNDS, [5], (100, 50), np.random.default_rng(1))
     rng = np.random.default_rng(1).spawn(1)[0]
     drawn, fresh = (draw_systems(BOUNDS, n, 5, rng).in_units_of(0.25) for n in (100, 50))
     modelled = matrix_model(fresh).covariance(averaged_sigma_s(drawn)["diagonal"].mean)
@@ -136,12 +136,11 @@ def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
     np.testing.assert_allclose(slopes, [[-0.5] * 3, [-0.25] * 3], atol=1e-12)
     assert lever(BOUNDS) == pytest.approx(0.25)  # a cube's root mean square, half its side
     rows = [
-        row | {"repeat": repeat}
-        for repeat in range(2)
-        for row in error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(repeat))
+        error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(repeat=n)
+        for n in range(2)
     ]
-    slopes = slope_rows(pd.DataFrame(rows))["slope"]
+    slopes = slope_rows(pd.concat(rows))["slope"]
     assert np.all((slopes > -0.65) & (slopes < -0.35))
-    known = pd.DataFrame(recorded_rows(BOUNDS, 6, (200, 8, 400), np.random.default_rng(3)))
+    known = recorded_rows(BOUNDS, 6, (200, 8, 400), np.random.default_rng(3))
     errors = known.pivot(index="part", columns="known", values="error")
     assert np.all(errors["directions"] < 0.7 * errors["bounds"])

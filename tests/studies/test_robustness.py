@@ -34,7 +34,6 @@ from pipeline.studies.robustness.grid import (
 )
 from pipeline.studies.robustness.stage import changes, draw
 from pipeline.verdicts.claims import parse_claims
-from pipeline.wrench.bounds import Bounds
 
 FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
 CLAIMS = tuple(c for file in FILES for c in parse_claims(read_yaml(ROOT / file)["claims"]))
@@ -51,10 +50,12 @@ ADDITIVE = tuple((name, 0.0) for name in f"{ABSENT} encoder_offset_std length_st
 
 @pytest.fixture(scope="module")
 def common(laboratory) -> Common:
-    bounds = Bounds((3.0, 5.0), (0.8, 3.1), (0.5, 1.0), (100.0, 800.0))
     ways = {"straight": {"folded": [1.8, -2.6, 2.0], "extended": [1.8, -2.5, 2.0]}}
-    sizes = ((40, 4), 12, bounds, [3, 5, 10, 15, 20], (40, 40, 2))
-    return Common(laboratory, ways, CASE, *sizes, CLAIMS)
+    sizes = {"training_takes": 40, "test_takes": 4, "realizations": 12, "trajectories": ways}
+    bounds = {"tension": (3.0, 5.0), "direction": (0.8, 3.1), "tension_std": (0.5, 1.0)}
+    systems = {"agents": [3, 5, 10, 15, 20], "systems": 40, "test_systems": 40, "repeats": 2}
+    wrench = SimpleNamespace(**bounds, kappa=(100.0, 800.0), **systems)
+    return Common(laboratory, CASE, CLAIMS, options_of("robustness", **sizes), wrench)
 
 
 @pytest.mark.slow
@@ -82,7 +83,7 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
 
 @pytest.fixture(scope="module")
 def cables(common) -> Common:
-    return replace(common, claims=tuple(c for c in CLAIMS if c.id.startswith("wrench")))
+    return common._replace(claims=tuple(c for c in CLAIMS if c.id.startswith("wrench")))
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
 from pipeline.verdicts.paper import Source, parse_items
 from pipeline.verdicts.report_page import datasets_page, recordings_page
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.scores import filter_verdict, filters
+from pipeline.verdicts.scores import filter_verdict, filters, result
 from pipeline.verdicts.wording import TEXTS, case_text, number
 
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
@@ -59,7 +59,7 @@ def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
     assert "| the statement |  | ✗ 2/3 | ✗ 0/2 |" in page
     assert "| the statement *(the paper's own arm)* |  | ? 0.2877 | – |" in page
     assert page.index("the project's own claim") > page.index("the paper's own arm")
-    assert "no recording: 1 / 0; youBot, synthetic: 0 / 1; UR5, real: 0 / 1" in page
+    assert "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1.\n" in page
     assert "| mine" not in page and "## Empty" not in page and "## Ours" in page
     own = report_page.report_page(RUNS[2], RUNS, decided, {})
     assert f"| claim | {WITHOUT_RECORDING} | mine | youBot, synthetic | UR5, real |" in own
@@ -130,14 +130,11 @@ def test_figures_come_in_the_papers_order_and_then_ours():
     figure = {"kind": "figure", "place": "Sec. 4", "says": "x", "without_code": "x"}
     items = parse_items([figure | {"label": "First"}, figure | {"label": "Second"}])
     sources = {
-        label: [Source(f"pipeline.figures.{name}.draw", Path(f"pipeline/figures/{name}.py"))]
+        label: [Source(f"pipeline.figures.motion.{name}", Path("pipeline/figures/motion.py"))]
         for label, name in (("First", "z"), ("Second", "b"))
     }
     caption = "A line. More of it in mm. To look at: its height. And so on."
-    captions = {
-        name: {"title": name, "caption": caption, "script": f"pipeline/figures/{name}.py"}
-        for name in ("a", "b", "z")
-    }
+    captions = {name: {"title": name, "caption": caption} for name in ("a", "b", "z")}
     assert report_page.figures(captions, items, sources).splitlines() == [
         "- **Fig. 1 (First).** To look at: its height.",
         "  ![z](figures/z.png)",
@@ -204,6 +201,33 @@ def test_the_filters_with_a_higher_log_score_are_named_and_the_rows_have_an_orde
     assert [row.split(" | ")[0].removeprefix("| ") for row in rows] == order
     assert rows[2] == "| wishart, open loop | -0.49 | 0.7 | 4 (-1 [-1.1, -0.9]) |"
     assert filters(RUNS[0]) == filter_verdict(RUNS[0]) == ""
+
+
+@pytest.mark.parametrize(
+    ("best", "matrix", "expected"),
+    [
+        ("memory", "wishart", ("autoregressive baseline", "matrix model")),
+        ("wishart", "memory", ("Wishart matrix model", "baseline")),
+    ],
+)
+def test_the_result_names_predictor_and_filter_with_numbers_in_at_most_25_words(
+    best, matrix, expected
+):
+    run = filtered(memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, -0.75))
+    means = {"none": 5.0, best: 12.0, matrix: 10.0, "scaled_full": 9.0}
+    rows = [{"steps": "all", "model": n, "score": "log_score", "mean": m} for n, m in means.items()]
+    pair = {"steps": "all", "model": best, "rival": matrix, "difference": 2.0}
+    run.tables["predictions"] = pd.DataFrame(rows)
+    run.tables["prediction_pairs"] = pd.DataFrame([pair | {"low": 1.5, "high": 2.5}])
+    predictor, loops = result(run)
+    score = "The highest log score of a predictor is 12 nats a step"
+    assert predictor == "{} ({}), 2 [1.5, 2.5] above the best {}'s.".format(score, *expected)
+    assert loops == (
+        "The best particle filter has a log score 0.75 [0.65, 0.85] below the training mean's, "
+        "the linear autoregressive filter 0.5 [0.4, 0.6] above it."
+    )
+    assert max(len(text.split()) for text in (predictor, loops)) <= 25
+    assert result(RUNS[0]) == []
 
 
 def read_under(**holds: tuple[str, str]) -> str:

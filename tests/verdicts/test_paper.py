@@ -85,20 +85,6 @@ def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_pa
     assert names == {"cost": [], "const1": [], "Setup": []} | expected
 
 
-def test_each_item_has_its_row_with_links_to_what_implements_and_shows_it():
-    sources = {item.cited_as: [] for item in SMALL}
-    sources["NormStd"] = [paper.Source("pipeline.a.b", Path("pipeline/a.py"))]
-    sources["cost"] = [paper.Source("pipeline.c", Path("pipeline/c.py"), tests_alone=True)]
-    rows = paper.equations_page(SMALL, sources).splitlines()
-    shown = "| [`pipeline.a.b`](../pipeline/a.py) | [`test_c`](../tests/a/test_b.py) |"
-    assert rows[-5] == f"| Eq. 1 (NormStd) | Sec. 3 | A \\|norm\\|. {shown}"
-    titles = [row.split(" | ")[0].removeprefix("| ") for row in rows[-5:]]
-    assert titles[:3] == ["Eq. 1 (NormStd)", "Eq. 2 (cost)", "Theorem 1"]
-    assert titles[3:] == ["Eq. 3 (const1)", "Fig. 1 (Setup)"]
-    assert "[`pipeline.c`](../pipeline/c.py) (serves tests alone)" in rows[-4]
-    assert "no code: a photograph" in rows[-1]
-
-
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
@@ -226,7 +212,7 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     assert "pipeline.randommatrix.wishart.sample" not in by
 
 
-VALUES = {"published": {"claim": "sigma", "number": "published"}}
+VALUES = {"published": {"file": "claims/published", "key": "sigma"}}
 VALUES |= {"ours": {"file": "metrics/fit", "key": "sigma_b"}}
 ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "values": VALUES}
 ENTRY |= {"paper": "It is {published}.", "fact": "It is {ours}.", "done": "Another one."}
@@ -250,14 +236,12 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
     assert "- `tests/models/test_noise.py::test_one`" in text
     assert f"It is {paper.MISSING}." in page({})
     # a variance a step as the standard deviation of the sum of so many steps
-    added = {"claim": "sigma", "number": "published", "steps": 64}
-    assert "It is 4." in page({}, values=VALUES | {"published": added})
+    added = {"file": "claims/walk", "key": "sigma"}
+    assert "It is 8.944." in page({}, values=VALUES | {"published": added})
     # a joint by its place in the paper's arm
     values = {"ours": {"file": "metrics/fit", "key": "std_{joint 1}_rad"}}
     text = page({"std_shoulder_rad": 0.125}, paper="It.", values=values)
     assert "**In fact**: It is 0.125." in text
-    with pytest.raises(ConfigError, match="no claim 'alpha'"):
-        page({}, values=VALUES | {"published": {"claim": "alpha", "number": "published"}})
 
 
 @pytest.mark.parametrize(
@@ -266,7 +250,6 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
         ({"tests": ["test_noise.py"]}, "tests"),
         ({"values": {}}, "values"),
         ({"values": VALUES | {"ours": {"file": "metrics/fit"}}}, "key"),
-        ({"values": {"ours": {"claim": "sigma", "number": "mean"}}}, "values.ours"),
     ],
 )
 def test_a_malformed_entry_is_refused_with_its_name_and_key(changes, key):

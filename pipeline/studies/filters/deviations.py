@@ -31,15 +31,11 @@ class Deviations(NamedTuple):
     """Second moments of the deviation on the motion grid k = 0 … M."""
 
     covariance: np.ndarray  # (M+1, n, M+1, n) rad², of the poses at t_k
-    # (M+1, n, n) rad², what the jitter of its exposure adds to a pose at the mean speed
-    exposure: np.ndarray
+    exposure: np.ndarray  # (M+1, n, n) rad², from the jitter of the exposure at the mean speed
 
 
 def deviations(
-    chain: Chain,
-    trajectory: TrajectoryOptions,
-    dynamics: DynamicsOptions,
-    path: np.ndarray,
+    chain: Chain, trajectory: TrajectoryOptions, dynamics: DynamicsOptions, path: np.ndarray
 ) -> Deviations:
     """Return the moments about the mean ``path`` (M+1, n) in rad, where J is taken; raises
     SingularJacobianError.

@@ -6,21 +6,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from pydantic import Field
 
 from pipeline.core import config, contracts, rng
-from pipeline.core.compute.trials import run_trials
 from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
-from pipeline.core.options.analysis import Positive
-from pipeline.core.validation import options
 from pipeline.figures import style
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
@@ -33,7 +27,7 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.statistics.scores import compared, posterior_scores
 from pipeline.studies.filters.deviations import Deviations, deviations
-from pipeline.studies.frame import NoAnswerError, Study, Tables, interval, number
+from pipeline.studies.frame import NoAnswerError, Study, Tables, interval, joined, number, trials
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
 from pipeline.verdicts.wording import listed, table
 
@@ -46,17 +40,7 @@ LASTS = float(np.exp(-1))  # correlation after a frame, from which a deviation o
 COLUMNS = ["filter", "score", "joint", "mean", "difference", "low", "high"]
 
 
-@options()
-class Options:
-    """Size of the study; params.yaml describes each."""
-
-    training: Annotated[int, Field(ge=4)]
-    test: Annotated[int, Field(ge=4)]
-    model: str
-    factors: Annotated[list[Positive], Field(min_length=1)]
-
-
-def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
     if settings.dataset.laboratory is None:
         raise NoAnswerError("it has no synthetic laboratory whose law a yardstick could know")
@@ -73,19 +57,16 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     frames, dt = [takes[name] for name in order], 1 / settings.dataset.motion.rate
     own = score_rows(linear_filters(recorded, training, poses, frames, dt, law), recorded.joints)
     run = long_scores(pd.read_csv(AGAINST_NONE.format(settings.dataset.name)), recorded.joints)
-    trial = partial(
-        duration_rows,
-        laboratory=laboratory,
-        model=(options.model, config.model_options([options.model])[options.model]),
-        filter_options=FilterOptions(f.particles, f.scheme, f.threshold),
-        sizes=(options.training, options.test),
-        seed=settings.seed,
-    )
-    rows = run_trials(trial, options.factors, compute=settings.compute, label="filters: durations")
-    return {
-        "filters": pd.concat([run, own[own["filter"] == YARDSTICK]], ignore_index=True),
-        "filters_lasting": pd.concat(rows, ignore_index=True),
+    common = {
+        "laboratory": laboratory,
+        "model": (options.model, config.model_options([options.model])[options.model]),
+        "filter_options": FilterOptions(f.particles, f.scheme, f.threshold),
+        "sizes": (options.training, options.test),
+        "seed": settings.seed,
     }
+    rows = trials(settings, "filters: durations", duration_rows, options.factors, **common)
+    yardstick = own[own["filter"] == YARDSTICK]
+    return {"filters": joined([run, yardstick]), "filters_lasting": joined(rows)}
 
 
 def linear_filters(
@@ -182,7 +163,7 @@ def error_ratio(rows: pd.DataFrame) -> pd.Series:
     return rows["mean"] / (rows["mean"] - rows["difference"].fillna(0.0))
 
 
-def facts(tables: Tables, options: Options) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     rows, lasting = tables["filters"], tables["filters_lasting"]
     flags = better_or_worse(rows).groupby("filter", sort=False)[["better", "worse"]].any()
@@ -216,17 +197,9 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 
 
 def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
-    """Filters between the training mean and the yardstick, and over the duration of a deviation.
-
-    (a) Root mean square error over the training mean's, on the run's test takes: a purple disc a
-    joint, a bar from the lowest to the highest; the yardstick knows the law of the arm's
-    deviations. (b) to (d) Simulated takes, over the lag of the sway: the same ratio, mean over the
-    joints; coverage of ±1σ, mean over the joints; log score minus the training mean's. Grey: the
-    training mean, in (c) the coverage of a normal law, 0.68.
-    """
-    figure, ((run, *others),) = style.panels(
-        style.TWO_COLUMNS, 3.0, columns=4, width_ratios=[1.2, 1, 1, 1]
-    )
+    """Draw the figure of the page."""
+    widths = {"columns": 4, "width_ratios": [1.2, 1, 1, 1]}
+    figure, ((run, *others),) = style.panels(style.TWO_COLUMNS, 3.0, **widths)
     errors, grey = filters[(filters["score"] == RMS) & (filters["filter"] != NONE)], style.GREY
     ratios = error_ratio(errors).groupby(errors["filter"], sort=False)
     joint = {"color": style.PURPLE, "ms": 3, "label": "a joint, in (a)"}
@@ -256,10 +229,9 @@ def draw(filters: pd.DataFrame, filters_lasting: pd.DataFrame) -> Figure:
         axes.axhline(level, color=grey, linewidth=1.6, zorder=0)
         axes.set(xscale="log", xlabel="lag of the sway (ms)", ylabel=name, ylim=limits)
         axes.xaxis.set_major_formatter("{x:g}")
-    for name, axes in zip("abcd", (run, *others), strict=True):
-        style.letter(axes, name)
+    style.letters((run, *others))
     style.legend(figure, ncols=5)
     return figure
 
 
-run = Study(Options, evaluate, facts, draw).run
+run = Study(evaluate, facts, draw).run

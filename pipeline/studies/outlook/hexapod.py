@@ -24,19 +24,19 @@ from pipeline.models.model import MotionModel, frobenius
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
+from pipeline.studies.frame import joined
 
 LEGS = 6
 DECOMPOSITIONS = ("qr_transposed", "qr")  # those that no order of the rows changes
-# The least singular value of J⁻¹ at a pose that is trusted, as a share of the greatest entry that
-# J⁻¹ can have: beyond it a leg that is off by a thousandth of the robot's size moves the platform
-# by all of it.
+# Least singular value of J⁻¹ that is trusted, over its greatest possible entry: beyond it a leg
+# that is off by a thousandth of the robot's size moves the platform by all of it.
 LEAST_SINGULAR = 1e-3
 
 
 @dataclass(frozen=True)
 class Hexapod:
-    """Geometry of a hexapod: the joints of its legs on base and platform (6, 3) in m, in the frame
-    of each, and the length in m by which angular rows are multiplied.
+    """Joints of the legs on base and platform (6, 3) in m, each in its own frame, and the length in
+    m by which angular rows are multiplied.
     """
 
     base: np.ndarray
@@ -90,11 +90,10 @@ class PlatformMotion(Mechanism):
 
 
 def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Return the pose (..., 12) at ``position`` (..., 3) in m, turned by the rotation vector
-    ``turn`` (..., 3) in rad.
+    """Return the pose (12,) at ``position`` (3,) in m, turned by the rotation vector ``turn`` (3,)
+    in rad.
     """
-    rotation = Rotation.from_rotvec(np.reshape(turn, (-1, 3))).as_matrix()
-    return np.concatenate([position, rotation.reshape(*np.shape(turn)[:-1], 9)], axis=-1)
+    return np.concatenate([position, Rotation.from_rotvec(turn).as_matrix().ravel()])
 
 
 def straight(
@@ -112,20 +111,16 @@ def straight(
     turned = (Rotation.from_rotvec(share * turn) * before).as_matrix().reshape(-1, 9)
     q, inverse = robot.legs(np.hstack([start[:3] + share * shift, turned]))
     if q.min() < limits[0] or q.max() > limits[1]:
-        raise ConfigError(
-            f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs {q.min():.4g} "
-            f"to {q.max():.4g} m; choose other ends or legs",
-            key="legs",
-        )
+        message = f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs "
+        message += f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs"
+        raise ConfigError(message, key="legs")
     radius = np.linalg.norm(robot.platform, axis=1).max()
-    least = np.linalg.svd(inverse, compute_uv=False)[:, -1]
+    least = np.linalg.svd(inverse, compute_uv=False)[:, -1].min()
     signs = np.sign(np.linalg.det(inverse))
-    if least.min() < LEAST_SINGULAR * max(1.0, radius / robot.length) or np.ptp(signs):
-        raise ConfigError(
-            "the motion comes to a pose at which the legs do not hold the platform; choose a "
-            "smaller turn, or joints of base and platform that are not similar figures",
-            key="turn",
-        )
+    if least < LEAST_SINGULAR * max(1.0, radius / robot.length) or np.ptp(signs):
+        message = "the motion comes to a pose at which the legs do not hold the platform; choose a "
+        message += "smaller turn, or joints of base and platform that are not similar figures"
+        raise ConfigError(message, key="turn")
     way = np.concatenate([shift, robot.length * turn])
     return PlatformMotion(robot, q, np.broadcast_to(way / places, q.shape), inverse)
 
@@ -142,10 +137,8 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
         "gaussian": GaussianModel(1.0, bound * frobenius(motion.inverse).max()),
     } | {name: WishartModel(0.1, Decomposition(name)) for name in DECOMPOSITIONS}
     try:
-        return {
-            name: model.with_trace(motion, motion.q, motion.v, trace)
-            for name, model in models.items()
-        }
+        place = (motion, motion.q, motion.v, trace)
+        return {name: model.with_trace(*place) for name, model in models.items()}
     except ModelDomainError as error:
         raise ConfigError(f"no Wishart model has {noise:g} of the step", key="noise") from error
 
@@ -164,4 +157,4 @@ def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.D
             "rotation": np.sqrt(variances[:, 3:].sum(axis=-1)) / motion.robot.length,
         }
         parts.append(pd.DataFrame({"model": name} | columns))
-    return pd.concat(parts, ignore_index=True)
+    return joined(parts)

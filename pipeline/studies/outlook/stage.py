@@ -7,19 +7,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from types import SimpleNamespace
-from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from pydantic import Field
 
 from pipeline.core import rng
-from pipeline.core.options.analysis import Positive
-from pipeline.core.validation import options
 from pipeline.figures import style
 from pipeline.statistics.takes import paired_difference
-from pipeline.studies.frame import MISSING, Study, Tables, interval, number
+from pipeline.studies.frame import MISSING, Study, Tables, interval, joined, number
 from pipeline.studies.outlook import hexapod as legs
 from pipeline.verdicts.wording import table
 from pipeline.wrench.bounds import Bounds, draw_systems, study_bounds
@@ -32,60 +28,38 @@ from pipeline.wrench.parametric import (
 )
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
-Triple = tuple[float, float, float]
-Points = Annotated[list[Triple], Field(min_length=6, max_length=6)]
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}
 # form of Σ_S, and distance from the parametric model
 ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", covariance_errors)}
 
 
-@options()
-class Options:
-    """Geometry of hexapod and load, in m and rad, and sizes; params.yaml describes each."""
-
-    base: Points
-    platform: Points
-    position: tuple[Triple, Triple]
-    turn: tuple[Triple, Triple]
-    legs: tuple[float, float]
-    length: Positive
-    places: Annotated[int, Field(ge=2)]
-    noise: Positive
-    bound: Annotated[float, Field(gt=1)]
-    attachment: tuple[float, float]
-    elevation: tuple[float, float]
-    agents: Annotated[list[int], Field(min_length=2)]
-    recorded: Annotated[int, Field(ge=2)]
-    few: Annotated[int, Field(ge=2)]
-
-
-def motion_of(options: Options) -> legs.PlatformMotion:
+def motion_of(options: SimpleNamespace) -> legs.PlatformMotion:
     """Return the hexapod's motion; raises ConfigError for a robot or motion that cannot exist."""
     robot = legs.Hexapod(np.array(options.base), np.array(options.platform), options.length)
     ends = map(legs.pose_of, np.array(options.position), np.array(options.turn))
     return legs.straight(robot, *ends, options.legs, options.places)
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; raises what :func:`motion_of` does."""
     motion, study = motion_of(options), settings.wrench
     models = legs.equal_models(motion, options.noise, options.bound)
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
-    bounds, errors, recorded = replace(study_bounds(study), **ranges), [], []
+    bounds, systems, errors = replace(study_bounds(study), **ranges), study.systems, []
     for repeat in range(study.repeats):
         stream = rng.stream(settings.seed, "outlook.towing", repeat)
-        sizes = (study.systems, study.test_systems)
-        rows = error_rows(bounds, options.agents, sizes, stream)
-        errors += [row | {"repeat": repeat} for row in rows]
-    for m in (options.agents[0], options.agents[-1]):
-        sizes = (study.systems, options.few, options.recorded)
-        stream = rng.stream(settings.seed, "outlook.recorded", m)
-        recorded += recorded_rows(bounds, m, sizes, stream)
+        rows = error_rows(bounds, options.agents, (systems, study.test_systems), stream)
+        errors.append(rows.assign(repeat=repeat))
+    recorded = [
+        recorded_rows(bounds, m, (systems, options.few, options.recorded), stream)
+        for m in (options.agents[0], options.agents[-1])
+        for stream in [rng.stream(settings.seed, "outlook.recorded", m)]
+    ]
     return {
         "hexapod": legs.hexapod_rows(motion, models),
-        "towing": pd.DataFrame(errors),
-        "towing_slopes": slope_rows(pd.DataFrame(errors)),
-        "towing_recorded": pd.DataFrame(recorded),
+        "towing": joined(errors),
+        "towing_slopes": slope_rows(joined(errors)),
+        "towing_recorded": joined(recorded),
     }
 
 
@@ -97,7 +71,7 @@ def lever(bounds: Bounds) -> float:
 
 def error_rows(
     bounds: Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
-) -> list[dict[str, object]]:
+) -> pd.DataFrame:
     """Return rows of ``towing``: Σ_S over ``sizes[0]`` systems, tested on ``sizes[1]`` others."""
     rows = []
     for m, stream in zip(agents, rng.spawn(len(agents)), strict=True):
@@ -114,7 +88,7 @@ def error_rows(
             std = np.sqrt(np.trace(own, axis1=-2, axis2=-1))
             row["shift"] = np.mean(np.linalg.norm(shift[:, block], axis=-1) / std)
             rows.append(row)
-    return rows
+    return pd.DataFrame(rows)
 
 
 def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
@@ -130,7 +104,7 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
 
 def recorded_rows(
     bounds: Bounds, agents: int, sizes: tuple[int, int, int], rng: np.random.Generator
-) -> list[dict[str, object]]:
+) -> pd.DataFrame:
     """Return rows of the table ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from
     bounds (the mean over ``sizes[0]`` systems), and with Σ_S and Ψ_S from ``sizes[2]`` recorded
     directions of each cable of the very system.
@@ -148,15 +122,16 @@ def recorded_rows(
         bounded.append(model.covariance(sigma_s["full"].mean))
         known.append(replace(model, jacobian=fit.mean, psi=fit.psi).covariance(fit.sigma_s))
         due.append(wrench_covariance(system))
-    return [
-        {"part": part, "agents": agents, "known": name, "error": covariance_errors(*own).mean()}
-        for part, block in PARTS.items()
-        for name, modelled in (("bounds", bounded), ("directions", known))
-        for own in [[np.array(each)[:, block, block] for each in (modelled, due)]]
-    ]
+    rows = []
+    for part, block in PARTS.items():
+        own = np.array(due)[:, block, block]
+        for name, modelled in (("bounds", bounded), ("directions", known)):
+            error = covariance_errors(np.array(modelled)[:, block, block], own).mean()
+            rows.append({"part": part, "agents": agents, "known": name, "error": error})
+    return pd.DataFrame(rows)
 
 
-def facts(tables: Tables, options: Options) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     motion, errors = tables["hexapod"], tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
@@ -187,13 +162,7 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 
 
 def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
-    """Motion models on a hexapod, and the wrench of towing cables.
-
-    (a) Standard deviation of the platform's rotation after one step, along the motion; all models
-    give the legs the same noise. (b) Error of the matrix model of the wrench over the number of
-    cables, mean over the repeats: variances with the diagonal Σ_S (full lines), covariances with
-    the full Σ_S (dashed).
-    """
+    """Draw the figure of the page."""
     blue, green, dashes = style.BLUE, style.GREEN, (0, (6, 1.5, 1, 1.5))
     lines = {
         "additive": style.MODELS["additive"] | {"label": "additive"},
@@ -205,9 +174,8 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     for model, line in lines.items():
         rows = hexapod[hexapod["model"] == model]
         rotation.plot(rows["place"], 1e3 * rows["rotation"], **line)
-    rotation.set(
-        xlabel="share of the motion (1)", ylabel="std of the rotation (mrad)", ylim=(0, None)
-    )
+    rotation.set(xlabel="share of the motion (1)", ylabel="std of the rotation (mrad)")
+    rotation.set_ylim(0, None)
     means = 100 * towing.groupby(["part", "agents"])[list(ERRORS)].mean()
     for part, color in (("forces", blue), ("moments", style.VERMILLION)):
         for error, dashes in zip(ERRORS, ("-", "--"), strict=True):
@@ -218,10 +186,10 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     wrench.set_xticks(ticks, [str(m) for m in ticks])
     wrench.set_yticks([1, 2, 5, 10], ["1", "2", "5", "10"])
     wrench.minorticks_off()
-    for name, axes in zip("ab", (rotation, wrench), strict=True):
-        style.letter(axes, name)
-        axes.legend()
+    style.letters((rotation, wrench))
+    rotation.legend()
+    wrench.legend()
     return figure
 
 
-run = Study(Options, evaluate, facts, draw).run
+run = Study(evaluate, facts, draw).run

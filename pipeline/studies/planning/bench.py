@@ -102,10 +102,8 @@ class Rig:
             drawn = [draw(built, motion, self.dynamics, stream) for stream in own]
             chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
             t, q, _ = swing(self.session.chain, self.session.encoder, motion, self.dynamics, chance)
-            poses += [
-                expose(t, each, grid, self.dynamics, stream)
-                for each, stream in zip(q, own, strict=True)
-            ]
+            pairs = zip(q, own, strict=True)
+            poses += [expose(t, each, grid, self.dynamics, stream) for each, stream in pairs]
         return np.stack(poses)
 
     def training(self) -> Recorded:

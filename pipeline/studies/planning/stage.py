@@ -6,22 +6,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
-from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from pydantic import Field
 from scipy.stats import kendalltau
 
 from pipeline.core import config, rng
-from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError, SolverError
-from pipeline.core.options.analysis import Positive
-from pipeline.core.validation import options
 from pipeline.figures import style
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
@@ -29,7 +23,7 @@ from pipeline.models.noise import process_noise
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import MISSING, Study, Tables, interval, number
+from pipeline.studies.frame import MISSING, Study, Tables, interval, joined, number, trials
 from pipeline.studies.planning.bench import Bench, Rig, bench_of
 from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.verdicts.wording import listed, table
@@ -41,50 +35,30 @@ KEYS = ["arm", "physics"]
 Motions = Mapping[str, np.ndarray]  # by name: (M+1, n) rad, or (choices,) sums of their noise
 
 
-@options()
-class Options:
-    """Arms, models, physics and terms of the plans; params.yaml describes each."""
-
-    arms: dict[str, list[str]]
-    models: list[str]
-    physics: dict[str, dict[str, float]]
-    takes: Annotated[int, Field(ge=2)]
-    pace: Positive
-    margin: Positive
-    smoothness: Positive
-    conditioned: Positive
-
-
-def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
     benches = {
         arm: bench_of(config.CONF / f"dataset/{arm}.yaml", task, options.pace)
         for arm, task in options.arms.items()
     }
-    compute = settings.compute
-    trial = partial(fixed_motions, options=options)
-    fixed = run_trials(trial, benches.values(), compute=compute, label="planning: arms")
-    trial = partial(
-        tables_of,
-        benches=benches,
-        fixed=dict(zip(benches, fixed, strict=True)),
-        options=options,
-        models=config.model_options(options.models),
-        seed=settings.seed,
-    )
+    arms = list(benches.values())
+    fixed = trials(settings, "planning: arms", fixed_motions, arms, options=options)
     cases = [(arm, name) for name in options.physics for arm in benches]
-    parts = list(run_trials(trial, cases, compute=compute, label="planning: physics"))
-    return {name: pd.concat([part[name] for part in parts], ignore_index=True) for name in parts[0]}
+    common = {"benches": benches, "fixed": dict(zip(benches, fixed, strict=True))}
+    common |= {"options": options, "models": config.model_options(options.models)}
+    label = "planning: physics"
+    parts = trials(settings, label, tables_of, cases, **common, seed=settings.seed)
+    return {name: joined(part[name] for part in parts) for name in parts[0]}
 
 
-def problem_of(bench: Bench, options: Options, smoothness: float) -> Problem:
+def problem_of(bench: Bench, options: SimpleNamespace, smoothness: float) -> Problem:
     """Return the task path of the recorded motion with the study's margin."""
     least = np.linalg.svd(bench.chain.jacobian(bench.recorded), compute_uv=False)[:, -1].min()
     path = bench.chain.pose(bench.recorded)
     return Problem(bench.chain, path, bench.rate, options.margin * float(least), smoothness)
 
 
-def fixed_motions(bench: Bench, options: Options) -> Motions:
+def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
     """Return the motions that need no model; raises InfeasibleError."""
     problem = problem_of(bench, options, 0.0)
     return {
@@ -94,7 +68,7 @@ def fixed_motions(bench: Bench, options: Options) -> Motions:
     }
 
 
-def planned(bench: Bench, model: MotionModel, options: Options) -> np.ndarray:
+def planned(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
     """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``.
 
     Raises InfeasibleError, and ModelDomainError for a model without a covariance or with the same
@@ -113,7 +87,7 @@ def tables_of(
     case: tuple[str, str],
     benches: Mapping[str, Bench],
     fixed: Mapping[str, Motions],
-    options: Options,
+    options: SimpleNamespace,
     models: Mapping[str, object],
     seed: int,
 ) -> Tables:
@@ -203,7 +177,7 @@ def motion_label(motion: str) -> str:
     return f"plan of {motion}"
 
 
-def facts(tables: Tables, options: Options) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     rows, taus = tables["planning"], tables["planning_agreements"].dropna(subset="tau")
     ends = zip(rows["ratio"], rows["low"], rows["high"], strict=True)
@@ -235,12 +209,7 @@ def facts(tables: Tables, options: Options) -> dict[str, object]:
 
 
 def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
-    """Uncertainty of motions along one task path, predicted and realised.
-
-    One panel an arm, all physics; sums are Σ tr Cov(ω), over the sum of the minimum-norm motion.
-    Across: predicted sum, a symbol a model; upwards: realised sum, a colour a motion. On the dotted
-    diagonal the prediction holds.
-    """
+    """Draw the figure of the page."""
     norm = planning_predictions[planning_predictions["motion"] == MINIMUM]
     both = planning_predictions.merge(
         norm.drop(columns="motion"), on=[*KEYS, "model"], suffixes=("", " of norm")
@@ -273,4 +242,4 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     return figure
 
 
-run = Study(Options, evaluate, facts, draw).run
+run = Study(evaluate, facts, draw).run

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from pydantic import Field
 
 from pipeline.core import config, rng
-from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, SolverError
-from pipeline.core.validation import options
 from pipeline.figures import style
 from pipeline.models.bootstrap import replicate, resampled_estimator
 from pipeline.models.draws import draw_steps
@@ -26,7 +22,7 @@ from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
-from pipeline.studies.frame import NoAnswerError, Study, Tables, number
+from pipeline.studies.frame import NoAnswerError, Study, Tables, number, trials
 from pipeline.verdicts.wording import listed, table
 
 LOOKS = {  # estimators of σ_B
@@ -38,17 +34,6 @@ LOOKS = {  # estimators of σ_B
 Pair = tuple[dict[str, float], dict[str, float]]
 
 
-@options()
-class Options:
-    """Models with their estimators, and the size of the study."""
-
-    estimators: dict[str, list[str]]  # by the model's option file; [] for the one of the file
-    dispersions: Annotated[list[float], Field(min_length=1)]  # σ_B of data of the Wishart model
-    takes: Annotated[int, Field(ge=2)]  # of each data set
-    stride: Annotated[int, Field(ge=1)]  # every so many-th step of the recorded motion
-    datasets: Annotated[int, Field(ge=2)]  # of each known law
-
-
 class KnownLaw(NamedTuple):
     """A known law, and the estimators that are given data of it, by their names."""
 
@@ -57,7 +42,7 @@ class KnownLaw(NamedTuple):
     estimators: dict[str, Model]
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     try:  # of the recordings some takes and steps, and the measurement noise of all
@@ -71,12 +56,12 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     except ModelDomainError as reason:
         raise NoAnswerError(reason.message) from None
     cases = list(known_laws(part, options))
-    trials = [(case, i) for case in cases for i in range(options.datasets)]
-    trial = partial(recover, recorded=part, seed=settings.seed)
-    pairs = run_trials(trial, trials, compute=settings.compute, label="recovery: data sets")
+    data = [(case, i) for case in cases for i in range(options.datasets)]
+    common = {"recorded": part, "seed": settings.seed}
+    pairs = trials(settings, "recovery: data sets", recover, data, **common)
     rows = []
-    for case in cases:
-        own = [next(pairs) for _ in range(options.datasets)]
+    for place, case in enumerate(cases):
+        own = pairs[place * options.datasets :][: options.datasets]
         rows += [
             {"model": case.model, "estimator": name, "parameter": parameter}
             | recovery_row(parameter, truth, [pair[name] for pair in own])
@@ -86,7 +71,7 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     return {"recovery": pd.DataFrame(rows)}
 
 
-def known_laws(recorded: Recorded, options: Options) -> Iterator[KnownLaw]:
+def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLaw]:
     """Yield the laws that data are drawn from: of the recorded variance, or of the stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
@@ -150,7 +135,7 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
     }
 
 
-def facts(tables: Tables, options: Options) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     rows = tables["recovery"]
     wishart = rows[rows["parameter"] == "sigma_b"]
@@ -193,11 +178,7 @@ def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def draw(recovery: pd.DataFrame) -> Figure:
-    """Dispersions that the estimators of the Wishart model recover.
-
-    Estimated over true σ_B: mean over the data sets (mark) and all of them (line), for each true
-    σ_B. The grey line at 1 is the true value.
-    """
+    """Draw the figure of the page."""
     recovery = recovery[recovery["parameter"] == "sigma_b"]
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.7)
     places = {truth: place for place, truth in enumerate(dict.fromkeys(recovery["truth"]))}
@@ -215,4 +196,4 @@ def draw(recovery: pd.DataFrame) -> Figure:
     return figure
 
 
-run = Study(Options, evaluate, facts, draw).run
+run = Study(evaluate, facts, draw).run

@@ -5,8 +5,9 @@ laboratory, its physics, trajectory, instruments, particles or cables changed on
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,13 +19,14 @@ from pipeline.cases.evidence import Evidence
 from pipeline.cases.readings import decided, readings
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
+from pipeline.core.options.analysis import Wrench
 from pipeline.filtering.resampling import SCHEMES
 from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.run import ArmNames
-from pipeline.wrench.bounds import Bounds
+from pipeline.wrench.bounds import study_bounds
 from pipeline.wrench.study import run_study
 
 CHANCE = "random numbers"
@@ -45,14 +47,12 @@ def decision_cases(
     ``task`` x, z, φ, weighs an error in angle like one in position. ``others`` is the number of
     cases with other random numbers, and of cases with other test takes.
     """
-    cases, numbers = [*_decisions(base, lever, task, joints)], range(1, others + 1)
-    cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in numbers]
-    cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in numbers]
+    cases = _decisions(base, lever, task, joints, range(1, others + 1))
     return [(BASE, BASE, base), *(named for named in cases if named[2] != base)]
 
 
 def _decisions(
-    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str]
+    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: Sequence[int]
 ) -> Iterator[Named]:
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
@@ -85,6 +85,8 @@ def _decisions(
     for factor in (0.1, 0.3, 3.0):
         count = max(1, round(factor * chosen.particles))
         yield "particles", f"{count}", replace(base, filter=replace(chosen, particles=count))
+    yield from ((CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in others)
+    yield from ((CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in others)
 
 
 def without_camera(case: Choices, base: Choices) -> bool:
@@ -124,19 +126,14 @@ class Condition(NamedTuple):
         return dict(self.levels).get(factor, 1.0)
 
 
-@dataclass(frozen=True)
-class Common:
-    """Laboratory, case, claims and sizes of all conditions."""
+class Common(NamedTuple):
+    """Laboratory, case, claims, options of the study and of the wrench's, of all conditions."""
 
     laboratory: Laboratory
-    ways: Mapping[str, Mapping[str, object]]  # trajectories by name: changes of the dataset's own
     case: Choices
-    takes: tuple[int, int]  # of training and test
-    realizations: int
-    bounds: Bounds  # of the wrench study
-    agents: Sequence[int]  # numbers of cables
-    systems: tuple[int, int, int]  # that Σ_S is averaged over, fresh ones, repeats
     claims: tuple[Claim, ...]
+    options: SimpleNamespace
+    wrench: Wrench
 
 
 def conditions(
@@ -171,37 +168,39 @@ def verdicts(condition: Condition, common: Common) -> pd.DataFrame:
 
 def motion_evidence(condition: Condition, common: Common) -> Evidence:
     """Return the evidence of a condition of the motion; none if it comes to a singular pose."""
-    way = common.ways.get(str(condition.level("trajectory")), {})
-    laboratory = replace(common.laboratory, motion=trajectory(common.laboratory.motion, way))
+    own, case, _, options, _ = common
+    way = options.trajectories.get(str(condition.level("trajectory")), {})
+    laboratory = replace(own, motion=trajectory(own.motion, way))
     levels = {k: float(v) for k, v in condition.levels if k not in ("trajectory", "particles")}
+    sizes = (options.training_takes, options.test_takes)
     try:
-        takes, camera = observe(laboratory, PhysicsFactors(**levels), condition.seed, *common.takes)
+        takes, camera = observe(laboratory, PhysicsFactors(**levels), condition.seed, *sizes)
     except (SingularJacobianError, RecordingError, ModelDomainError):
         return {}
-    cameras, rate, filtered = {common.case.clock: camera}, laboratory.motion.rate, common.takes[1]
+    sizes = (laboratory.motion.rate, options.test_takes, options.realizations)
     # equal numbers in every condition of a seed, so that a difference is the condition's
     stream = (condition.seed, "robustness")
-    recordings = Recordings(takes, cameras, rate, filtered, common.realizations, stream)
-    chosen = common.case.filter
-    count = max(1, round(float(condition.level("particles")) * chosen.particles))
-    case = replace(common.case, filter=replace(chosen, particles=count))
+    recordings = Recordings(takes, {case.clock: camera}, *sizes, stream)
+    count = max(1, round(float(condition.level("particles")) * case.filter.particles))
+    case = replace(case, filter=replace(case.filter, particles=count))
     ((evidence, _),) = evaluate([case], recordings, map)
     return evidence
 
 
 def wrench_evidence(condition: Condition, common: Common) -> Evidence:
     """Return the evidence of the numerical study of the wrench with other bounds."""
+    study, bounds = common.wrench, study_bounds(common.wrench)
     own = {"concentration": condition.level("kappa"), "tension_sd": condition.level("tension_std")}
     scaled = {
-        name: tuple(float(factor) * value for value in getattr(common.bounds, name))
+        name: tuple(float(factor) * value for value in getattr(bounds, name))
         for name, factor in own.items()
     }
+    sizes = (study.agents, study.systems, study.test_systems, study.repeats)
     stream = rng.stream(condition.seed, "robustness.wrench")
-    bounds, sizes = replace(common.bounds, **scaled), common.systems
-    _, errors, repeats = run_study(bounds, common.agents, *sizes, stream)
-    study, metrics = wrench_summary(errors, repeats), {}
+    _, errors, repeats = run_study(replace(bounds, **scaled), *sizes, stream)
+    summary, metrics = wrench_summary(errors, repeats), {}
     for m, median in repeats.groupby("agents")["maximum"].median().items():
-        own, name = study.set_index("agents").loc[m], f"study_m{m}_greatest_error"
-        metrics |= {f"study_m{m}_mean_error": own["mean"], name: own["max"]}
+        row, name = summary.set_index("agents").loc[m], f"study_m{m}_greatest_error"
+        metrics |= {f"study_m{m}_mean_error": row["mean"], name: row["max"]}
         metrics[f"{name}_median_over_repeats"] = median
-    return {"metrics/wrench": metrics, "tables/wrench_study": study}
+    return {"metrics/wrench": metrics, "tables/wrench_study": summary}

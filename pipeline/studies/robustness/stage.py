@@ -10,13 +10,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Annotated
 
 import pandas as pd
 from joblib import Memory
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from pydantic import Field
 
 from pipeline.cases.case import Choices, Recordings, recorded_takes
 from pipeline.cases.evaluate import evaluate
@@ -25,8 +23,6 @@ from pipeline.core import config, contracts
 from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.analysis import Count
-from pipeline.core.validation import options
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Study, Tables
 from pipeline.studies.robustness.grid import (
@@ -43,7 +39,6 @@ from pipeline.studies.robustness.grid import (
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.wording import table
-from pipeline.wrench.bounds import study_bounds
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
@@ -56,27 +51,10 @@ NAMES = {
     "floor": r"floor of $B^{-1}$",
     "weights": r"weights $\alpha_2/\alpha_1$",
 }
-Levels = dict[str, list[Annotated[float, Field(ge=0)]]]
 Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of decided()
 
 
-@options()
-class Options:
-    """Grid of cases; params.yaml describes each."""
-
-    combined: list[str]
-    filtered: Count
-    others: Count
-    seeds: Annotated[list[int], Field(min_length=1)]
-    training_takes: Annotated[int, Field(ge=4)]
-    test_takes: Annotated[int, Field(ge=4)]
-    realizations: Annotated[int, Field(ge=2)]
-    trajectories: dict[str, dict]
-    factors: Levels
-    wrench: Levels
-
-
-def evaluate_grid(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate_grid(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``robustness``: verdicts by level; ConfigError for an unknown factor."""
     known = [*FACTORS, "particles"]
     if unknown := sorted(set(options.factors) - set(known)):
@@ -92,7 +70,7 @@ def evaluate_grid(settings: SimpleNamespace, options: Options) -> Tables:
 
 
 def decision_verdicts(
-    settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
+    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
     """Yield the verdicts of the recordings under every decision that the paper leaves open."""
     dataset, base = settings.dataset, Choices.of_run(settings)
@@ -121,7 +99,7 @@ def decision_verdicts(
 
 
 def laboratory_verdicts(
-    settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
+    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
     """Yield the verdicts in every condition of the laboratory that a killed run left."""
     grid, common = laboratory_grid(settings, options, claims)
@@ -137,29 +115,17 @@ def laboratory_verdicts(
 
 
 def laboratory_grid(
-    settings: SimpleNamespace, options: Options, claims: tuple[Claim, ...]
+    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> tuple[list[Condition], Common]:
     """Return every condition of the laboratory, and what they have in common."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
-    noise, study = contracts.read("kinect_noise", ARTICULATE), settings.wrench
-    case = Choices.of_run(settings, **config.model_options([BESIDE]))
-    common = Common(
-        laboratory=Laboratory.of_run(settings, recorded, noise),
-        ways=options.trajectories,
-        case=replace(case, closed=True),
-        takes=(options.training_takes, options.test_takes),
-        realizations=options.realizations,
-        bounds=study_bounds(study),
-        agents=study.agents,
-        systems=(study.systems, study.test_systems, study.repeats),
-        claims=claims,
-    )
+    noise = contracts.read("kinect_noise", ARTICULATE)
+    laboratory = Laboratory.of_run(settings, recorded, noise)
+    case = replace(Choices.of_run(settings, **config.model_options([BESIDE])), closed=True)
+    common = Common(laboratory, case, claims, options, settings.wrench)
     varied = {"trajectory": list(options.trajectories)} | options.factors
-    grid = [
-        *conditions(varied, options.seeds, "motion", options.combined),
-        *conditions(options.wrench, options.seeds, "wrench"),
-    ]
-    return grid, common
+    motion = conditions(varied, options.seeds, "motion", options.combined)
+    return [*motion, *conditions(options.wrench, options.seeds, "wrench")], common
 
 
 def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
@@ -190,7 +156,7 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     return varied.groupby(keys, sort=False)["changed"].any().reset_index()
 
 
-def facts(tables: Tables, options: object) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     changed = changes(tables["robustness"])
     chance, open_ones = changed["factor"] == CHANCE, changed["grid"] == "decisions"
@@ -225,15 +191,7 @@ def facts(tables: Tables, options: object) -> dict[str, object]:
 
 
 def draw(robustness: pd.DataFrame) -> Figure:
-    """Claims whose verdict changes, by what is decided otherwise.
-
-    A row is a claim, a column a decision that the paper leaves open (left) or a factor of the
-    laboratory (right). First column of either part: verdict in the base case (disc: holds; cross:
-    fails; diamond: both, over the seeds; dash: no evidence). Filled square: at least one level has
-    another verdict; open square: no level has; nothing: the claim has no evidence there. Orange
-    squares in the column of random numbers mark claims that chance alone changes. An asterisk marks
-    claims about robots or about the paper's specimen, which synthetic recordings do not decide.
-    """
+    """Draw the figure of the page."""
     bases = {
         HOLDS: {"marker": "o", "color": style.BLUE},
         FAILS: {"marker": "X", "color": style.BLACK},
@@ -276,4 +234,4 @@ def draw(robustness: pd.DataFrame) -> Figure:
     return figure
 
 
-run = Study(Options, evaluate_grid, facts, draw).run
+run = Study(evaluate_grid, facts, draw).run

@@ -5,54 +5,42 @@ random paths of its arm; the decompositions on an arm in space and at the record
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 from types import SimpleNamespace
-from typing import Annotated
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from pydantic import Field
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.cases.readings import read_claims
 from pipeline.core import config, rng
-from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import options, validated
+from pipeline.core.validation import validated
 from pipeline.figures import style
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
 from pipeline.recordings.steps import training_steps
-from pipeline.studies.frame import Study, Tables, number
+from pipeline.studies.frame import Study, Tables, joined, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
-from pipeline.studies.which_decomposition.evidence import (
-    GAUSSIAN,
-    PIVOTED,
-    PLAIN,
-    QR,
-    QR_TRANSPOSED,
-    Published,
-    Widths,
-)
+from pipeline.studies.which_decomposition.evidence import PLAIN, Published, Widths
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths, with_tool
 from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
 PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # whatever dataset is analysed
-GENERAL = (PIVOTED, QR, QR_TRANSPOSED)  # readings for a task of any size
+GENERAL = (laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED)  # readings for a task of any size
 
 NAMES = {
-    PIVOTED: "LU, pivoted",
+    laws.PIVOTED: "LU, pivoted",
     **{name: "LU, rows " + " ".join("xzφ"[row] for row in rows) for name, rows in PLAIN.items()},
-    QR: "QR of J",
-    QR_TRANSPOSED: "QR of Jᵀ",
-    GAUSSIAN: "Gaussian model",
+    laws.QR: "QR of J",
+    laws.QR_TRANSPOSED: "QR of Jᵀ",
+    laws.GAUSSIAN: "Gaussian model",
 }
 QUANTITIES = {
     "sigma_b": "Σ_ω and σ_B",
@@ -60,51 +48,24 @@ QUANTITIES = {
     "small_difference": "with small difference",
 }
 PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
-SHOWN = (PIVOTED, "lu_xzp", "lu_zxp", QR, QR_TRANSPOSED)  # in the page's table
-
-Range = tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(ge=0)]]
-Factor = Annotated[float, Field(gt=1)]
-Several = Annotated[int, Field(ge=2)]
+SHOWN = (laws.PIVOTED, "lu_xzp", "lu_zxp", laws.QR, laws.QR_TRANSPOSED)  # in the page's table
 
 
-@options()
-class Options:
-    """Path prior, tolerances and a motion of an arm in space; params.yaml describes each."""
-
-    chunks: Annotated[int, Field(ge=1)]
-    paths: Several
-    full_speed_paths: Several
-    tool: Range
-    rest: Range
-    ramp: Range
-    peak: Range
-    once: Range
-    least_norm: float
-    tolerances: Annotated[list[Factor], Field(min_length=1)]
-    span: tuple[Factor, Factor]
-    start: list[float]
-    end: list[float]
-    poses: Several
-    turns: list[float]
-
-    @property
-    def laws(self) -> dict[str, tuple[TimeLaw, int]]:
-        """Time laws, and the number of paths of each kind in a chunk."""
-        still = (0.0, 0.0)
-        full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), self.once)
-        ramped = TimeLaw(STEPS, RATE, self.rest, self.ramp, self.peak)
-        return {RAMPED: (ramped, self.paths), FULL_SPEED: (full, self.full_speed_paths)}
+def time_laws(options: SimpleNamespace) -> dict[str, tuple[TimeLaw, int]]:
+    """Return the time laws, and the number of paths of each kind in a chunk."""
+    still = (0.0, 0.0)
+    full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
+    ramped = TimeLaw(STEPS, RATE, options.rest, options.ramp, options.peak)
+    return {RAMPED: (ramped, options.paths), FULL_SPEED: (full, options.full_speed_paths)}
 
 
-def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; ``level`` only if the measurement noise is known."""
     stated, chain = laws.published(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
-    trial = partial(
-        widths_of_chunk, chain=chain, options=options, stated=stated, seed=settings.seed
-    )
-    label = "which_decomposition: paths"
-    chunks = list(run_trials(trial, range(options.chunks), compute=settings.compute, label=label))
-    drawn = {name: laws.joined([chunk[name] for chunk in chunks]) for name in options.laws}
+    common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
+    label, numbers = "which_decomposition: paths", range(options.chunks)
+    chunks = trials(settings, label, widths_of_chunk, numbers, **common)
+    drawn = {name: laws.joined([chunk[name] for chunk in chunks]) for name in time_laws(options)}
     ramped = drawn[RAMPED]
     priors = {RAMPED: ramped}
     priors |= {f"{kind}s alone": ramped.subset(ramped.kind == kind) for kind in KINDS}
@@ -118,8 +79,8 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
     sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
     tables = {
-        "evidence": pd.concat(likelihoods, ignore_index=True),
-        "widths": pd.concat(sizes, ignore_index=True),
+        "evidence": joined(likelihoods),
+        "widths": joined(sizes),
         "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
         "units": unit_rows(chain_of(robot_of(SPACE_ARM)), q, options.turns, stated.sigma_b),
     }
@@ -132,12 +93,12 @@ def evaluate(settings: SimpleNamespace, options: Options) -> Tables:
 
 
 def widths_of_chunk(
-    chunk: int, chain: PlanarChain, options: Options, stated: Published, seed: int
+    chunk: int, chain: PlanarChain, options: SimpleNamespace, stated: Published, seed: int
 ) -> dict[str, Widths]:
     """Return both models on the paths of one ``chunk`` of the arm ``chain``, by time law."""
     stream = rng.stream(seed, "which_decomposition", chunk)
     chain, parts = with_tool(chain, stream.uniform(*options.tool)), {}
-    for name, (law, count) in options.laws.items():
+    for name, (law, count) in time_laws(options).items():
         drawn = {kind: draw_paths(chain, law, kind, stated.u, count, stream) for kind in KINDS}
         parts[name] = laws.joined([laws.widths(chain, drawn[kind], stated, kind) for kind in KINDS])
     return parts
@@ -147,9 +108,6 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
     """Return the table ``units`` of the poses ``q`` (K, n), equally far apart on a straight line in
     the joints, of an arm whose task is its whole pose: the decompositions in other units, and in
     axes turned about z by ``turns`` in degrees.
-
-    Pivoted LU compares entries of different units and axes with each other. The QR of J depends on
-    the units alone, the QR of Jᵀ on neither.
     """
     jacobian, pseudoinverse = chain.jacobian(q), chain.inverse_jacobian(q)
     cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, np.diag([1000.0] * 3 + [1.0] * 3))]
@@ -184,7 +142,7 @@ def level_rows(recorded: Recorded) -> pd.DataFrame:
     variance = recorded.noise.var(axis=0, ddof=1).mean(axis=0) - np.diag(recorded.measurement)
     plain = tuple(PLAIN) if m == n == 3 else ()
     levels = [("recorded", np.nan, variance)]
-    for reading in (PIVOTED, *plain, QR, QR_TRANSPOSED):
+    for reading in (laws.PIVOTED, *plain, laws.QR, laws.QR_TRANSPOSED):
         parts = [part.mean(axis=-1) for part in laws.wishart_parts(reading, jacobian, inverse, v)]
         try:
             squares = StepSquares(*(part.sum() for part in parts))
@@ -206,7 +164,7 @@ def robot_of(dataset: str) -> Robot:
     return validated(Robot, read_yaml(file)["robot"], "robot", file)
 
 
-def facts(tables: Tables, options: object) -> dict[str, object]:
+def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
     integrated = evidence[evidence["tolerance"] == 0]
@@ -224,7 +182,7 @@ def facts(tables: Tables, options: object) -> dict[str, object]:
         first, last = (span(own.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
         choices.append(f"{size} {first}, with all quantities {last}")
     by = widths.set_index(["reading", "prior"])
-    ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[GAUSSIAN, "reached"])
+    ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
     below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
     unsquared = tables["unsquared"]
     still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
@@ -233,9 +191,9 @@ def facts(tables: Tables, options: object) -> dict[str, object]:
         "verb": "do not determine" if below and above else "favour one side of",
         "later": span(later, PHI_LATER),
         "best": "; ".join(best),
-        "odds": span(rows, [QR]),
-        "control": span(rows, [QR_TRANSPOSED]),
-        "widest": number(by.loc[QR_TRANSPOSED, "best"].iloc[0]),
+        "odds": span(rows, [laws.QR]),
+        "control": span(rows, [laws.QR_TRANSPOSED]),
+        "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
         "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
         "evidence": evidence_table(of_first(evidence, "size")),
         "span": options.span,
@@ -243,8 +201,8 @@ def facts(tables: Tables, options: object) -> dict[str, object]:
         "level": level_text(tables["level"]) if "level" in tables else "",
         "ramped": ramped,
         "constant": constant,
-        "least": number(by.loc[PIVOTED, "least_ratio"].min()),
-        "post": unsquared[unsquared["reading"] == PIVOTED].iloc[-1],
+        "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
+        "post": unsquared[unsquared["reading"] == laws.PIVOTED].iloc[-1],
         **{name: "{:g} to {:g}".format(*getattr(options, name)) for name in ranges},
         **(still["mm"] / still["m"]).to_dict(),
     }
@@ -264,15 +222,13 @@ def span(rows: pd.DataFrame, readings: list[str]) -> str:
 def level_text(level: pd.DataFrame) -> str:
     """Return the finding at the recorded level: σ_B and standard deviations by joint."""
     texts = []
-    for reading in ("recorded", PIVOTED, QR, QR_TRANSPOSED):
+    for reading in ("recorded", laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED):
         own = level[level["reading"] == reading]
         sigma_b = "" if reading == "recorded" else f" (σ̂_B {number(own['sigma_b'].iloc[0])})"
         stds = "/".join(number(1000 * std) for std in own["std"])
         texts.append(f"{NAMES.get(reading, reading)} {stds}{sigma_b}")
-    return (
-        "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints\n"
-        f"  are, in mrad: {'; '.join(texts)}.\n"
-    )
+    first = "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints"
+    return f"{first}\n  are, in mrad: {'; '.join(texts)}.\n"
 
 
 def evidence_table(rows: pd.DataFrame) -> str:
@@ -294,19 +250,11 @@ def evidence_table(rows: pd.DataFrame) -> str:
 
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
-    """Decompositions that the printed numbers allow.
-
-    (a) Standard deviation of a step at the printed parameters over the printed one (grey: 1), roots
-    of traces: median and middle 90 % of the paths with ramps and rest; an arrow marks an interval
-    that goes on. (b) Likelihood over the one of pivoted LU (grey: 1), the tolerance integrated out:
-    marks for the paths with ramps and rest, lines from the least to the greatest of six path
-    priors.
-    """
+    """Draw the figure of the page."""
     main, limits = of_first(widths, "prior").set_index("reading"), (0.02, 30)
     place = {reading: height for height, reading in enumerate(main.index)}
-    figure, ((left, right),) = style.panels(
-        style.TWO_COLUMNS, 0.27 * len(place) + 0.95, columns=2, sharey=True, width_ratios=(1, 1.25)
-    )
+    layout = {"columns": 2, "sharey": True, "width_ratios": (1, 1.25)}
+    figure, ((left, right),) = style.panels(style.TWO_COLUMNS, 0.27 * len(place) + 0.95, **layout)
     dot = {"color": style.BLACK, "marker": "o", "markersize": 4}
     for reading, height in place.items():
         low, median, high = main.loc[reading, ["low", "median", "high"]]
@@ -327,19 +275,18 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         right.plot(here["likelihood"], heights[here.index], linestyle="", markersize=4, **look)
     left.plot([], [], **dot, label="median, 90 % of the paths")
     left.plot([], [], color=style.GREY, label="printed value; pivoted LU")
-    names = NAMES | {QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
+    names = NAMES | {laws.QR_TRANSPOSED: r"QR of J$^\mathsf{T}$"}
     left.set_yticks(list(place.values()), [names[reading] for reading in place])
-    left.set(
-        xlim=limits, ylim=(len(place) - 0.5, -0.6), xlabel="standard deviation over printed one (1)"
-    )
+    left.set(xlim=limits, ylim=(len(place) - 0.5, -0.6))
+    left.set_xlabel("standard deviation over printed one (1)")
     right.set(xlim=(1e-3, 1e3), xlabel="likelihood over pivoted LU's (1)")
-    for axes, name in ((left, "a"), (right, "b")):
+    style.letters((left, right))
+    for axes in (left, right):
         axes.set_xscale("log")
         axes.axvline(1, color=style.GREY, linewidth=0.8, zorder=0)
         axes.tick_params(axis="y", length=0)
-        style.letter(axes, name)
     figure.legend(loc="outside lower center", ncols=5, columnspacing=1.2, handlelength=1.4)
     return figure
 
 
-run = Study(Options, evaluate, facts, draw).run
+run = Study(evaluate, facts, draw).run

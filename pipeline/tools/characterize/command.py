@@ -22,7 +22,7 @@ from pipeline.arm.model import chain_of
 from pipeline.core import config, contracts, datasheet
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.figures import noise_quantiles
+from pipeline.figures.motion import noise_quantiles
 from pipeline.figures.style import save
 from pipeline.models.other_motions import other_motions
 from pipeline.recordings import quality
@@ -81,7 +81,7 @@ def run(
         chosen = model or best
         record = None if chosen is None else exported(chosen, settings, motions)
         text = model_card(card, []).replace(TAILS, f"{TAILS}\n{PICTURE}\n", 1)
-        figure = noise_quantiles.draw(tables["noise_quantiles"])
+        figure = noise_quantiles(tables["noise_quantiles"])
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(figure, report, "noise_quantiles")

@@ -1,0 +1,156 @@
+"""Motion of the arm (Sec. 4.1.2): recordings, models and their parameters."""
+
+from __future__ import annotations
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from pipeline.core.columns import column, columns, members
+from pipeline.figures import style
+
+QUANTITIES = {
+    "one_step": "std of the process noise (rad)",
+    "free_running": "std of the joint angle (rad)",
+}
+OUTLYING = 3  # times the greatest of the other lines
+RIDGE_SHAPES = (
+    ("alpha", r"$\alpha$", "--"),
+    ("level", r"$\alpha\sqrt{u^2-\langle\Vert J^{-1}\Vert^2\rangle}$", "-"),
+)
+SOURCES = {
+    "recorded": {"linestyle": "-", "label": "recorded takes"},
+    "drawn": {"linestyle": ":", "label": "takes drawn from the model"},
+}
+PLAIN = {
+    "scaled_all": {"color": style.BLACK, "label": "speed-scaled"},
+    "scaled_t": {"color": style.VERMILLION, "ls": "--", "label": "speed-scaled, t"},
+    "distance_t": {"color": style.BLUE, "ls": "-.", "label": "distance-scaled, t"},
+}
+
+
+def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
+    """Fig. (JointRealzFig): one panel per joint, of the training part of ``joints``."""
+    training, names = joints[joints["part"] == "training"], members(joints, "q")
+    std = process_noise.groupby("t")[columns("w", names)].std()
+    q = training[columns("q", names)]
+    span = 0.54 * (q.max() - q.min()).max()
+    few = len(names) <= style.BESIDE
+    across, width = (1, style.ONE_COLUMN) if few else (2, style.TWO_COLUMNS)
+    figure, (row,) = style.joint_panels(len(names), across, (width, 1.2, 0.8))
+    # pixels, not paths: a hundred lines on top of each other would weigh megabytes
+    thin = {"color": style.RECORDED["color"], "linewidth": 0.4, "rasterized": True}
+    for (joint, line), axes in zip(style.joint_lines(names).items(), row, strict=True):
+        angles = training.pivot(index="t", columns="take", values=column("q", joint))
+        lines = axes.plot(angles.index, angles.to_numpy(), **thin)
+        (mean,) = axes.plot(angles.mean(axis=1), color=style.BLACK, linestyle="--", linewidth=0.7)
+        middle = (angles.min().min() + angles.max().max()) / 2
+        axes.set(ylabel=f"{line['label']} (rad)", ylim=(middle - span, middle + span))
+        axes.set_xlim(0, angles.index[-1])
+        right, green = axes.twinx(), {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
+        (noise,) = right.plot(std[column("w", joint)], **green)
+        right.set(ylabel="noise std (rad)", ylim=(0, 1.6 * std.max().max()))
+        right.spines["right"].set_visible(True)
+        for part in (right.yaxis.label, right.spines["right"]):
+            part.set_color(style.GREEN)
+        right.tick_params(axis="y", colors=style.GREEN)
+    labels = ("realisations", "mean", "std of the process noise (right)")
+    above = {"loc": "outside upper center", "ncols": 3, "columnspacing": 1.2}
+    figure.legend([lines[0], mean, noise], labels, **above)
+    return figure
+
+
+def joint_std(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str) -> Figure:
+    """Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
+    across, size = style.beside(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
+    lines = {"recorded": style.RECORDED} | style.model_lines(models)
+    figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
+    shown = deviation[deviation["source"].isin(lines)]
+    tops = shown.groupby("source")[columns("s", joints)].max().max(axis=1)
+    tops = tops.sort_values().to_list()
+    while len(tops) > 1 and tops[-1] > OUTLYING * tops[-2]:
+        tops.pop()
+    for (joint, name), axes in zip(style.joint_lines(joints).items(), row, strict=True):
+        for source, line in lines.items():
+            rows = deviation[deviation["source"] == source]
+            axes.plot(rows["t"], rows[column("s", joint)], **line)
+        axes.set(title=name["label"], xlim=(0, deviation["t"].max()))
+    row[0].set_ylim(0, 1.05 * tops[-1])
+    for first in row[::across]:
+        first.set_ylabel(QUANTITIES[mode])
+    style.legend(figure)
+    return figure
+
+
+def ridge(ridges: pd.DataFrame, models: list[str]) -> Figure:
+    """Draw a row of panels for each Gaussian matrix model among ``models``."""
+    named = [model for model in models if model in set(ridges["model"])]
+    size = {"rows": len(named), "columns": 2, "sharex": True}
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.4 + 1.8 * len(named), **size)
+    dot = {"color": style.VERMILLION, "marker": "o", "markersize": 3, "linestyle": "none"}
+    for (excess, shape), (model, line) in zip(grid, style.model_lines(named).items(), strict=True):
+        rows = ridges[ridges["model"] == model].set_index("u")
+        best = rows.loc[rows["excess"].idxmin()]
+        excess.plot(rows["excess"], color=line["color"])
+        excess.plot(best.name, best["excess"], **dot, clip_on=False)
+        label = f"{line['label']}\nexcess objective (unit: caption)"
+        excess.set(ylabel=label, ylim=(0, None))
+        for name, label, dashes in RIDGE_SHAPES:
+            look = {"color": line["color"], "linestyle": dashes, "label": label}
+            shape.plot(rows[name] / best[name], **look)
+        shape.plot(best.name, 1.0, **dot, label="best of the bounds tried")
+        shape.set(ylabel="over its value at the best (1)", ylim=(0, None))
+    grid[0, 1].legend(loc="upper right")
+    for axes, name in zip(grid[0], "ab", strict=True):
+        style.letter(axes, name, y=1.1)  # above the exponent of (a)
+    for axes in grid[-1]:
+        axes.set_xlabel(r"bound $u$ (1/m and 1 mixed)")
+    return figure
+
+
+def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Figure:
+    """Draw a panel for each Wishart model, in the colours of ``models``."""
+    named = list(sigma_b_weights["model"].unique())
+    height = 1.0 + 2.2 * len(named)
+    figure, grid = style.panels(style.ONE_COLUMN, height, rows=len(named), sharex=True)
+    lines, orange = style.model_lines(dict.fromkeys([*models, *named])), style.VERMILLION
+    for (axes,), model in zip(grid, named, strict=True):
+        rows = sigma_b_weights[sigma_b_weights["model"] == model]
+        points = {name: rows[rows["point"] == name] for name in ("curve", "moments", "used")}
+        for source, curve in points["curve"].groupby("source", sort=False):
+            look = SOURCES[source] | {"color": lines[model]["color"]}
+            axes.plot(curve["ratio"], curve["sigma_b"], **look)
+        ratio, level = (points["moments"][name] for name in ("ratio", "sigma_b"))
+        if len(level):
+            dashed = {"color": orange, "linewidth": 0.8, "linestyle": "--"}
+            axes.axhline(level.iloc[0], **dashed, label="moment estimate")
+            mark = {"color": orange, "markersize": 3, "label": "weight that returns it"}
+            axes.plot(ratio, level, "o", **mark)
+        used = {"color": style.GREY, "linewidth": 0.8, "label": "weight by the noise at rest"}
+        axes.axvline(points["used"]["ratio"].iloc[0], **used)
+        axes.set(xscale="log", ylim=(0, None), ylabel=r"$\hat\sigma_B$ (1)")
+        if len(named) > 1:
+            axes.set_title(lines[model]["label"])
+    style.legend(figure, ncols=2)
+    grid[-1, 0].set_xlabel(r"weight $\alpha_2/\alpha_1$ (rad)")
+    return figure
+
+
+def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
+    """Draw a panel for each joint, a line for each of three plain models."""
+    joints = list(dict.fromkeys(noise_quantiles["joint"]))
+    across = style.beside(len(joints))
+    lines = -(-len(joints) // across)
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.6 * lines, lines, across)
+    for axes in grid.flat[len(joints) :]:
+        axes.remove()
+    ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()
+    for joint, axes in zip(joints, grid.flat, strict=False):
+        axes.plot(ends, ends, color=style.LIGHT_GREY, label="normal law")
+        for model, line in PLAIN.items():
+            chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
+            axes.plot(*noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line)
+        axes.set(title=joint.replace("_", " "), xlabel="normal quantile (std)")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("noise (predicted std)")
+    style.legend(figure)
+    return figure

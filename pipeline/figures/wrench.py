@@ -1,0 +1,216 @@
+"""Wrench of cooperating robots (Secs. 3.2 and 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Arc, Patch, Polygon
+
+from pipeline.figures import style
+
+# the schematic: lengths without a scale, chosen so that no label meets a line
+CORNERS = np.array([[2.0, 1.1], [-2.0, 1.1], [-2.0, -1.1], [2.0, -1.1]])
+TILT = np.radians(10)
+CABLES = (  # attachment; direction (degrees) and length of the tension, nominal and perturbed
+    (CORNERS[0], (38, 2.4), (56, 3.0)),
+    (CORNERS[1], (142, 2.7), (124, 2.3)),
+    (CORNERS[3], (292, 2.3), (274, 2.8)),
+)
+STATES = (  # symbol, radius of the angle's arc, line
+    (r"\underline{{{}}}_{}", 0.65, {"color": style.BLUE, "linestyle": "-"}),
+    (r"\boldsymbol{{{}}}_{}", 1.25, {"color": style.VERMILLION, "linestyle": "--"}),
+)
+CENTRED = {"ha": "center", "va": "center"}
+BINS = 60  # of the histograms
+ROBOTS = 1.45  # distance of the robots' circles from the platform, in greatest tensions
+LEVELS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the greatest measured density in a plane
+LINES = {
+    "measured": style.RECORDED | {"label": "measured"},
+    "modelled": {"label": "matrix model", "color": style.BLUE, "linestyle": "--"},
+}
+SHOWN = 0.005  # of the greatest density of a panel: where its axis ends
+
+
+class DrawnConfiguration(Protocol):
+    """Mean direction (rad) and mean tension (N) of every cable."""
+
+    direction: list[float]
+    tension: list[float]
+
+
+def unit(angle: float) -> np.ndarray:
+    """Unit vector (2,) at an ``angle`` in rad."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def cable_robot() -> Figure:
+    """Fig. (MotivFig), in the paper's notation."""
+    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 3.0)
+    turn = np.array([[np.cos(TILT), -np.sin(TILT)], [np.sin(TILT), np.cos(TILT)]])
+    outline = {"facecolor": "#EEEEEE", "edgecolor": style.BLACK, "linewidth": 0.8}
+    axes.add_patch(Polygon(CORNERS @ turn.T, **outline))
+    for origin, frame, names in (([-4.3, -3.7], np.eye(2), "xy"), ([0.0, 0.0], turn, "uv")):
+        for direction, name in zip(frame.T, names, strict=True):
+            style.arrow(axes, origin, origin + 0.75 * direction, style.BLACK, arrowstyle="->")
+            axes.text(*(origin + 0.92 * direction), f"${name}$", **CENTRED)
+    for i, (local, *states) in enumerate(CABLES, start=1):
+        point = turn @ local
+        style.arrow(axes, (0, 0), point, style.GREY)
+        aside = np.array([-abs(point[1]), np.sign(point[1]) * point[0]]) / np.hypot(*point)
+        axes.text(*(0.36 * point + 0.28 * aside), f"$r_{i}$", **CENTRED)
+        level = np.column_stack([point, point + np.array([1.6, 0])])
+        axes.plot(*level, color=style.GREY, linestyle=":", linewidth=0.7)
+        for (degrees, tension), (symbol, radius, line) in zip(states, STATES, strict=True):
+            along, color = unit(np.radians(degrees)), line["color"]
+            tip = point + tension * along
+            axes.plot(*np.column_stack([point, tip]), **line)
+            style.arrow(axes, tip, tip + 0.12 * along, color)
+            size = {"width": 2 * radius, "height": 2 * radius, "theta2": degrees}
+            axes.add_patch(Arc(point, **size, color=color, linewidth=0.7))
+            # the label of a long arc stays clear of the platform
+            middle = point + (radius + 0.3) * unit(np.radians(min(degrees / 2, 70)))
+            for place, name in ((tip + 0.45 * along, "T"), (middle, r"\theta")):
+                axes.text(*place, f"${symbol.format(name, i)}$", color=color, **CENTRED)
+        axes.plot(*point, "o", color=style.BLACK, markersize=3)
+    axes.set(aspect="equal", xlim=(-4.9, 4.7), ylim=(-4.1, 4.6))
+    axes.set_axis_off()
+    return figure
+
+
+def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
+    """Fig. (ErrWrnRMT): one histogram per number of cables, all on the same bins."""
+    percent = 100 * wrench_errors["error"]
+    edges = np.linspace(0, percent.max(), BINS + 1)
+    groups = percent.groupby(wrench_errors["agents"])
+    colors = mpl.colormaps["viridis"](np.linspace(0, 0.9, len(groups)))
+    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.5)
+    for color, (agents, errors) in zip(colors, groups, strict=True):
+        look = {"histtype": "stepfilled", "facecolor": (*color[:3], 0.15), "edgecolor": color}
+        label = f"$m$ = {agents}: mean {errors.mean():.1f}, greatest {errors.max():.1f} %"
+        axes.hist(errors, edges, **look, linewidth=0.9, label=label)
+    axes.set(xlabel="relative error of the variances (%)", ylabel="number of systems")
+    axes.set_xlim(0, edges[-1])
+    axes.legend(loc="upper right")
+    return figure
+
+
+def wrench_density(
+    force_density: pd.DataFrame, configurations: Mapping[str, DrawnConfiguration]
+) -> Figure:
+    """Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations`` by name."""
+    height, count = 0.4 + 1.75 * len(configurations), len(configurations)
+    layout = {"rows": count, "columns": 3, "width_ratios": (1.3, 1, 1)}
+    figure, grid = style.panels(style.TWO_COLUMNS, height, **layout)
+    tension = max(max(each.tension) for each in configurations.values())
+    limits = [(force_density[c].min(), force_density[c].max()) for c in ("fx", "fy")]
+    shades = {"cmap": "CMRmap_r", "vmin": 0, "vmax": force_density["density"].max()}
+    for row, (name, each) in zip(grid, configurations.items(), strict=True):
+        pulls = np.multiply(each.tension, [np.cos(each.direction), np.sin(each.direction)])
+        _robots(row[0], each, pulls, ROBOTS * tension)
+        row[0].set_title(name, loc="left", fontweight="bold")
+        own = force_density[force_density["configuration"] == name]
+        for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
+            rows = own[own["source"] == source]
+            density = rows.pivot(index="fy", columns="fx", values="density")
+            cells = (density.columns, density.index, density.to_numpy())
+            image = axes.pcolormesh(*cells, **shades, rasterized=True)
+            cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}
+            axes.plot(*pulls.sum(axis=1), "+", **cross)
+            axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="N", ylabel="$F_y$ (N)")
+    for axes in grid[-1, 1:]:
+        axes.set_xlabel("$F_x$ (N)")
+    for axes, title in zip(grid[0], ("robots", "measured force", "matrix model"), strict=True):
+        axes.set_title(title)
+    figure.colorbar(image, ax=grid[:, 1:], label="density (N$^{-2}$)", shrink=0.5, aspect=30)
+    return figure
+
+
+def _robots(axes: Axes, configuration: DrawnConfiguration, pulls: np.ndarray, far: float) -> None:
+    """Draw cables from the platform to the robots, and the forces (2, m) in N they pull with."""
+    cables = zip(configuration.direction, configuration.tension, pulls.T, strict=True)
+    for i, (direction, tension, pull) in enumerate(cables, start=1):
+        robot = far * unit(direction)
+        axes.plot(*np.column_stack([(0, 0), robot]), color=style.GREY, linewidth=0.8, zorder=1)
+        circle = {"color": style.GREY, "markersize": 13, "markerfacecolor": "white", "zorder": 2}
+        axes.plot(*robot, "o", **circle)
+        axes.text(*robot, str(i), **CENTRED)
+        label = rf"$\underline{{T}}_{i}$ = {tension:.2f} N" + "\n"
+        label += rf"$\underline{{\theta}}_{i}$ = {direction:.2f} rad"
+        side, alignment = (1, "left") if robot[0] >= 0 else (-1, "right")
+        place = {"xytext": (10 * side, 0), "textcoords": "offset points", "ha": alignment}
+        axes.annotate(label, robot, **place, va="center", fontsize=7)
+        style.arrow(axes, (0, 0), pull, style.BLUE, linewidth=1.2)
+    style.arrow(axes, (0, 0), pulls.sum(axis=1), style.BLACK, linewidth=1.2)
+    axes.set(xlim=(-2 * far, 2 * far), ylim=(-1.2 * far, 1.2 * far), aspect="equal", anchor="N")
+    axes.set_axis_off()
+
+
+def wrench_planes(wrench_planes: pd.DataFrame) -> Figure:
+    """Draw planes across, configurations below each other."""
+    planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
+    by_name = list(wrench_planes.groupby("configuration", sort=False))
+    layout = {"rows": len(by_name), "columns": len(planes)}
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.3 * len(by_name), **layout)
+    for row, (name, table) in zip(grid, by_name, strict=True):
+        for axes, (x, y) in zip(row, planes, strict=True):
+            _plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
+            axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
+        row[0].set_title(name, loc="left", fontweight="bold")
+    lines = Line2D([], [], color=style.VERMILLION, lw=0.7, label="matrix model")
+    entries = [Patch(color=style.GREY, label="measured"), lines]
+    figure.legend(handles=entries, loc="outside upper center", ncols=2)
+    return figure
+
+
+def _plane(axes: Axes, table: pd.DataFrame) -> None:
+    measured, modelled = (
+        table[table["source"] == source].pivot(index="y", columns="x", values="density")
+        for source in ("measured", "modelled")
+    )
+    if measured.empty:  # a planar configuration beside others
+        axes.set_axis_off()
+        return
+    greatest = measured.to_numpy().max()
+    levels = greatest * np.array(LEVELS)
+    cells = (measured.columns, measured.index)
+    shades = axes.contourf(*cells, measured.to_numpy(), [*levels, greatest], cmap="Greys", vmin=0)
+    look = {"colors": style.VERMILLION, "linewidths": 0.7}
+    lines = axes.contour(*cells, modelled.to_numpy(), levels, **look)
+    for drawn in (shades, lines):
+        drawn.set_rasterized(True)
+    # as far as either density is
+    either = np.maximum(measured.to_numpy(), modelled.to_numpy()) > 0.01 * greatest
+    for across, values, limits in ((0, cells[0], axes.set_xlim), (1, cells[1], axes.set_ylim)):
+        there = np.asarray(values)[either.any(axis=across)]
+        limits(there[0], there[-1])
+    axes.locator_params(nbins=3)
+
+
+def wrench_marginals(wrench_marginals: pd.DataFrame) -> Figure:
+    """Draw rows of the wrench across, configurations below each other."""
+    rows = list(wrench_marginals["row"].unique())
+    by_name = list(wrench_marginals.groupby("configuration", sort=False))
+    layout = {"rows": len(by_name), "columns": len(rows)}
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.5 + 1.15 * len(by_name), **layout)
+    for line, (name, table) in zip(grid, by_name, strict=True):
+        for axes, row in zip(line, rows, strict=True):
+            own = table[table["row"] == row]
+            shown = own[own["density"] > SHOWN * own["density"].max()]
+            for source, look in LINES.items():
+                curve = own[own["source"] == source]
+                axes.plot(curve["value"], curve["density"], **look)
+            axes.set(xlabel=style.wrench_label(row), ylim=(0, None), yticks=[])
+            if len(shown):
+                axes.set_xlim(shown["value"].min(), shown["value"].max())
+            axes.locator_params(axis="x", nbins=3)
+        line[0].set_title(name, loc="left", fontweight="bold")
+        line[0].set_ylabel("density (1/N)")
+    style.legend(figure, ncols=2)
+    return figure
