@@ -12,8 +12,8 @@ import pandas as pd
 
 from pipeline.core.columns import PLANE, columns, members
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import cells_of, is_blank, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.number_sheet import read_sheet
 
 COLUMNS = ["t", "x", "z", "phi", "vx", "vz", "vphi"]  # s, m, m, rad, m/s, m/s, rad/s
 FAMILIES = ["t", *columns("x", PLANE), *columns("v", PLANE)]
@@ -60,31 +60,27 @@ def _even_rows(
     file: Path, choose: Callable[[list[str]], list[str]], otherwise: str = ""
 ) -> pd.DataFrame:
     """Return the columns of ``choose(labels)``, time first, its steps equal."""
-    text = read_text(file)
-    if text.cut is not None:
-        message = "the last row has no line end, so it may be cut; export the trajectory again"
-        raise RecordingError(message, file=file, line=len(text.lines) + 1)
-    labels = cells_of(text.lines[0], ",", file=file, number=1)
-    wanted = choose(labels)
-    if missing := [column for column in wanted if labels.count(column) != 1]:
+    sheet = read_sheet(file, separator=",", decimal=".")
+    wanted, message, line = choose(sheet.labels), "", sheet.label_line
+    if missing := [column for column in wanted if sheet.labels.count(column) != 1]:
         message = f"the header must name {', '.join(missing)} once each, of {', '.join(wanted)}"
-        raise RecordingError(f"{message}{otherwise}", file=file, line=1)
-    places = [n for n, line in enumerate(text.lines[1:], start=2) if not is_blank(line, ",")]
-    if len(places) < 2:
-        message = "a trajectory needs at least two rows"
-        raise RecordingError(message, file=file, line=len(text.lines))
-    rows = [text.lines[place - 1] for place in places]
-    if (held := rows[0].count(",") + 1) != len(labels):
-        message = f"the row has {held} cells under {len(labels)} labels"
-        raise RecordingError(message, file=file, line=places[0])
-    table = numbers_of(rows, places, [labels.index(column) for column in wanted], file=file)
+        message += otherwise
+    elif sheet.counts["cut_rows"]:
+        message = "the last row is short or has no line end: it may be cut; export it again"
+        line = sheet.lines[-1] + 1
+    elif len(sheet.rows) < 2:
+        message, line = "a trajectory needs at least two rows", sheet.lines[-1]
+    if message:
+        raise RecordingError(message, file=file, line=line)
+    table = sheet.values([sheet.labels.index(column) for column in wanted])
     steps = np.diff(table[:, 0])
     step = float(np.median(steps))
     uneven = (np.abs(steps - step) > STEP_TOLERANCE) | (steps <= 0)
     if uneven.any():
         first = int(np.argmax(uneven))
         message = f"the step is {steps[first]:.6g} s, elsewhere {step:.6g} s; steps must be equal"
-        raise RecordingError(f"{message} and positive", file=file, line=places[first + 1])
+        message += " and positive"
+        raise RecordingError(message, file=file, line=sheet.lines[first + 1])
     return pd.DataFrame(table, columns=wanted)
 
 

@@ -20,7 +20,7 @@ which stay where they were while a body is lost. No row states a unit of length,
 from __future__ import annotations
 
 from collections import defaultdict
-from math import inf, isnan, nan
+from math import isfinite, isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -28,17 +28,8 @@ import numpy as np
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, is_blank
-from pipeline.formats.motion.take import (
-    FROM_TIMES,
-    NO_ASSET,
-    STRAY,
-    WHOLE,
-    MotionTake,
-    TakeBuilder,
-    frame_numbers,
-    rate_from_times,
-    settle_unit,
-)
+from pipeline.formats.motion import take as capture
+from pipeline.formats.motion.take import MotionTake
 
 BODY_ROWS = ("rigidbody", "trackable")
 ROW_TYPES = ("comment", "info", "righthanded", "lefthanded", "frame", *BODY_ROWS)
@@ -62,24 +53,19 @@ class RowCells:
     def count(self) -> int:
         """Return the next cell, a count or an ID."""
         (cell,) = self.take(1)
-        if not WHOLE.fullmatch(cell):
-            raise ValueError(f"cell {self.place} holds {cell!r} where a count or an ID should be")
+        if not capture.WHOLE.fullmatch(cell):
+            raise ValueError(f"cell {self.place} holds {cell!r} where a count or an ID is required")
         return int(cell)
 
     def numbers(self, count: int) -> list[float]:
         """Return the next ``count`` cells, NaN where one is missing."""
-        cells = self.take(count)
-        if wrong := [cell for cell in cells if cell not in MISSING and not NUMBER.fullmatch(cell)]:
-            raise ValueError(f"there is {wrong[0]!r} before cell {self.place + 1}, not a number")
-        values = [nan if cell in MISSING else float(cell) for cell in cells]
-        if inf in values or -inf in values:
-            raise ValueError(f"a number is too large before cell {self.place + 1}")
+        values = []
+        for cell in self.take(count):
+            number = float(cell) if NUMBER.fullmatch(cell) else nan
+            if cell not in MISSING and not isfinite(number):
+                raise ValueError(f"before cell {self.place + 1} is {cell!r}, not a finite number")
+            values.append(number)
         return values
-
-    def end(self) -> None:
-        """Raise ValueError where a cell with content follows."""
-        if any(self.cells[self.place :]):
-            raise ValueError(f"the row goes on after cell {self.place}, where its counts end it")
 
 
 class RowsSoFar:
@@ -96,24 +82,22 @@ class RowsSoFar:
         self.stray_ids: set[str] = set()
         self.body_rows = 0
 
-    def add(self, row: RowCells, line: int) -> None:
+    def add(self, cells: list[str], line: int) -> None:
         """Add the row at ``line``."""
-        kind = row.cells[0]
+        kind, row = cells[0], RowCells(cells)
         if kind == "info":
             key, value = row.take(2)
             self.infos[key] = value
             self.named |= key == "version" and value not in ("1", "1.0", "1.00")
-        elif kind == "frame":
-            self.line.append(line)
-            self._add_frame(row)
-            row.end()
-        elif kind in BODY_ROWS:
-            (self._add_body if self.frame else self._define)(row)
-            row.end()
-        elif kind == "lefthanded":
-            raise ValueError("the take is left-handed; export it right-handed")
+        elif kind == "frame" or kind in BODY_ROWS:
+            self.line += [line] if kind == "frame" else []
+            add_body = self._add_body if self.frame else self._define
+            (self._add_frame if kind == "frame" else add_body)(row)
+            if any(cells[row.place :]):
+                raise ValueError(f"the row goes on after cell {row.place}, where its counts end it")
         elif kind != "righthanded":
-            raise ValueError(f"no row type {kind!r}; there are {', '.join(ROW_TYPES)}")
+            message = f"the row is of the type {kind!r}, where a right-handed take has "
+            raise ValueError(f"{message}{', '.join(ROW_TYPES)}")
 
     def _define(self, row: RowCells) -> None:
         (name,), identity, markers = row.take(1), row.count(), row.count()
@@ -129,15 +113,13 @@ class RowsSoFar:
         self.frame += row.numbers(1)
         self.time += row.numbers(1)
         for _ in range(row.count()):
-            identity = row.count()
-            pose = self.poses.get(self.names.get(identity, ""))
-            if pose is None or k in pose:
-                fault = "is not defined" if pose is None else "has two poses"
-                raise ValueError(f"rigid body {identity} {fault}")
+            pose = self.poses.get(self.names.get(identity := row.count(), ""), {k: []})
+            if k in pose:
+                raise ValueError(f"rigid body {identity} is not defined, or has two poses")
             pose[k] = row.numbers(10)[:7]  # position, quaternion, and angles that repeat it
         for _ in range(row.count()):
             sample, (identity, *name) = row.numbers(3), row.take(2 if self.named else 1)
-            if STRAY.fullmatch(name := "".join(name)):
+            if capture.STRAY.fullmatch(name := "".join(name)):
                 strays.append(sample)
                 self.stray_ids.add(identity)
             elif self.markers.setdefault(name, {}).setdefault(k, sample) is not sample:
@@ -146,10 +128,8 @@ class RowsSoFar:
 
     def _add_body(self, row: RowCells) -> None:
         at, (name,), identity = row.numbers(2), row.take(1), row.count()
-        if at != [self.frame[-1], self.time[-1]]:
-            raise ValueError(f"the row of rigid body {name!r} is not of the frame before it")
-        if self.names.get(identity) != name:
-            raise ValueError(f"rigid body {name!r} (ID {identity}) is not defined")
+        if at != [self.frame[-1], self.time[-1]] or self.names.get(identity) != name:
+            raise ValueError(f"rigid body {name!r} is not defined, or not of the frame before it")
         row.count()
         markers, strays = row.count(), self.strays[-1]
         row.take((4 if self.named else 3) * markers)
@@ -164,14 +144,6 @@ class RowsSoFar:
         self.body_rows += 1
 
 
-def _dense(samples: Samples, frames: int, width: int) -> dict[str, np.ndarray]:
-    tables = {name: np.full((frames, width), nan) for name in samples}
-    for name, held in samples.items():
-        if held:
-            tables[name][[*held]] = [*held.values()]
-    return tables
-
-
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in the row-typed ``text``; see :func:`..motive.read_motive`."""
     held, previous = RowsSoFar(), None
@@ -182,44 +154,43 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         if (blank := is_blank(line, ",")) or line == previous:
             counts["blank_rows" if blank else "repeated_rows"] += 1
             continue
-        cells = cells_of(line, ",", file=file, number=number)
         try:
-            held.add(RowCells(cells), number)
+            held.add(cells_of(line, ",", file=file, number=number), number)
         except ValueError as error:
             raise RecordingError(f"{error}; export it again", file=file, line=number) from None
         previous = line
-
-    if not held.frame:
-        message = "the file holds no frame; export the take again"
-        raise RecordingError(message, file=file, line=len(text.lines))
-    unit = settle_unit("", unit, file, key="info")
-    frame, printed = frame_numbers(np.array(held.frame), held.line, file), np.array(held.time)
-    rate = rate_from_times(frame, printed)
-    if rate is None:
-        message = "the times of the frames do not increase, so that they give no rate"
-        raise RecordingError(message, file=file, line=held.line[-1])
-    if WHOLE.fullmatch(announced := held.infos.get("framecount", "")):
+    frame = capture.frame_numbers(np.array(held.frame), held.line, file)
+    printed = np.array(held.time)
+    if (rate := capture.rate_from_times(frame, printed)) is None:
+        message = "the file holds no frame, or their times do not increase, so that they give no "
+        message += "rate; export the take again"
+        raise RecordingError(message, file=file, line=[len(text.lines), *held.line][-1])
+    unit = capture.settle_unit("", unit, file, key="info")
+    if capture.WHOLE.fullmatch(announced := held.infos.get("framecount", "")):
         counts["announced_frames"] = int(announced)
     names = len(held.markers) + len(held.poses) + max(map(len, held.strays))
     require("markers", names, "markers and bodies", file)
     if not names:
-        raise RecordingError(f"{NO_ASSET}; export it with them", file=file, line=held.line[0])
+        raise RecordingError(f"{capture.NO_ASSET}; export it with them", file=file)
     # a name that few rows hold is a column of all frames
     require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
     strays: Samples = defaultdict(dict)
     for k, samples in enumerate(held.strays):
         for i, sample in enumerate(samples, start=1):
             strays[f"Unlabeled {i}"][k] = sample
+    take = capture.TakeBuilder(unit, frame, rate, printed, counts, file, held.line)
 
-    def place(k: int, *_: int) -> dict[str, object]:
-        return {"file": file, "line": held.line[k]}
+    def dense(samples: dict[int, list[float]], width: int) -> np.ndarray:
+        table = np.full((len(frame), width), nan)
+        table[[*samples]] = np.array([*samples.values()]).reshape(-1, width)
+        return table
 
-    take = TakeBuilder(unit, frame, rate, printed, counts)
-    for name, position in _dense(held.markers | strays, len(frame), 3).items():
-        take.markers[name] = take.position(position, name, place)
-    for name, pose in _dense(held.poses, len(frame), 7).items():
-        take.bodies[name] = take.body(pose[:, :3], pose[:, 3:], name, place)
+    for name, samples in (held.markers | strays).items():
+        take.markers[name] = take.position(dense(samples, 3), name)
+    for name, samples in held.poses.items():
+        pose = dense(samples, 7)
+        take.bodies[name] = take.body(pose[:, :3], pose[:, 3:], name)
     more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
     lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
     more["lacking_body_rows"] = lacking
-    return take.take(Path(file).stem, held.infos.get("version", "1.0"), more, FROM_TIMES)
+    return take.take(file.stem, held.infos.get("version", "1.0"), more, capture.FROM_TIMES)

