@@ -125,7 +125,7 @@ def numbers_of(
             if not (is_number or (gaps and cell in MISSING)):
                 message = f"column {column + 1} has no number; fill it in, or leave the row out"
                 if cell not in MISSING:
-                    message = f"column {column + 1} holds {cell[:80]!r}, not a finite number up to "
-                    message += f"{GREATEST:g}"
+                    message = f"column {column + 1} holds {cell[:80]!r}, not a finite number"
+                    message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
                 raise RecordingError(message, file=file, line=line)
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)

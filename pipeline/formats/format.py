@@ -103,8 +103,8 @@ class Format:
 
 @cache
 def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
-    """Return the formats of the ``kinds`` (all by default) in ``package``, below it too, in the
-    order of their modules' names, tables last, since others begin like them too.
+    """Return the formats of the ``kinds`` (all by default) in and below ``package``, by their
+    modules' names; tables last, since others begin like them too.
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
     declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
@@ -119,9 +119,7 @@ def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
-    """Return the first of the ``formats`` that ``file`` begins like; RecordingError where it cannot
-    be opened.
-    """
+    """Return the first of the ``formats`` that ``file`` begins like; RecordingError if unread."""
     with readable(file):
         return recognised(Head.read(file), formats)
 
@@ -143,8 +141,8 @@ def file_content(file: Path) -> bytes:
 
 
 def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
-    """Return ``function(*arguments)``, called in a process of its own, which bounds time and memory
-    and which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
+    """Return ``function(*arguments)`` of a process of its own, which bounds time and memory and
+    which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
     """
     with advised(advice):
         return call_alone(function, *arguments, file=file)
@@ -175,9 +173,7 @@ def is_xml(*names: str) -> Callable[[Head], bool]:
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether ``path`` is called a ROS bag: a file with a bag's suffix, or a folder with the
-    metadata.yaml of ROS 2.
-    """
+    """Return whether ``path`` has a bag's suffix, or is a folder with ROS 2's metadata.yaml."""
     if os.path.isfile(path):  # False, as Path.is_file is not, where it may not be looked at
         return path.suffix in BAG_SUFFIXES
     return os.path.isfile(path / "metadata.yaml")

@@ -267,7 +267,9 @@ def _header(
     cells = above[-1] if above else []
     numbers = _numbers([cells[column] for column in numeric if column < len(cells)])
     if numbers and not _counts_on(cells) and (len(cells) == len(last) or numbers == len(cells)):
-        raise fault(f"words and numbers in one line: {lines[-1][:80]!r}", places[len(lines) - 1])
+        raise fault(
+            f"words and numbers in a damaged row: {lines[-1][:80]!r}", places[len(lines) - 1]
+        )
     if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
         message = f"the row has {len(last)} cells under {len(labels)} labels up to {labels[-1]!r}"
         raise fault(message, places[len(lines)])

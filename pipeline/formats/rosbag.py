@@ -48,8 +48,8 @@ def _summary(file: Path) -> Summary:
 
 
 def topics(file: Path) -> dict[str, str]:
-    """Return topic → type (``sensor_msgs/msg/Image``, of both ROS versions) of the topics with at
-    least one message in the bag ``file``; RecordingError as :func:`messages`.
+    """Return topic → type (``sensor_msgs/msg/Image``, of both ROS versions) of the topics with a
+    message in the bag ``file``; RecordingError as :func:`messages`.
     """
     return {topic: kind for topic, (kind, number) in summary(file).topics.items() if number}
 
@@ -71,12 +71,13 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
 def messages(
     file: Path, topic: str, pick: Callable[[Any], Any], numbers: Collection[int] | None = None
 ) -> Iterator[Any]:
-    """Yield ``pick(message)`` of the messages of ``topic`` in the bag ``file``, of all or those of
-    the ``numbers``, in the order of their recording; memory holds one message and its chunk.
+    """Yield ``pick(message)`` (pickled, called in the process that reads) of the messages of
+    ``topic`` in the bag ``file``, of all or those of the ``numbers``, in the order of their
+    recording.
 
-    ``pick`` runs in the process that reads, and is pickled; a message has the attributes of its ROS
-    definition. Raises RecordingError for a bag that is missing, truncated, damaged or unindexed,
-    for fewer messages than it announces, and, with the message's number from 0, as ``pick`` does.
+    Memory holds one message, which has the attributes of its ROS definition. Raises RecordingError
+    for a bag that is missing, truncated, damaged or unindexed, for fewer messages than it
+    announces, and, with the message's number from 0, as ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
@@ -91,7 +92,6 @@ def messages(
 
 
 def _start(file: Path, topic: str) -> int:
-    """Return the number of messages of the topic of a bag that is opened in this process."""
     _streams[:] = [_stream(file, topic)]
     return next(_streams[0])
 

@@ -23,10 +23,8 @@ STEP_TOLERANCE = 1.01e-6
 
 def read_trajectory(file: Path) -> pd.DataFrame:
     """Return the trajectory in ``file``: one row a time step, the column t in s and, float64, the
-    families x and v of the task's rows in m, m, rad and per second, the family q of the joints in
-    rad, or both. The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint,
-    or all, in any order.
-
+    families x and v of the task's rows in m, m, rad and per second, q of the joints in rad, or all.
+    The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint, or all.
     Raises RecordingError, with the line where there is one, for missing columns, fewer than two
     rows, no finite number, steps that are not positive and equal within a microsecond, an angle
     that jumps by more than half a turn, and a last row without line end.
@@ -50,9 +48,7 @@ def read_trajectory(file: Path) -> pd.DataFrame:
 
 
 def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
-    """Return the poses in ``file``, the columns t in s and the rows of the ``task`` by their names
-    in m and rad; the file may have others.
-    """
+    """Return t in s and the rows of the ``task`` in m and rad; ``file`` may have others."""
     return _even_rows(file, lambda _: ["t", *task])
 
 
@@ -85,9 +81,7 @@ def _even_rows(
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and the families x and v of the plane and q of ``trajectory``, as far as it has them;
-    every number reads back bit for bit.
-    """
+    """Write t and the families x, v and q of ``trajectory``, as far as it has them, bit for bit."""
     joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
     chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")

@@ -108,7 +108,6 @@ def test_units_are_those_of_the_time_and_of_the_joints_whatever_is_beside_them(t
 FOREIGN = {
     "TRC": ("PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\nFrame#\tTime\tA\n1\t0.0\t1\n", "C3D"),
     "Qualisys ": ("FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n", "C3D"),
-    "Qualisys": ("NO_OF_FRAMES\t2\nFREQUENCY\t100\nFrame\tTime\tA X\n1\t0\t5\n2\t1\t6\n", "C3D"),
     " Vicon": ("Trajectories\n100\n,,Arm:a,,\nFrame,Sub Frame,X,Y,Z\n1,0,1,2,3\n", "C3D"),
     "Vicon": ("TRAJECTORIES\n100,Hz\n,,a,,\nFrame,Sub Frame,X\n1,0,1\n", "C3D"),
     "Vicon ": ("\ufeffModel Outputs,,,\r\n100,,,\r\nFrame,Sub Frame,X\r\n1,0,1\r\n", "C3D"),

@@ -5,23 +5,21 @@ the line or key that it names.
 from __future__ import annotations
 
 import struct
-import zlib
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import pytest
-from depth_files import CALIBRATIONS, CLOUDS, frame, png, tiff
+from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, ZIPPED, encoded, frame, png, tiff
 from motive_files import DEFINITION, MARKER, TOP, TRACKED, body_row, frame_row, seen_row
-from written_logs import netft_text, refusal
+from written_logs import CALIBRATION, netft_text, refusal
 
 from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth
 from pipeline.formats.depth.index import read_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
-from pipeline.formats.force.calibration import AXES, read_calibration
+from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
 from pipeline.formats.joints.log import LogOptions
@@ -30,7 +28,6 @@ from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.trajectory import COLUMNS, read_trajectory
 
 FORCE, JOINTS = "dataset.force.log", "dataset.joint_log"
-SMALL = frame(shape=(12, 16))
 VALUES = np.random.default_rng(1).normal(size=(12, 6))
 WRENCHES = ForceRecord(np.arange(12) / 500, VALUES[:, :3], VALUES[:, 3:], 500.0, "FT7", "4/2", {})
 TABLE = {"t": "time", "fx": "F1", "fy": "F2", "fz": "F3", "tx": "M1", "ty": "M2", "tz": "M3"}
@@ -40,23 +37,13 @@ BY_NAME = LogOptions(joints=2, signals={"actual": ["q1", "q2"]})
 DAQ = ",".join(f'"{kind} {axis} ({unit})"' for kind, unit in (("Force", "N"), ("Torque", "N-m"))
                for axis in "XYZ")  # fmt: skip
 DAQ += ',Frequency = 1000,Averaging Level = 16,F/T Serial Number = FT1\n"1.5","2","3","4","5","6"\n'
-GAUGES = "".join(f'<UserAxis Name="{a}" values="1 2 3 4 5 {a[1]}" max="25"/>\n' for a in AXES)
-GAUGES = GAUGES.replace(" x", " 6.25").replace(" y", " 7").replace(" z", " 8")
-CALIBRATION = '<?xml version="1.0" encoding="utf-8"?>\n<FTSensor Serial="FT1">\n<Calibration '
-CALIBRATION += f'ForceUnits="N" TorqueUnits="N-mm">\n{GAUGES}</Calibration></FTSensor>\n'
 SAMPLES = "0.5,1,2,3,4,5,6\n0.6,1,2,3,4,5,7\n0.7,1,2,3,4,5,8\n"
 STEPS = "\n".join([",".join(COLUMNS), *(f"{k / 10},1,1,1,1,1,1" for k in range(9)), ""])
 ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
 MOTIVE = TOP.format(rotation="Quaternion", unit="Meters") + "\n\n" + MARKER + ROWS
 TYPED = "righthanded\ninfo,version,1.1\n"
-ZIPPED = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
-PNG, TIFF = cv2.imencode(".png", SMALL)[1].tobytes(), tiff(SMALL, "", compression="tiff_lzw")
-PGM = b"P5\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
+PNG, TIFF = encoded(".png", SMALL), tiff(SMALL, "", compression="tiff_lzw")
 SEVERAL = tiff(SMALL, "", save_all=True, append=[frame(2, (12, 16))])
-
-
-def encoded(ending: str, image: np.ndarray) -> bytes:
-    return cv2.imencode(ending, image)[1].tobytes()
 
 
 def opencv() -> bytes:

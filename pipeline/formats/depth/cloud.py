@@ -59,7 +59,7 @@ class PointCloud:
 
 class CloudHeader(NamedTuple):
     """Content of a cloud's header; ``point`` is the record of a point, ``form`` one of PCD_FORMATS
-    or PLY_FORMATS, ``start`` the first byte of the points, ``more`` True where others follow them.
+    or PLY_FORMATS, ``start`` the first byte of the points, ``more`` whether others follow them.
     """
 
     count: int
@@ -83,12 +83,10 @@ def read_cloud(file: Path) -> PointCloud:
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
-    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame, as in PCL
-    and Open3D; other fields than x, y, z are passed over, as are bytes behind the announced points,
-    which are counted: PCL pads files to whole pages.
-
-    Raises RecordingError for content that is truncated, of another format, without x, y and z, or
-    with data other than the header announces.
+    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame; other
+    fields are passed over, and bytes behind the announced points counted: PCL pads files to whole
+    pages. Raises RecordingError for content that is truncated, of another format, without x, y and
+    z, or with data other than the header announces.
     """
     try:
         header = (_ply_header if _is_ply(content) else _pcd_header)(content)
@@ -172,9 +170,7 @@ def load_open3d() -> ModuleType:
 
 
 def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
-    """Return (N, 3) float64 of the points, and the number of bytes behind them; Open3D is given
-    them as PCD, a PLY's in the order of bytes that PCD has.
-    """
+    """Return (N, 3) float64 points, and the number of bytes behind them, by Open3D as PCD."""
     data, form, point = content[header.start :], header.form, header.point
     size = unpacked = header.count * point.itemsize
     if form == "binary_compressed":

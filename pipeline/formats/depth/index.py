@@ -61,9 +61,7 @@ def read_index(file: Path) -> DepthIndex:
 
 
 def dropped_frames(time: np.ndarray) -> int:
-    """Return the number of frames that lack between those of ``time`` (F,) in s, increasing, by
-    steps of the median's length.
-    """
+    """Return the number of frames that lack between those of ``time`` (F,) in s by median steps."""
     steps = np.diff(time)
     lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
     return int(np.sum(np.maximum(lost, 0)))
@@ -77,9 +75,9 @@ def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
 
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
-    """Return the frames of ``folder`` whose paths match the glob ``pattern``, in the order of the
-    last number n in their names, each (n − first)/``rate`` s after the first. RecordingError where
-    no file matches, a name has no number, names differ in more than the number, or one comes twice.
+    """Return the frames of ``folder`` that match the glob ``pattern``, by the last number n in
+    their names, each (n − first)/``rate`` s after the first. RecordingError where no file matches,
+    names differ in more than one number or have none, or one comes twice.
     """
     numbers: dict[int, Path] = {}
     forms = set()

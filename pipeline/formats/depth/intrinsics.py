@@ -99,14 +99,12 @@ def read_intrinsics(
     matrix: str | None = None,
     distortion: str | None = None,
 ) -> Intrinsics:
-    """Return the intrinsics of a camera of ``width`` × ``height`` pixels; a size that the file
-    states must be that. Without one it is the file's, else ANY_SIZE.
-
-    ``matrix`` and ``distortion`` name the keys where they are not the usual ones, or where the file
-    holds several. Only JSON may leave the distortion out, for a camera without. Of the messages of
-    a CameraInfo that ROS prints, all must be equal but for their headers. Raises RecordingError for
-    a file of none of the formats, a key that is not there or not the only one (naming those that
-    are), values that are no camera's, a distortion model that is not OpenCV's, and another size.
+    """Return the intrinsics for images of ``width`` × ``height`` pixels, by default of the file's
+    size, else of ANY_SIZE. ``matrix`` and ``distortion`` name the keys where they are not the usual
+    ones, or where the file holds several. Only JSON may leave the distortion out, for a camera
+    without; messages of a CameraInfo that ROS prints must be equal but for their headers. Raises
+    RecordingError for a file of none of the formats, a key that is not there or not the only one,
+    values that are no camera's, a distortion model that is not OpenCV's, and another size.
     """
     # a library may end on damaged text, or take any time
     values, is_json = read_alone(_values, Path(file), file=file, advice="export it again")
@@ -161,7 +159,7 @@ def read_intrinsics(
 
 def _values(file: Path) -> tuple[Mapping, bool]:
     """Return the file's values by key, numbers as they are written, of whole lines alone, as in
-    YAML nothing else shows that a number was cut; and whether it is JSON.
+    YAML nothing else shows a number that was cut; and whether it is JSON.
     """
     text = read_text(file)
     body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])

@@ -29,11 +29,10 @@ Held = dict[str, np.ndarray]
 
 def read_arrays(file: Path, options: LogOptions) -> JointLog:
     """Return the signals of ``options`` in ``file``, by default the measured and the commanded
-    angles by their names; columns of an array are ``ARRAY:COLUMN``, from 0.
-
-    Raises RecordingError for a damaged file; with the array and row (from 0), for numbers that are
-    not finite and times that do not increase; with the option that settles it for a name that is
-    not there, not the only one or not of (N, joints) numbers.
+    angles by their names; columns of an array are ``ARRAY:COLUMN``, from 0. Raises RecordingError
+    for a damaged file; with the array and row (from 0), for numbers that are not finite and times
+    that do not increase; with its option for a name that is not there, not the only one or not of
+    numbers.
     """
     head = Head.read(file)
     if head.content.startswith(HDF5):

@@ -117,9 +117,9 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
 
 
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Return the ``labels`` of columns by the name that they share beside their number, in the
-    order of the numbers, as ``q_0, q_1``; and under actual or target where words name the joints,
-    as ``actual_elbow, actual_wrist_1``.
+    """Return the ``labels`` by the name that they share beside their number, in the order of the
+    numbers, as ``q_0, q_1``; under actual or target where words name the joints, as
+    ``actual_elbow``.
     """
     numbered: dict[str, dict[int, str]] = {}
     worded: dict[str, list[str]] = {}
@@ -145,11 +145,10 @@ def signals_of(
     time: np.ndarray | None = None,
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return signal → columns of the joints, and signal → the reason why it is a guess.
-
-    A signal is there where one name alone says it is; where the values are given (``load(label)``
-    returns a column (N,) at ``time`` (N,)), also where one group alone follows the measured angles,
-    and no group that is their derivative or a quaternion.
+    """Return signal → columns of the joints, and signal → the reason why it is a guess: a signal
+    whose name alone says it, or, with the values (``load(label)`` returns a column (N,) at ``time``
+    (N,)), one group that alone follows the measured angles and is neither their derivative nor a
+    quaternion.
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}

@@ -249,8 +249,8 @@ def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.n
 
 def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     """Write ``take`` as Motive's 1.23 export in metres: six decimals, CRLF, a missing sample as
-    blank cells, rigid bodies before markers; ``start`` is the capture's start as Motive prints it,
-    such as ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
+    blank cells, bodies before markers; ``start`` is the capture's start as Motive prints it, such
+    as ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
     """
     values = dict.fromkeys(KEYS, "") | dict.fromkeys(RATES, f"{take.rate:.6f}")
     values |= {"Format Version": "1.23", "Take Name": _quoted(take.name)}

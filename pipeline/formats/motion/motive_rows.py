@@ -20,6 +20,8 @@ which stay where they were while a body is lost. No row states a unit of length,
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
+from itertools import islice
 from math import isfinite, isnan, nan
 from pathlib import Path
 
@@ -37,41 +39,13 @@ SAMPLE = 24  # bytes of x, y, z
 Samples = dict[str, dict[int, list[float]]]  # name → index of the frame → numbers
 
 
-class RowCells:
-    """Cells of one row, taken from left to right; ValueError for a cell that should not come."""
-
-    def __init__(self, cells: list[str]) -> None:
-        self.cells, self.place = cells, 1
-
-    def take(self, count: int) -> list[str]:
-        """Return the next ``count`` cells."""
-        self.place += count
-        if (held := len(self.cells)) < self.place:
-            raise ValueError(f"the row has {held} cells where its counts require {self.place}")
-        return self.cells[self.place - count : self.place]
-
-    def count(self) -> int:
-        """Return the next cell, a count or an ID."""
-        (cell,) = self.take(1)
-        if not capture.WHOLE.fullmatch(cell):
-            raise ValueError(f"cell {self.place} holds {cell!r} where a count or an ID is required")
-        return int(cell)
-
-    def numbers(self, count: int) -> list[float]:
-        """Return the next ``count`` cells, NaN where one is missing."""
-        values = []
-        for cell in self.take(count):
-            number = float(cell) if NUMBER.fullmatch(cell) else nan
-            if cell not in MISSING and not isfinite(number):
-                raise ValueError(f"before cell {self.place + 1} is {cell!r}, not a finite number")
-            values.append(number)
-        return values
-
-
 class RowsSoFar:
-    """Content of the rows that were added; ValueError for a row that cannot come."""
+    """Content of the rows that were added, whose cells are taken from left to right; ValueError for
+    a cell or a row that cannot come.
+    """
 
     def __init__(self) -> None:
+        self.cells: Iterator[str] = iter(())  # of the row, that are not taken yet
         self.named = False  # whether markers have IDs and names of their own (1.1)
         self.infos: dict[str, str] = {}
         self.names: dict[int, str] = {}  # of bodies by ID
@@ -82,43 +56,65 @@ class RowsSoFar:
         self.stray_ids: set[str] = set()
         self.body_rows = 0
 
-    def add(self, cells: list[str], line: int) -> None:
-        """Add the row at ``line``."""
-        kind, row = cells[0], RowCells(cells)
+    def take(self, count: int) -> list[str]:
+        """Return the next ``count`` cells."""
+        if len(cells := [*islice(self.cells, count)]) < count:
+            raise ValueError(f"the row has fewer cells than the {count} more its counts require")
+        return cells
+
+    def count(self) -> int:
+        """Return the next cell, a count or an ID."""
+        (cell,) = self.take(1)
+        if not capture.WHOLE.fullmatch(cell):
+            raise ValueError(f"a cell holds {cell!r} where a count or an ID is required")
+        return int(cell)
+
+    def numbers(self, count: int) -> list[float]:
+        """Return the next ``count`` cells, NaN where one is missing."""
+        cells = self.take(count)
+        values = [float(cell) if NUMBER.fullmatch(cell) else nan for cell in cells]
+        for cell, value in zip(cells, values, strict=True):
+            if cell not in MISSING and not isfinite(value):
+                raise ValueError(f"a cell holds {cell!r} where a finite number is required")
+        return values
+
+    def add(self, kind: str, cells: list[str], line: int) -> None:
+        """Add the row of a ``kind`` at ``line``, of more ``cells``."""
+        self.cells = iter(cells)
         if kind == "info":
-            key, value = row.take(2)
+            key, value = self.take(2)
             self.infos[key] = value
             self.named |= key == "version" and value not in ("1", "1.0", "1.00")
         elif kind == "frame" or kind in BODY_ROWS:
             self.line += [line] if kind == "frame" else []
             add_body = self._add_body if self.frame else self._define
-            (self._add_frame if kind == "frame" else add_body)(row)
-            if any(cells[row.place :]):
-                raise ValueError(f"the row goes on after cell {row.place}, where its counts end it")
+            (self._add_frame if kind == "frame" else add_body)()
+            if any(self.cells):
+                raise ValueError("the row goes on where its counts end it")
         elif kind != "righthanded":
             message = f"the row is of the type {kind!r}, where a right-handed take has "
             raise ValueError(f"{message}{', '.join(ROW_TYPES)}")
 
-    def _define(self, row: RowCells) -> None:
-        (name,), identity, markers = row.take(1), row.count(), row.count()
-        row.numbers(3 * markers)
+    def _define(self) -> None:
+        (name,), identity, markers = self.take(1), self.count(), self.count()
+        self.numbers(3 * markers)
         if identity in self.names or name in self.poses:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
         # a marker that is never seen is missing, not absent
         self.markers |= {f"{name}-Marker {marker}": {} for marker in range(1, markers + 1)}
 
-    def _add_frame(self, row: RowCells) -> None:
+    def _add_frame(self) -> None:
         k, strays = len(self.frame), []
-        self.frame += row.numbers(1)
-        self.time += row.numbers(1)
-        for _ in range(row.count()):
-            pose = self.poses.get(self.names.get(identity := row.count(), ""), {k: []})
+        self.frame += self.numbers(1)
+        self.time += self.numbers(1)
+        for _ in range(self.count()):
+            pose = self.poses.get(self.names.get(identity := self.count(), ""), {k: []})
             if k in pose:
                 raise ValueError(f"rigid body {identity} is not defined, or has two poses")
-            pose[k] = row.numbers(10)[:7]  # position, quaternion, and angles that repeat it
-        for _ in range(row.count()):
-            sample, (identity, *name) = row.numbers(3), row.take(2 if self.named else 1)
+            pose[k] = self.numbers(10)[:7]  # position, quaternion, and angles that repeat it
+        for _ in range(self.count()):
+            sample, (identity, *name) = self.numbers(3), self.take(2 if self.named else 1)
             if capture.STRAY.fullmatch(name := "".join(name)):
                 strays.append(sample)
                 self.stray_ids.add(identity)
@@ -126,21 +122,21 @@ class RowsSoFar:
                 raise ValueError(f"two markers are named {name!r}")
         self.strays.append(strays)
 
-    def _add_body(self, row: RowCells) -> None:
-        at, (name,), identity = row.numbers(2), row.take(1), row.count()
+    def _add_body(self) -> None:
+        at, (name,), identity = self.numbers(2), self.take(1), self.count()
         if at != [self.frame[-1], self.time[-1]] or self.names.get(identity) != name:
             raise ValueError(f"rigid body {name!r} is not defined, or not of the frame before it")
-        row.count()
-        markers, strays = row.count(), self.strays[-1]
-        row.take((4 if self.named else 3) * markers)
+        self.count()
+        markers, strays = self.count(), self.strays[-1]
+        self.take((4 if self.named else 3) * markers)
         for marker in range(1, markers + 1):
-            sample = row.numbers(3)
+            sample = self.numbers(3)
             if sample in strays:
                 strays.remove(sample)
             if not all(map(isnan, sample)):
                 held = self.markers.setdefault(f"{name}-Marker {marker}", {})
                 held[len(self.frame) - 1] = sample
-        row.take(2 * markers + 1)
+        self.take(2 * markers + 1)
         self.body_rows += 1
 
 
@@ -154,8 +150,9 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         if (blank := is_blank(line, ",")) or line == previous:
             counts["blank_rows" if blank else "repeated_rows"] += 1
             continue
+        kind, *cells = cells_of(line, ",", file=file, number=number)
         try:
-            held.add(cells_of(line, ",", file=file, number=number), number)
+            held.add(kind, cells, number)
         except ValueError as error:
             raise RecordingError(f"{error}; export it again", file=file, line=number) from None
         previous = line

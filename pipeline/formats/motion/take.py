@@ -73,9 +73,7 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
-    """Return (N,) int64 of frame numbers; RecordingError at the line where one does not increase,
-    is missing or not whole.
-    """
+    """Return (N,) int64; RecordingError by line where one does not increase or is not whole."""
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
     if (wrong := ~whole | np.append(False, np.diff(values) <= 0)).any():
         line = lines[int(np.argmax(wrong))]
@@ -100,8 +98,8 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
-    """Return whether the ``printed`` times (N,) s of the frames keep to ``rate`` (1/s), by the
-    median over quarters of the take, since times jump now and then; True of too few times to tell.
+    """Return whether the ``printed`` times (N,) s keep to ``rate`` (1/s), by the median over
+    quarters of the take, since times jump now and then; True of too few times to tell.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:

@@ -5,20 +5,16 @@ what was put in comes out, in every layout that ROS allows.
 from __future__ import annotations
 
 import json
-import os
-from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
 import pytest
-import yaml
 from depth_files import CALIBRATIONS
 from ros_bags import camera_info as info
 from ros_bags import cloud, image
 from written_logs import refusal as reject
 
-from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
 from pipeline.formats.depth.messages import camera_info, cloud_points, image_pixels
@@ -205,19 +201,3 @@ def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):
         file.write_text("a: [\n")
         with pytest.raises(RecordingError, match="no calibration"):
             pool.apply(read_intrinsics, (file,), SIZE)
-
-
-def test_a_library_that_fails_on_a_calibration_is_one_message(tmp_path, monkeypatch):
-    file = tmp_path / "camera.yaml"
-    file.write_text("fx: 1\n")
-    for fails, words in (
-        (lambda *_: 1 / 0, "its reader fails"),
-        (lambda *_: os._exit(3), "ends the pr"),
-    ):
-        monkeypatch.setattr(yaml, "load_all", fails)
-        with pytest.raises(RecordingError, match=words) as refused:
-            read_intrinsics(file)
-        assert refused.value.evidence["file"] == file
-    file.write_text("a: 1\n" * 300_000)
-    with pytest.raises(RecordingError, match="MiB are more than the 1 that"):
-        within(replace(Reading(), file_mib=1), read_intrinsics, file)

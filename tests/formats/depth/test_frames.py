@@ -4,12 +4,22 @@ names. What is refused of files: tests/formats/test_refusals.py.
 
 from __future__ import annotations
 
-import zlib
-
-import cv2
 import numpy as np
 import pytest
-from depth_files import CLOUDS, PCDS, SHAPE, frame, png, positions, records, tiff
+from depth_files import (
+    CLOUDS,
+    PCDS,
+    PGM,
+    SHAPE,
+    SMALL,
+    ZIPPED,
+    encoded,
+    frame,
+    png,
+    positions,
+    records,
+    tiff,
+)
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Depth
@@ -17,9 +27,6 @@ from pipeline.core.validation import validated
 from pipeline.formats.depth.cloud import UNTURNED, read_cloud
 from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth, write_depth
 from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index, write_index
-
-SMALL = frame(shape=(12, 16))
-
 
 REAL = [
     ("depth_millimetres.png", 2702, 0.1304, 1000),
@@ -48,10 +55,6 @@ def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path)
         write_depth(tmp_path / "d.png", SMALL.astype(np.int32))
 
 
-def encoded(ending: str, image: np.ndarray) -> bytes:
-    return cv2.imencode(ending, image)[1].tobytes()
-
-
 @pytest.mark.parametrize("compression", ["raw", "tiff_lzw", "tiff_adobe_deflate"])
 @pytest.mark.parametrize("kind", [np.uint16, np.float32])
 def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compression):
@@ -64,14 +67,10 @@ def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compressi
     np.testing.assert_allclose(depth[image > 0], image[image > 0] * 0.25e-3, rtol=1e-6)
 
 
-ROWS = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
-PGM = b"P5\n# a comment\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
-
-
 @pytest.mark.parametrize(
     ("content", "values"),
     [
-        (png(ROWS, 16, 12), SMALL),
+        (png(ZIPPED, 16, 12), SMALL),
         (PGM, SMALL),
         (encoded(".tif", SMALL / 3.0), (SMALL / 3.0).astype(np.float32)),
     ],
@@ -123,24 +122,19 @@ def test_values_that_an_encoding_does_not_have_are_refused():
             metres(RawDepth(values[None]), encoding)
 
 
-@pytest.mark.parametrize(
-    ("options", "key"),
-    [
-        ({"encoding": "mm"}, "encoding"),
-        ({"units_per_metre": 0}, "units_per_metre"),
-        ({"encoding": "disparity"}, "disparity"),
-        ({"disparity": [1.0, 2.0]}, "disparity"),
-    ],
-)
-def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(options, key):
-    workspace = dict.fromkeys(("half_depth", "girth", "column_half_width", "column_top"), 0.1)
-    workspace |= {"floor": 0.0, "min_pixels": 1, "max_points": 9}
-    sound = {"takes": "*", "encoding": "plain", "units_per_metre": 1000.0, "rate": 30.0}
-    sound |= {"camera": {"position": [0.0] * 3, "rpy": [0.0] * 3}}
-    sound |= {"workspace": workspace, "search": 0.1}
-    assert validated(Depth, sound).disparity is None
+SOUND = {"takes": "*", "encoding": "plain", "units_per_metre": 1000.0, "rate": 30.0, "search": 0.1}
+SOUND |= {"camera": {"position": [0.0] * 3, "rpy": [0.0] * 3}}
+SOUND["workspace"] = dict.fromkeys(("half_depth", "girth", "column_half_width", "column_top"), 0.1)
+SOUND["workspace"] |= {"floor": 0.0, "min_pixels": 1, "max_points": 9}
+WRONG = [{"encoding": "mm"}, {"units_per_metre": 0}, {"disparity": [1.0, 2.0]}]
+
+
+@pytest.mark.parametrize("options", [*WRONG, {"encoding": "disparity"}])
+def test_encodings_that_do_not_exist_or_lack_parameters_are_refused(options):
+    assert validated(Depth, SOUND).disparity is None
+    key = "disparity" if "disparity" in options.values() else next(iter(options))
     with pytest.raises(ConfigError) as caught:
-        validated(Depth, sound | options, "dataset.depth")
+        validated(Depth, SOUND | options, "dataset.depth")
     assert caught.value.evidence["key"] == f"dataset.depth.{key}"
 
 

@@ -139,7 +139,6 @@ C3DS = {  # what is written, markers, first frame, counts
     "labels in two parameters": (
         c3d(MANY, points(5, 260)), MANY[:260], 1, {"skipped_labels": 40}),
     "first frame 0": (c3d(first=0), AB, 0, {}),
-    "first frame 6674": (c3d(first=6674), AB, 6674, {}),
     "first frame 72210": (c3d(first=72210 % 2**16, start=72210), AB, 72210, {}),
     "first frame of another trial": (c3d(first=7, start=72210), AB, 7, {}),
     "moments and angles": (
