@@ -64,11 +64,6 @@ def foreign(text: str) -> tuple[str, str] | None:
     return next(map(tuple, fits), None)
 
 
-def is_blank(line: str, separator: str) -> bool:
-    """Return whether a line holds no cell with content: nothing, or separators alone."""
-    return not line.replace(separator, "").strip()
-
-
 def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]:
     """Return the cells of one line, unquoted and stripped; RecordingError at line ``number`` where
     its quotes do not close.

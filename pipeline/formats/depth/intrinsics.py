@@ -75,7 +75,7 @@ def pinhole(
     finite, rest, message = np.isfinite(matrix).all(), (skew, low, *bottom), ""
     if stated not in (None, size):
         message = f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
-    elif distortion.any() and model not in (None, "", *MODELS):
+    elif distortion.any() and model not in (None, "", "null", *MODELS):
         message = f"the distortion {model!r} is none of {', '.join(MODELS)}; calibrate with one of "
         message += "these"
     elif not finite or min(fx, fy) <= 0 or rest != (0, 0, 0, 0, 1):

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
@@ -40,12 +41,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
     held = read_alone(read, Path(file), file=file, advice="save it again")
     arrays = {name: np.atleast_2d(one.T) for name, one in held.items() if one.ndim in (1, 2)}
-    groups = {
-        n: [n] if held[n].ndim == 1 else [f"{n}:{j}" for j in range(len(arrays[n]))] for n in arrays
-    }
-    columns = {
-        label: row for n, rows in arrays.items() for label, row in zip(groups[n], rows, strict=True)
-    }
+    groups, columns = {}, {}
+    for name, rows in arrays.items():
+        groups[name] = [f"{name}:{j}" for j in range(len(rows))] if held[name].ndim == 2 else [name]
+        columns |= zip(groups[name], rows, strict=True)
 
     def numbers(quantity: str, names: Sequence[object]) -> np.ndarray:
         labels = [label for name in map(str, names) for label in groups.get(name, [name])]
@@ -56,6 +55,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
             message += f"name it, or its columns ARRAY:COLUMN. There are {there}"
             key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
             raise RecordingError(message, file=file, key=key)
+        require("part_mib", sum(map(len, chosen)) * 8 / MIB, f"MiB of the {quantity}", file)
         values = np.column_stack(chosen).astype(float)
         if (wrong := ~np.isfinite(values)).any():
             row, column = np.argwhere(wrong)[0].tolist()
@@ -73,6 +73,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
         tables = {name: [name] for name in arrays if held[name].ndim == 2}
+        numbers_mib = sum(held[name].size for name in tables) * 8 / MIB
+        require("memory_mib", numbers_mib, "MiB of numbers in unnamed arrays", file)
         values = {name: held[name].astype(float) for name in tables}
         with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers
             found, guessed = signals_of_groups(tables, values, time)

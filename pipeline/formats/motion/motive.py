@@ -19,7 +19,7 @@ import numpy as np
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import NUMBER, Text, cells_of, is_blank, numbers_of, read_text
+from pipeline.formats.delimited import NUMBER, Text, cells_of, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.motion import take as capture
 from pipeline.formats.motion.motive_rows import ROW_TYPES, read_rows
@@ -126,12 +126,12 @@ def _fields(line: str, file: Path) -> dict[str, str]:
     for i, j in pairwise(starts):
         held = cells[i + 1 : j]
         value = ",".join(held).strip(",") if cells[i] in TEXTS else "".join(held[:1])
-        message = f"the header gives {cells[i]} twice, and differently"
-        if cells[i] == "Coordinate Space" and value not in ("Global", ""):
-            message = f"the Coordinate Space is {value!r}; export the take in Global"
-        elif fields.setdefault(cells[i], value) == value:
-            continue
-        raise RecordingError(message, file=file, line=1, key=cells[i])
+        if fields.setdefault(cells[i], value) != value:
+            message = f"the header gives {cells[i]} twice, and differently"
+            raise RecordingError(message, file=file, line=1, key=cells[i])
+    if (space := fields.get("Coordinate Space")) not in (None, "", "Global"):
+        message = f"the Coordinate Space is {space!r}; export the take in Global"
+        raise RecordingError(message, file=file, line=1, key="Coordinate Space")
     return fields
 
 
@@ -186,7 +186,7 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
     rows, numbers, repeated, width = [], [], 0, len(header.labels)
     unlabelled = [column for column, label in enumerate(header.labels) if not label]
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
-        if is_blank(line, ","):
+        if not line.strip(", \t"):
             continue
         cells, message = line.split(","), ""
         if (column := len(cells)) < width:

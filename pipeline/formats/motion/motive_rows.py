@@ -29,7 +29,7 @@ import numpy as np
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of, is_blank
+from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of
 from pipeline.formats.motion import take as capture
 from pipeline.formats.motion.take import MotionTake
 
@@ -147,7 +147,7 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
             continue
-        if (blank := is_blank(line, ",")) or line == previous:
+        if (blank := not line.strip(", \t")) or line == previous:
             counts["blank_rows" if blank else "repeated_rows"] += 1
             continue
         kind, *cells = cells_of(line, ",", file=file, number=number)
