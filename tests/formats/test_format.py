@@ -35,14 +35,14 @@ MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z 
 import numpy as np
 
 from pipeline.formats.format import Format, Kind, begins
-from pipeline.formats.motion.take import TakeBuilder
+from pipeline.formats.motion.take import MotionTake, checked_take
 
 
 def read_own(file, unit=None):
     positions = np.loadtxt(file, skiprows=1, ndmin=2)
-    take = TakeBuilder("m", np.arange(len(positions)), 10.0, None, {})
-    take.markers["M"] = positions
-    return take.take(file.stem, "Own", {})
+    frame, markers = np.arange(len(positions)), {"M": positions}
+    raw = MotionTake(file.stem, "Own", 10.0, frame, np.zeros(0), markers, {}, {})
+    return checked_take(raw, file)
 
 
 FORMAT = Format("Own", Kind.MOTION, read_own, begins(b"OWN"))

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind, read_alone, readable
-from pipeline.formats.motion.take import MotionTake, TakeBuilder, settle_unit
+from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
 INTEL, DEC, MIPS = 84, 85, 86
@@ -53,9 +53,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         first = number if first in (number % 2**16, LONGEST) else first
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
-    counts = {"announced_frames": announced or frames}
-    take = TakeBuilder(unit, np.arange(frames) + first, float(rate[0]), None, counts, file)
-    take.counts["unlabelled_points"] = points - sum(map(bool, labels[:points]))
+    markers, more = {}, {"unlabelled_points": points - sum(map(bool, labels[:points]))}
     # a label that several points have names none of them
     names = [*labels[:points], *[""] * (points - len(labels))]
     names = [name or f"Point {number}" for number, name in enumerate(names, start=1)]
@@ -66,15 +64,16 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         samples = position[:, number].T.copy()
         samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
         several = names.count(name) > 1
-        name = f"{name} [{names[: number + 1].count(name)}]" if several else name
-        take.markers[name] = take.position(samples, name)
-    if not take.markers:
+        markers[f"{name} [{names[: number + 1].count(name)}]" if several else name] = samples
+    if not markers:
         message = f"all {points} points are outputs of a model (angles, moments or others)"
         raise RecordingError(f"{message}; export the take with its markers", file=file)
-    beside = {"skipped_model_outputs": points - len(take.markers)}
+    beside = {"skipped_model_outputs": points - len(markers)}
     beside |= {"skipped_labels": max(len(labels) - points, 0)}
-    more = {name: count for name, count in beside.items() if count}
-    return take.take(Path(file).stem, "C3D", more)
+    more |= {name: count for name, count in beside.items() if count}
+    frame, counts = np.arange(frames) + first, {"announced_frames": announced or frames}
+    about = Path(file).stem, "C3D", float(rate[0]), frame, np.zeros(0), markers, {}, counts, unit
+    return checked_take(MotionTake(*about), file, more=more)
 
 
 def _first_block(file: Path) -> tuple[int, int | None, int]:

@@ -41,7 +41,7 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     A raw marker is preferred to the body's solved one of the same name. Assets of one name but
     several IDs are each ``name [ID]``; before version 1.2, markers of no name are packed into as
     many ``Unlabeled`` ones as are ever seen at once. A rate that the file does not state is that of
-    its printed times. ``counts`` besides those of the :class:`TakeBuilder`: ``blank_rows``,
+    its printed times. ``counts`` besides those of :func:`checked_take`: ``blank_rows``,
     ``cut_rows`` (a last row without line end, dropped), ``repeated_rows`` (to the letter);
     ``solved_replaced`` and ``solved_only`` markers, ``unused_columns``, ``skipped_bones``; before
     1.2 ``stray_ids``, ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
@@ -145,38 +145,38 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     table = numbers_of(rows, numbers, columns, file=file, gaps=True)
     values = dict(zip(columns, table.T, strict=True))
     frame = capture.frame_numbers(values[0], numbers, file)
-    printed = None if header.time is None else values[header.time]
+    printed = np.zeros(0) if header.time is None else values[header.time]
     counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
     counts["cut_rows"] = int(text.cut is not None)
     if capture.WHOLE.fullmatch(fields.get("Total Exported Frames", "")):
         counts["announced_frames"] = int(fields["Total Exported Frames"])
     rate = _rate(fields, frame, printed, file)
     unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
-    take, solved = capture.TakeBuilder(unit, frame, rate, printed, counts, file, numbers), {}
-    take.counts |= {"solved_replaced": 0, "solved_only": 0}
+    markers, solved, bodies, places, solved_places = {}, {}, {}, {}, {}
     # a name that two assets share names neither of them: who asks for it has to say which
     named = Counter((kind, name) for kind, name, _ in groups)
     shared = {name for (_, name), number in named.items() if number > 1}
     for (kind, name, identity), group in groups.items():
-        places = [group["Position", axis] for axis in "XYZ"]
-        position = np.stack([values[column] for column in places], axis=-1)
         key = f"{name} [{identity}]" if name in shared else name
+        held = [group["Position", axis] for axis in "XYZ"]
+        (solved_places if kind == SOLVED else places)[key] = held
+        position = np.stack([values[column] for column in held], axis=-1)
         if kind == BODY:
             turn = {axis: values[group[what, axis]] for what, axis in group if what == "Rotation"}
             quaternion = _quaternion(turn, fields.get("Rotation Type", ""), file)
-            take.bodies[key] = take.body(position, quaternion, name, places)
+            bodies[key] = capture.RigidBody(position, quaternion)
         else:
-            held = take.markers if kind == RAW else solved
-            held[key] = take.position(position, name, places)
-    more = {"solved_replaced": len({*solved} & {*take.markers})}
+            (markers if kind == RAW else solved)[key] = position
+    more = {"solved_replaced": len({*solved} & {*markers}), "unused_columns": header.unused}
     more["solved_only"] = len(solved) - more["solved_replaced"]
-    take.markers |= {name: held for name, held in solved.items() if name not in take.markers}
-    more["unused_columns"] = header.unused
+    markers |= {name: held for name, held in solved.items() if name not in markers}
+    places = solved_places | places
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
-    stated = any(fields.get(key) for key in RATES)
-    named = fields.get("Take Name") or file.stem, fields["Format Version"]
-    return take.take(*named, more, "" if stated else capture.FROM_TIMES)
+    rate_from = "" if any(fields.get(key) for key in RATES) else capture.FROM_TIMES
+    held = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
+    raw = MotionTake(*held, printed, markers, bodies, counts, unit, rate_from=rate_from)
+    return capture.checked_take(raw, file, lines=numbers, columns=places, more=more)
 
 
 def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
@@ -211,19 +211,17 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
     return rows, numbers, repeated
 
 
-def _rate(
-    fields: dict[str, str], frame: np.ndarray, printed: np.ndarray | None, file: Path
-) -> float:
+def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray, file: Path) -> float:
     # of the export, which older versions do not separate from the capture's
     key = RATES[1] if fields.get(RATES[1]) else RATES[0]
     stated = fields.get(key, "")
-    timed = None if printed is None else capture.rate_from_times(frame, printed)
+    timed = capture.rate_from_times(frame, printed) if len(printed) else None
     if not stated and timed is not None:
         return timed
     rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
     message = f"the frame rate is {stated!r} by the header and {timed or 0:.6g} by their times; "
     message += "a rate > 0 is required that the times keep to; export the take again"
-    if 0 < rate < np.inf and (printed is None or capture.keeps_time(frame, printed, rate)):
+    if 0 < rate < np.inf and (not len(printed) or capture.keeps_time(frame, printed, rate)):
         return rate
     raise RecordingError(message, file=file, line=1, key=key)
 

@@ -175,19 +175,18 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     for k, samples in enumerate(held.strays):
         for i, sample in enumerate(samples, start=1):
             strays[f"Unlabeled {i}"][k] = sample
-    take = capture.TakeBuilder(unit, frame, rate, printed, counts, file, held.line)
 
     def dense(samples: dict[int, list[float]], width: int) -> np.ndarray:
         table = np.full((len(frame), width), nan)
         table[[*samples]] = np.array([*samples.values()]).reshape(-1, width)
         return table
 
-    for name, samples in (held.markers | strays).items():
-        take.markers[name] = take.position(dense(samples, 3), name)
-    for name, samples in held.poses.items():
-        pose = dense(samples, 7)
-        take.bodies[name] = take.body(pose[:, :3], pose[:, 3:], name)
-    more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
+    markers = {name: dense(samples, 3) for name, samples in (held.markers | strays).items()}
+    bodies = {name: dense(samples, 7) for name, samples in held.poses.items()}
+    bodies = {name: capture.RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in bodies.items()}
     lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
+    more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
     more["lacking_body_rows"] = lacking
-    return take.take(file.stem, held.infos.get("version", "1.0"), more, capture.FROM_TIMES)
+    about = file.stem, held.infos.get("version", "1.0"), rate, frame, printed, markers, bodies
+    raw = MotionTake(*about, counts, unit, rate_from=capture.FROM_TIMES)
+    return capture.checked_take(raw, file, lines=held.line, more=more)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +26,7 @@ RATE_TOLERANCE = 0.01
 UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
 TELLING = 20  # printed times, fewer are too few to contradict a stated rate
 NO_ASSET = "the take holds no marker and no rigid body"
+BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # the counts of samples
 FROM_TIMES = "the printed times: the file states none"  # its rate
 
 
@@ -110,39 +111,38 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
     return bool(np.median(off) <= 0)
 
 
-@dataclass
-class TakeBuilder:
-    """Markers and bodies of a take, checked one by one, and their counts: frames announced and
-    found, ``gaps`` in their numbers and ``skipped_frames`` in them, ``time_mismatches`` of rows,
-    samples and poses that are missing, of which ``zero_samples`` are zero in all coordinates and
-    ``partial_samples`` lack some.
+def checked_take(
+    raw: MotionTake,
+    file: Path,
+    *,
+    lines: Sequence[int] | None = None,
+    columns: Mapping[str, Sequence[int]] | None = None,
+    more: Mapping[str, int] | None = None,
+) -> MotionTake:
+    """Return the take of ``raw`` positions in the file's unit and times as the file prints them,
+    none or (N,) s: in m, lost samples as NaN, in s since the first frame, and its ``counts``, to
+    which ``more`` are added.
+
+    Counted are frames found, ``gaps`` in their numbers and ``skipped_frames`` in them,
+    ``time_mismatches`` of rows, samples and poses that are missing, of which ``zero_samples`` are
+    zero in all coordinates and ``partial_samples`` lack some. Raises RecordingError by the frame or
+    its line, and the column of X, Y, Z, beyond FARTHEST, for a coordinate in no row, and for a
+    quaternion of another length than 1.
     """
+    frame, step = raw.frame, np.diff(raw.frame)
+    time = (frame - frame[0]) / raw.rate
+    printed = raw.time if len(raw.time) else time
+    counts = raw.counts | {"found_frames": len(frame), "gaps": int(np.sum(step > 1))}
+    counts["skipped_frames"] = int(np.sum(step - 1))
+    counts["time_mismatches"] = int(np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING))
+    counts |= {"zero_samples": 0, "partial_samples": 0}
 
-    unit: str
-    frame: np.ndarray  # (N,)
-    rate: float  # Hz
-    printed: np.ndarray | None  # (N,) s, the times that the file prints
-    counts: dict[str, int]
-    file: Path = Path()
-    lines: Sequence[int] | None = None  # (N,) of the frames in the file
-    markers: dict[str, np.ndarray] = field(default_factory=dict)
-    bodies: dict[str, RigidBody] = field(default_factory=dict)
+    def fault(message: str, k: int, **evidence: int) -> RecordingError:
+        place = {"frame": int(frame[k])} if lines is None else {"line": lines[k]}
+        return RecordingError(message, file=file, **place, **evidence)
 
-    def __post_init__(self) -> None:
-        step, self.time = np.diff(self.frame), (self.frame - self.frame[0]) / self.rate
-        printed = self.time if self.printed is None else self.printed
-        off = np.abs(printed - printed[:1] - self.time)
-        self.counts |= {"found_frames": len(self.frame), "gaps": int(np.sum(step > 1))}
-        self.counts["skipped_frames"] = int(np.sum(step - 1))
-        self.counts["time_mismatches"] = int(np.sum(off > TIME_ROUNDING))
-        self.counts |= {"zero_samples": 0, "partial_samples": 0}
-
-    def position(self, position: np.ndarray, name: str, columns: Sequence[int] = ()) -> np.ndarray:
-        """Return (N, 3) m of the ``position`` (N, 3) in the file's unit, lost samples as NaN;
-        RecordingError by line, and by column where ``columns`` are given, beyond FARTHEST and for a
-        coordinate in no row.
-        """
-        position = position / UNITS_PER_METRE[self.unit]
+    def placed(position: np.ndarray, name: str) -> np.ndarray:
+        position = position / UNITS_PER_METRE[raw.unit]
         missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
         absent = missing.all(axis=0) & sighted[:, None]
@@ -152,25 +152,21 @@ class TakeBuilder:
             message += "missing or shifted; export the take again"
             if far.any():
                 message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
-                message += f"({FARTHEST:g} m): are lengths in {self.unit}, and is the decimal mark "
+                message += f"({FARTHEST:g} m): are lengths in {raw.unit}, and is the decimal mark "
                 message += "a point?"
-            column = {"column": columns[axis] + 1} if columns else {}
-            raise self.fault(message, k, **column)
+            raise fault(message, k, **({"column": columns[name][axis] + 1} if columns else {}))
         zero = (position == 0).all(axis=1)
-        self.counts["zero_samples"] += int(zero.sum())
-        self.counts["partial_samples"] += int((lost & sighted).sum())
+        counts["zero_samples"] += int(zero.sum())
+        counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
 
-    def body(
-        self, position: np.ndarray, turn: np.ndarray, name: str, columns: Sequence[int] = ()
-    ) -> RigidBody:
-        """Return the body of ``position`` (N, 3) and quaternion ``turn`` (N, 4); RecordingError as
-        :meth:`position`, and for another length than 1.
-        """
-        position = self.position(position, name, columns)
+    markers = {name: placed(position, name) for name, position in raw.markers.items()}
+    bodies = {}
+    for name, body in raw.bodies.items():
+        position, turn = placed(body.position, name), body.quaternion
         zero = (turn == 0).all(axis=-1)
-        self.counts["zero_samples"] += int(zero.sum())
+        counts["zero_samples"] += int(zero.sum())
         turn = np.where((zero | np.isnan(turn).any(axis=-1))[:, None], np.nan, turn)
         with np.errstate(over="ignore"):
             length = np.linalg.norm(turn, axis=-1)
@@ -178,23 +174,13 @@ class TakeBuilder:
             k = int(off.argmax())
             message = f"the rotation of {name} is of the length {length[k]:.6g}, where a unit "
             message += "quaternion is required: a number is damaged, or columns are shifted"
-            raise self.fault(message, k)
-        return RigidBody(position, turn)
-
-    def fault(self, message: str, k: int, **evidence: int) -> RecordingError:
-        place = {"frame": int(self.frame[k])} if self.lines is None else {"line": self.lines[k]}
-        return RecordingError(message, file=self.file, **place, **evidence)
-
-    def take(
-        self, name: str, version: str, more: Mapping[str, int], rate_from: str = ""
-    ) -> MotionTake:
-        """Return the take, with ``more`` counts."""
-        lost = sum(np.isnan(position[:, 0]).sum() for position in self.markers.values())
-        poses = [body.position + body.quaternion[:, :3] for body in self.bodies.values()]
-        self.counts["marker_samples"] = len(self.markers) * len(self.frame)
-        self.counts["missing_samples"] = int(lost)
-        self.counts["missing_poses"] = int(sum(np.isnan(p).any(axis=-1).sum() for p in poses))
-        self.counts |= more
-        timed = None if self.printed is None else rate_from_times(self.frame, self.printed)
-        held = self.frame, self.time, self.markers, self.bodies, self.counts, self.unit, timed
-        return MotionTake(name, version, self.rate, *held, rate_from)
+            raise fault(message, k)
+        bodies[name] = RigidBody(position, turn)
+    poses = [body.position + body.quaternion[:, :3] for body in bodies.values()]
+    counts |= {name: more[name] for name in BEFORE if more and name in more}
+    counts["marker_samples"] = len(markers) * len(frame)
+    counts["missing_samples"] = int(sum(np.isnan(held[:, 0]).sum() for held in markers.values()))
+    counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
+    timed = rate_from_times(frame, raw.time) if len(raw.time) else None
+    held = {"time": time, "markers": markers, "bodies": bodies, "printed_rate": timed}
+    return replace(raw, counts=counts | (more or {}), **held)
