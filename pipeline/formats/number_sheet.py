@@ -156,10 +156,8 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     counts = {"blank_rows": len(text.lines) - len(places)}
     counts["cut_rows"] = (text.cut is not None) + len(lines) - end
     last, numeric = split[-1], _numeric_columns(split)
-    heads = (
-        n for n in range(end if numeric else 0) if _is_row(_split(lines[n], mark), numeric, last)
-    )
-    if (top := next(heads, end)) == end:
+    rows = enumerate(_split(line, mark) for line in lines[: end if numeric else 0])
+    if (top := next((n for n, row in rows if _is_row(row, numeric, last)), end)) == end:
         message = f"no line holds numbers below {lines[end - 1][:80]!r}, where a table has rows of"
         raise RecordingError(f"{message} them; record or export it again", file=file)
     if top + 1 < end and _counts_on(_split(lines[top], mark)):
@@ -267,9 +265,8 @@ def _header(
     cells = above[-1] if above else []
     numbers = _numbers([cells[column] for column in numeric if column < len(cells)])
     if numbers and not _counts_on(cells) and (len(cells) == len(last) or numbers == len(cells)):
-        raise fault(
-            f"words and numbers in a damaged row: {lines[-1][:80]!r}", places[len(lines) - 1]
-        )
+        message = f"words and numbers in a damaged row: {lines[-1][:80]!r}"
+        raise fault(message, places[len(lines) - 1])
     if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
         message = f"the row has {len(last)} cells under {len(labels)} labels up to {labels[-1]!r}"
         raise fault(message, places[len(lines)])
@@ -279,12 +276,8 @@ def _header(
         filled, width = _filled(cells), len(last)
         if not re.search(r"\w", "".join(cells)):
             continue
-        if (
-            not units
-            and place > places[0]
-            and len(cells) > 1
-            and all(map(is_unit, filter(None, cells)))
-        ):
+        stated = len(cells) > 1 and all(map(is_unit, filter(None, cells)))
+        if stated and not units and place > places[0]:
             units = cells
         elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
             return (cells + [""] * width)[: max(filled, _filled(last))], units, place

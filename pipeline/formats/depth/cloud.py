@@ -177,7 +177,7 @@ def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
         size = 8 + packed
     if len(data) < size or unpacked != header.count * point.itemsize:
-        message = f"{len(data)} bytes of data, of {size}, which unfold to {unpacked}"
+        message = f"{len(data)} bytes of {size}, which unfold to {unpacked}"
         raise ValueError(
             f"{message}, where {header.count} points of {point.itemsize} are announced"
         )

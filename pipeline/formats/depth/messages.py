@@ -51,10 +51,8 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     formats = [DATATYPES.get(field.datatype) for field in held if field.count == 1]
     ends = [f.offset + kind.itemsize for f, kind in zip(held, formats, strict=False) if kind]
     if len(ends) < 3 or max(ends) > step:
-        said = (
-            f"the fields x, y and z must be single float32 or float64 within the {step} bytes of "
-        )
-        raise RecordingError(f"{said}a point; there are {', '.join(fields) or 'none'}", **evidence)
+        said = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
+        raise RecordingError(f"{said}there are {', '.join(fields) or 'none'}", **evidence)
     layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in held]}
     kind = np.dtype(layout | {"itemsize": step})
     points = _records(message, message.row_step, kind, "points", evidence).ravel()

@@ -87,10 +87,10 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
     whole = len(stated) == 2 and all(0 < number < np.inf for number in stated)
     own = stated[0] / stated[1] if whole else rate
     if own is None or (rate is not None and not np.isclose(rate, own)):
-        message = f"the log states {own or 'no'} samples a second (Frequency over Averaging Level, "
-        message += (
-            f"both above 0), the option {rate}: one rate is required; set rate to the right one"
+        message = (
+            f"the log states {own or 'no'} samples a second (Frequency over Averaging Level), "
         )
+        message += f"the option {rate}: one rate is required; set rate to the right one"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.rate"}
         raise RecordingError(message, **where)
     return own

@@ -242,9 +242,9 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
         message = f"the axes {', '.join(sorted(named)) or 'of no name'} are named or labelled"
         message += f", two columns {twice}" if twice else ""
         message += (
-            f" (labels: {', '.join(sheet.labels) or 'none'}): fx, fy and fz, and all or none "
+            f" (labels: {', '.join(sheet.labels) or 'none'}): fx, fy and fz, and all or none of "
         )
-        message += "of tx, ty, tz are required once each; name them in columns"
+        message += "tx, ty, tz are required once each; name them in columns"
         raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
     return sheet.columns({axis: named[axis] for axis in wanted}, KEY)
 

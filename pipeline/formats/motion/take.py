@@ -65,11 +65,11 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
         return unit
     known = spelled(stated) in ("", *UNITS_PER_METRE)
     message = "the file does not say the unit of its lengths: set it to m, cm or mm"
-    if stated:
+    if stated.strip():
         message = (
-            f"lengths are in {stated!r} by {key} of the file, where {option or 'm, cm or mm'} "
+            f"lengths are in {stated!r} by {key} of the file, not in {option or 'm, cm or mm'}: "
         )
-        message += "is required: export in it, or mend the option"
+        message += "export in it, or mend the option"
     raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
 
 
