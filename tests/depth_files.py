@@ -6,6 +6,7 @@ import io
 import struct
 import zlib
 
+import cv2
 import numpy as np
 from PIL import Image
 
@@ -37,6 +38,15 @@ def png(data: bytes, width: int, height: int, *, bits: int = 16, colour: int = 0
         + struct.pack(">I", zlib.crc32(name + content))
         for name, content in ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
     )  # fmt: skip
+
+
+def encoded(ending: str, image: np.ndarray) -> bytes:
+    return cv2.imencode(ending, image)[1].tobytes()
+
+
+SMALL = frame(shape=(12, 16))  # and its pixels in a PNG and a PGM
+ZIPPED = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
+PGM = b"P5\n# a comment\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
 
 
 def opencv(key: str, rows: int, columns: int, data: str) -> str:

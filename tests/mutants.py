@@ -13,11 +13,6 @@ Rng = np.random.Generator
 Change = Callable[[bytes, Rng], bytes]
 NUMBER = re.compile(rb"\d+(\.\d+)?")
 SEPARATORS = (b",", b";", b"\t", b" ")
-# spellings that another setting of the program would have given
-WORDS = {b"Meters": b"Millimeters", b"Quaternion": b"XYZ", b"Global": b"Local", b"(N)": b"(lbf)"}
-WORDS |= {b"(N-m)": b"(lbf-in)", b"Units: N": b"Units: lbf", b'ForceUnits="N"': b'ForceUnits="lbf"'}
-WORDS |= {b"revolute": b"continuous", b"width": b"height", b"Force X": b"Force Y", b"Fx": b"Fy"}
-WORDS |= {b"float": b"int", b"plumb_bob": b"fisheye", b"righthanded": b"lefthanded"}
 
 
 def _span(new: Change, longest: int = 40) -> Change:
@@ -40,16 +35,6 @@ def _number(new: Change) -> Change:
         return content[:start] + new(content[start:end], rng) + content[end:]
 
     return mutate
-
-
-def _digit(new: Callable[[bytes, Rng], bytes]) -> Change:
-    """Change of a digit of one of the numbers."""
-
-    def mutate(number: bytes, rng: Rng) -> bytes:
-        place = int(rng.choice([i for i, letter in enumerate(number) if letter != ord(".")]))
-        return number[:place] + new(number[place : place + 1], rng) + number[place + 1 :]
-
-    return _number(mutate)
 
 
 def _rows(change: Callable[[list[bytes], int, Rng], object]) -> Change:
@@ -92,14 +77,6 @@ def _cut(parts: list[bytes], place: int, rng: Rng) -> None:
     parts[place] = parts[place][: int(rng.integers(len(parts[place])))] + b"\n"
 
 
-def _setting(content: bytes, rng: Rng) -> bytes:
-    there = [word for word in WORDS if word in content]
-    if not there:
-        return content
-    word = there[int(rng.integers(len(there)))]
-    return content.replace(word, WORDS[word], 1 if rng.integers(2) else -1)
-
-
 PARTS = {  # of rows, cells or columns: the list of them, and the place of one
     "lost": lambda parts, place, rng: parts.pop(place),
     "doubled": lambda parts, place, rng: parts.insert(place, parts[place]),
@@ -126,14 +103,10 @@ for word in (b"1e400", b"1e300", b"1e9", b"NaN", b"inf", b"7" * 5000, b"seven", 
     TEXT[f"number {word[:5].decode()}"] = _number(lambda number, rng, new=word: new)
 TEXT |= {
     "row cut": _rows(_cut),
-    "digit changed": _digit(lambda digit, rng: b"%d" % rng.integers(10)),
-    "digit lost": _digit(lambda digit, rng: b""),
-    "digit added": _digit(lambda digit, rng: digit + digit),
     "sign added": _number(lambda number, rng: b"-" + number),
     "point lost": _number(lambda number, rng: number.replace(b".", b"")),
     "number with comma": _number(lambda number, rng: number.replace(b".", b",")),
     "commas for points": lambda content, rng: content.replace(b".", b","),
-    "setting": _setting,
     "in UTF-16": lambda content, rng: content.decode("latin-1").encode("utf-16"),
     "with a byte-order mark": lambda content, rng: b"\xef\xbb\xbf" + content,
     "lines end in CR LF": lambda content, rng: re.sub(rb"\r?\n", b"\r\n", content),

@@ -12,6 +12,13 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.force.record import ForceRecord
 from pipeline.formats.joints.log import JointLog
 
+# a calibration of ATI's, one axis with other gauges than the next
+GAUGED = {"Fx": "6.25", "Fy": "7", "Fz": "8", "Tx": "6.25", "Ty": "7", "Tz": "8"}
+CALIBRATION = '<?xml version="1.0" encoding="utf-8"?>\n<FTSensor Serial="FT1">\n<Calibration '
+CALIBRATION += 'ForceUnits="N" TorqueUnits="N-mm">\n{}</Calibration></FTSensor>\n'.format(
+    "".join(f'<UserAxis Name="{a}" values="1 2 3 4 5 {g}" max="25"/>\n' for a, g in GAUGED.items())
+)
+
 
 def refusal(read: Callable[..., object], file: Path, *arguments: object) -> RecordingError:
     """The error with which ``read`` refuses ``file``, which it has to name."""

@@ -64,11 +64,6 @@ def foreign(text: str) -> tuple[str, str] | None:
     return next(map(tuple, fits), None)
 
 
-def is_blank(line: str, separator: str) -> bool:
-    """Return whether a line holds no cell with content: nothing, or separators alone."""
-    return not line.replace(separator, "").strip()
-
-
 def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]:
     """Return the cells of one line, unquoted and stripped; RecordingError at line ``number`` where
     its quotes do not close.
@@ -91,12 +86,10 @@ def numbers_of(
     decimal: str = ".",
     gaps: bool = False,
 ) -> np.ndarray:
-    """Return (N, len(columns)) float64 of N rows in the order of ``columns``, each correctly
-    rounded; NaN where ``gaps`` and a cell is missing.
-
-    ``line_numbers`` (N) are the rows' places in the file. Cells of other columns may hold anything.
-    Raises RecordingError with the line for a row with more or fewer cells than the first one, a
-    cell that is not a number, one beyond GREATEST, and a missing one unless ``gaps``.
+    """Return (N, len(columns)) float64 of N ``rows``, each correctly rounded; NaN where ``gaps``
+    and a cell is missing; other columns may hold anything. Raises RecordingError with the row's
+    number in ``line_numbers`` (N) for more or fewer cells than in the first row, a cell that is no
+    number, one beyond GREATEST, and a missing one unless ``gaps``.
     """
 
     def cells_at(row: int) -> list[str]:
@@ -119,16 +112,15 @@ def numbers_of(
     if sound and (gaps or not np.isnan(values).any()):
         return values
     for row, line in enumerate(line_numbers):
-        cells = cells_at(row)
+        cells = dict(enumerate(cells_at(row)))
         for column in columns:
-            cell = cells[column] if column < len(cells) else ""
+            cell = cells.get(column, "")
             plain = cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
-            fault = f"holds {cell[:80]!r}, not a finite number"
-            if cell in MISSING:
-                fault = "" if gaps else "has no number; fill it in, or leave the row out"
-            elif NUMBER.fullmatch(plain):
-                beyond = abs(float(plain)) > GREATEST
-                fault = f"holds {cell[:80]!r}, beyond {GREATEST:g}" if beyond else ""
-            if fault:
-                raise RecordingError(f"column {column + 1} {fault}", file=file, line=line)
+            is_number = NUMBER.fullmatch(plain) and abs(float(plain)) <= GREATEST
+            if not (is_number or (gaps and cell in MISSING)):
+                message = f"column {column + 1} has no number; fill it in, or leave the row out"
+                if cell not in MISSING:
+                    message = f"column {column + 1} holds {cell[:80]!r}, not a finite number"
+                    message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
+                raise RecordingError(message, file=file, line=line)
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)

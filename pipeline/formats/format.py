@@ -99,20 +99,18 @@ class Format:
     # whether a file begins like one; None: it looks like any other, so that an option names it
     recognises: Callable[[Head], bool] | None = None
     option: str | None = None  # the name by which an option of the dataset chooses it
-    endings: tuple[str, ...] = ()  # of the names of its files, where frames are found by them
-    fallback: bool = False  # recognises what more specific formats begin like too: tried last
 
 
 @cache
 def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
-    """Return the formats of the ``kinds`` (all by default) in ``package``, below it too, in the
-    order of their modules' names, the fallbacks last.
+    """Return the formats of the ``kinds`` (all by default) in and below ``package``, by their
+    modules' names; tables last, since others begin like them too.
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
     declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
     formats = [one for held in declared for one in (held if isinstance(held, tuple) else (held,))]
     chosen = [one for one in formats if not kinds or one.kind in kinds]
-    return tuple(sorted(chosen, key=lambda one: one.fallback))
+    return tuple(sorted(chosen, key=lambda one: one.kind == Kind.TABLE))
 
 
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
@@ -121,32 +119,30 @@ def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
-    """Return the first of the ``formats`` that ``file`` begins like; RecordingError where it cannot
-    be opened.
-    """
+    """Return the first of the ``formats`` that ``file`` begins like; RecordingError if unread."""
     with readable(file):
         return recognised(Head.read(file), formats)
 
 
 @contextmanager
-def readable(file: Path, what: str = "file", advice: str = "") -> Iterator[None]:
-    """Raise RecordingError, which calls the ``file`` what it is, for an OSError within."""
+def readable(file: Path) -> Iterator[None]:
+    """Raise RecordingError with the ``file`` for an OSError within."""
     try:
         yield
     except OSError as error:
-        message = f"the {what} cannot be read ({error.strerror}){advice}"
+        message = f"the file cannot be read ({error.strerror}); copy it again, or take it out"
         raise RecordingError(message, file=file) from None
 
 
-def file_content(file: Path, what: str = "file", advice: str = "") -> bytes:
+def file_content(file: Path) -> bytes:
     """Return all bytes of ``file``; RecordingError where it cannot be read or is too large."""
-    with readable(file, what, advice):
+    with readable(file):
         return read_whole(file)
 
 
 def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
-    """Return ``function(*arguments)``, called in a process of its own, which bounds time and memory
-    and which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
+    """Return ``function(*arguments)`` of a process of its own, which bounds time and memory and
+    which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
     """
     with advised(advice):
         return call_alone(function, *arguments, file=file)
@@ -177,9 +173,7 @@ def is_xml(*names: str) -> Callable[[Head], bool]:
 
 
 def is_bag(path: Path) -> bool:
-    """Return whether ``path`` is called a ROS bag: a file with a bag's suffix, or a folder with the
-    metadata.yaml of ROS 2.
-    """
+    """Return whether ``path`` has a bag's suffix, or is a folder with ROS 2's metadata.yaml."""
     if os.path.isfile(path):  # False, as Path.is_file is not, where it may not be looked at
         return path.suffix in BAG_SUFFIXES
     return os.path.isfile(path / "metadata.yaml")

@@ -48,8 +48,8 @@ def _summary(file: Path) -> Summary:
 
 
 def topics(file: Path) -> dict[str, str]:
-    """Return topic → type (``sensor_msgs/msg/Image``, of both ROS versions) of the topics with at
-    least one message in the bag ``file``; RecordingError as :func:`messages`.
+    """Return topic → type (``sensor_msgs/msg/Image``, of both ROS versions) of the topics with a
+    message in the bag ``file``; RecordingError as :func:`messages`.
     """
     return {topic: kind for topic, (kind, number) in summary(file).topics.items() if number}
 
@@ -59,28 +59,25 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
     (``sensor_msgs/msg/Image``); RecordingError with the topics where there is none, or several.
     """
     held = topics(file)
-    fitting = [name for name, kind in held.items() if kind in kinds]
-    wanted = " or ".join(kind.rpartition("/")[2] for kind in kinds)
-    if topic in fitting:
-        return topic
-    if topic is None and len(fitting) == 1:
+    fitting = [name for name, kind in held.items() if kind in kinds and topic in (None, name)]
+    if len(fitting) == 1:
         return fitting[0]
-    problem = f"no topic{f' {topic!r}' if topic else ''} of {wanted}"
-    if topic is None and fitting:
-        problem = f"{len(fitting)} topics of {wanted}, choose one by option"
-    evidence = {"topic": topic} if topic else {}
-    raise RecordingError(f"{problem}; there are {_named(held)}", file=file, **evidence)
+    wanted = " or ".join(kind.rpartition("/")[2] for kind in kinds)
+    message = f"{len(fitting)} topics of {wanted} {f'named {topic!r}' if topic else 'in the bag'}, "
+    message += f"choose one by option; there are {_named(held)}"
+    raise RecordingError(message, file=file, **({"topic": topic} if topic else {}))
 
 
 def messages(
     file: Path, topic: str, pick: Callable[[Any], Any], numbers: Collection[int] | None = None
 ) -> Iterator[Any]:
-    """Yield ``pick(message)`` of the messages of ``topic`` in the bag ``file``, of all or those of
-    the ``numbers``, in the order of their recording; memory holds one message and its chunk.
+    """Yield ``pick(message)`` (pickled, called in the process that reads) of the messages of
+    ``topic`` in the bag ``file``, of all or those of the ``numbers``, in the order of their
+    recording.
 
-    ``pick`` runs in the process that reads, and is pickled; a message has the attributes of its ROS
-    definition. Raises RecordingError for a bag that is missing, truncated, damaged or unindexed,
-    for fewer messages than it announces, and, with the message's number from 0, as ``pick`` does.
+    Memory holds one message, which has the attributes of its ROS definition. Raises RecordingError
+    for a bag that is missing, truncated, damaged or unindexed, for fewer messages than it
+    announces, and, with the message's number from 0, as ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
@@ -95,7 +92,6 @@ def messages(
 
 
 def _start(file: Path, topic: str) -> int:
-    """Return the number of messages of the topic of a bag that is opened in this process."""
     _streams[:] = [_stream(file, topic)]
     return next(_streams[0])
 
@@ -134,30 +130,20 @@ def seconds(message: object, **evidence: object) -> float:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[AnyReader]:
-    metadata = file / "metadata.yaml"
-    if metadata.is_file():
+    if (metadata := file / "metadata.yaml").is_file():
         read_whole(metadata)  # refused beyond the bounds
-    # SQLite may fill up what a file lacks
-    if cut := [one.name for one in (file, *file.glob("*.db3")) if _is_cut(one)]:
-        raise ValueError(f"{', '.join(cut)} is cut short")
+    for database in (file, *file.glob("*.db3")):
+        if database.suffix == ".db3":  # SQLite may fill up what a file lacks
+            with database.open("rb") as stream:
+                head = stream.read(32)
+            size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
+            if database.stat().st_size < pages * (1 << 16 if size == 1 else size):
+                raise ValueError(f"{database.name} is cut short")
     reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-    reader.open()
-    try:
+    with reader:
         if not all(isinstance(connection.msgcount, int) for connection in reader.connections):
             raise ValueError("it does not say how many messages it holds")
         yield reader
-    finally:
-        reader.close()
-
-
-def _is_cut(database: Path) -> bool:
-    """Return whether a file is an SQLite database shorter than the pages that its header counts."""
-    if database.suffix != ".db3":
-        return False
-    with database.open("rb") as stream:
-        head = stream.read(32)
-    size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
-    return database.stat().st_size < pages * (1 << 16 if size == 1 else size)
 
 
 def _named(held: dict[str, str]) -> str:

@@ -12,8 +12,8 @@ import pandas as pd
 
 from pipeline.core.columns import PLANE, columns, members
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import cells_of, is_blank, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
+from pipeline.formats.number_sheet import read_sheet
 
 COLUMNS = ["t", "x", "z", "phi", "vx", "vz", "vphi"]  # s, m, m, rad, m/s, m/s, rad/s
 FAMILIES = ["t", *columns("x", PLANE), *columns("v", PLANE)]
@@ -23,10 +23,8 @@ STEP_TOLERANCE = 1.01e-6
 
 def read_trajectory(file: Path) -> pd.DataFrame:
     """Return the trajectory in ``file``: one row a time step, the column t in s and, float64, the
-    families x and v of the task's rows in m, m, rad and per second, the family q of the joints in
-    rad, or both. The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint,
-    or all, in any order.
-
+    families x and v of the task's rows in m, m, rad and per second, q of the joints in rad, or all.
+    The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint, or all.
     Raises RecordingError, with the line where there is one, for missing columns, fewer than two
     rows, no finite number, steps that are not positive and equal within a microsecond, an angle
     that jumps by more than half a turn, and a last row without line end.
@@ -50,9 +48,7 @@ def read_trajectory(file: Path) -> pd.DataFrame:
 
 
 def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
-    """Return the poses in ``file``, the columns t in s and the rows of the ``task`` by their names
-    in m and rad; the file may have others.
-    """
+    """Return t in s and the rows of the ``task`` in m and rad; ``file`` may have others."""
     return _even_rows(file, lambda _: ["t", *task])
 
 
@@ -60,38 +56,32 @@ def _even_rows(
     file: Path, choose: Callable[[list[str]], list[str]], otherwise: str = ""
 ) -> pd.DataFrame:
     """Return the columns of ``choose(labels)``, time first, its steps equal."""
-    text = read_text(file)
-    if text.cut is not None:
-        message = "the last row has no line end, so it may be cut; export the trajectory again"
-        raise RecordingError(message, file=file, line=len(text.lines) + 1)
-    labels = cells_of(text.lines[0], ",", file=file, number=1)
-    wanted = choose(labels)
-    if missing := [column for column in wanted if labels.count(column) != 1]:
+    sheet = read_sheet(file, separator=",", decimal=".")
+    wanted, message, line = choose(sheet.labels), "", sheet.label_line
+    if missing := [column for column in wanted if sheet.labels.count(column) != 1]:
         message = f"the header must name {', '.join(missing)} once each, of {', '.join(wanted)}"
-        raise RecordingError(f"{message}{otherwise}", file=file, line=1)
-    places = [n for n, line in enumerate(text.lines[1:], start=2) if not is_blank(line, ",")]
-    if len(places) < 2:
-        message = "a trajectory needs at least two rows"
-        raise RecordingError(message, file=file, line=len(text.lines))
-    rows = [text.lines[place - 1] for place in places]
-    if (held := rows[0].count(",") + 1) != len(labels):
-        message = f"the row has {held} cells under {len(labels)} labels"
-        raise RecordingError(message, file=file, line=places[0])
-    table = numbers_of(rows, places, [labels.index(column) for column in wanted], file=file)
+        message += otherwise
+    elif sheet.counts["cut_rows"]:
+        message = "the last row is short or has no line end: it may be cut; export it again"
+        line = sheet.lines[-1] + 1
+    elif len(sheet.rows) < 2:
+        message, line = "a trajectory needs at least two rows", sheet.lines[-1]
+    if message:
+        raise RecordingError(message, file=file, line=line)
+    table = sheet.values([sheet.labels.index(column) for column in wanted])
     steps = np.diff(table[:, 0])
     step = float(np.median(steps))
     uneven = (np.abs(steps - step) > STEP_TOLERANCE) | (steps <= 0)
     if uneven.any():
         first = int(np.argmax(uneven))
         message = f"the step is {steps[first]:.6g} s, elsewhere {step:.6g} s; steps must be equal"
-        raise RecordingError(f"{message} and positive", file=file, line=places[first + 1])
+        message += " and positive"
+        raise RecordingError(message, file=file, line=sheet.lines[first + 1])
     return pd.DataFrame(table, columns=wanted)
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and the families x and v of the plane and q of ``trajectory``, as far as it has them;
-    every number reads back bit for bit.
-    """
+    """Write t and the families x, v and q of ``trajectory``, as far as it has them, bit for bit."""
     joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
     chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")

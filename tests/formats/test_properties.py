@@ -9,16 +9,15 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from depth_files import CALIBRATIONS, CLOUDS, frame
+from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import START, frame_row, in_metres, random_take, rows_file
 from PIL import Image
-from written_logs import write_joint_log, write_netft
+from written_logs import CALIBRATION, write_joint_log, write_netft
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth import intrinsics
@@ -26,7 +25,6 @@ from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth
 from pipeline.formats.depth.index import read_index, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
-from pipeline.formats.force.calibration import AXES as GAUGED
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
@@ -43,16 +41,11 @@ FORCE_TABLE = ForceLogOptions(
 RECORD = ForceRecord(np.arange(5) / 500, SAMPLES[:, :3], SAMPLES[:, 3:], 500.0, "", "4/2/13", {})
 JOINTS = JointLog(np.arange(5) / 125, {"actual": SAMPLES}, {})
 JOINT_TABLE = LogOptions(joints=6, signals={"actual": None})
-IMAGE = frame(shape=(12, 16))
-PGM = b"P5\n16 12\n65535\n" + IMAGE.astype(">u2").tobytes()
 POSES = pd.DataFrame(
     np.c_[np.arange(5) / 100, SAMPLES],
     columns=["t", *(f"{family}:{row}" for family in "xv" for row in ("x", "z", "phi"))],
 )
 WRITTEN = Intrinsics(365.456, 365.123, 254.878, 205.395, 640, 480, (0.125,) * 5)
-GAUGES = "".join(f'<UserAxis Name="{a}" values="1 2 3 4 5 6.25" max="25"/>\n' for a in GAUGED)
-CALIBRATION = f'<FTSensor Serial="FT1">\n<Calibration ForceUnits="N" TorqueUnits="N-m">\n{GAUGES}'
-CALIBRATION += "</Calibration></FTSensor>\n"
 ARE_WHOLE = None  # instead of a number of lines: nothing of the file is read unless all is there
 
 
@@ -83,7 +76,7 @@ def force_table(file: Path, separator: str, decimal: str) -> None:
 
 
 def pixels(file: Path) -> np.ndarray:
-    return read_depth(file, shape=IMAGE.shape).pixels
+    return read_depth(file, shape=SMALL.shape).pixels
 
 
 def camera(file: Path) -> np.ndarray:
@@ -101,7 +94,7 @@ CASES = {
                    lambda file: read_trajectory(file).to_numpy(), 1),
     "joint table": (lambda file: write_joint_log(file, JOINTS),
                     lambda file: read_joint_table(file, JOINT_TABLE).signals["actual"], 0),
-    "PNG": (lambda file: file.write_bytes(cv2.imencode(".png", IMAGE)[1].tobytes()), pixels,
+    "PNG": (lambda file: file.write_bytes(encoded(".png", SMALL)), pixels,
             ARE_WHOLE),
     "PGM": (lambda file: file.write_bytes(PGM), pixels, ARE_WHOLE),
     "calibration": (lambda file: write_intrinsics(file, WRITTEN), camera, ARE_WHOLE),
@@ -118,7 +111,7 @@ for marks in (",.", ";,", ";.", "\t,"):
     table = partial(force_table, separator=marks[0], decimal=marks[1])
     CASES[f"force table {marks!r}"] = (table, wrenches(read_force_table, FORCE_TABLE), 1)
 for compression in ("raw", "tiff_lzw"):
-    image = partial(Image.fromarray(IMAGE).save, format="TIFF", compression=compression)
+    image = partial(Image.fromarray(SMALL).save, format="TIFF", compression=compression)
     CASES[f"TIFF {compression}"] = (image, pixels, ARE_WHOLE)
 for name, text in CALIBRATIONS.items():
     CASES[name] = (partial(Path.write_text, data=text), camera, ARE_WHOLE)

@@ -22,6 +22,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import numbers_of
 from pipeline.formats.format import Format, Head, Kind, file_content
 
+ENDINGS = (".pcd", ".ply")
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
 PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
 PLY_FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -30,11 +31,10 @@ PLY_TYPES = {
     **{"ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
     **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
-FLOATS = {order + kind for order in "<>" for kind in ("f4", "f8")}
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
 # as C++ prints it; nan itself is known to numbers_of
 NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
-AGAIN = "copy the cloud again"
+AGAIN = "copy the cloud again, or take it out of the take"
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PointCloud:
 
 class CloudHeader(NamedTuple):
     """Content of a cloud's header; ``point`` is the record of a point, ``form`` one of PCD_FORMATS
-    or PLY_FORMATS, ``start`` the first byte of the points, ``more`` True where others follow them.
+    or PLY_FORMATS, ``start`` the first byte of the points, ``more`` whether others follow them.
     """
 
     count: int
@@ -74,44 +74,36 @@ class CloudHeader(NamedTuple):
 
 def is_cloud(file: Path) -> bool:
     """Return whether the name of ``file`` is the name of a point cloud."""
-    return Path(file).suffix.lower() in FORMAT.endings
+    return Path(file).suffix.lower() in ENDINGS
 
 
 def read_cloud(file: Path) -> PointCloud:
     """Return the points of the cloud in ``file``; see :func:`decode_cloud`."""
-    advice = "; copy it again, or take it out of the take"
-    return decode_cloud(file_content(file, "cloud", advice), file=Path(file))
+    return decode_cloud(file_content(file), file=Path(file))
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
-    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame, as in PCL
-    and Open3D; other fields than x, y, z are passed over, as are bytes behind the announced points,
-    which are counted: PCL pads files to whole pages.
-
-    Raises RecordingError for content that is truncated, of another format, without x, y and z, or
-    with data other than the header announces.
+    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame; other
+    fields are passed over, and bytes behind the announced points counted: PCL pads files to whole
+    pages. Raises RecordingError for content that is truncated, of another format, without x, y and
+    z, or with data other than the header announces.
     """
-    is_ply = _is_ply(content)
-    if not (is_ply or _is_pcd(content) or Path(file).suffix.lower() == ".pcd"):
-        raise RecordingError("this is no PCD or PLY point cloud; export it as one", file=file)
     try:
-        header = (_ply_header if is_ply else _pcd_header)(content)
+        header = (_ply_header if _is_ply(content) else _pcd_header)(content)
+        names, size = header.point.names, header.count * header.point.itemsize
+        kinds = {header.point[axis].str[1:] for axis in "xyz"}
+        if kinds not in ({"f4"}, {"f8"}) or size <= 0:
+            found = f"{header.count} points of the fields {', '.join(names)}"
+            raise ValueError(f"{found}: x, y and z of one floating-point type are required")
     except (KeyError, ValueError, IndexError, TypeError) as error:
-        message = f"the header of the cloud is damaged ({error}); {AGAIN}, or export x, y, z alone"
+        message = f"the header is no PCD's or PLY's, or damaged ({error}); {AGAIN}"
         raise RecordingError(message, file=file) from None
-    names, size = header.point.names, header.count * header.point.itemsize
-    kinds = {header.point[axis].str for axis in "xyz" if axis in names}
     require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
-    message = ""
-    if not {*"xyz"} <= {*names} or kinds.isdisjoint(FLOATS) or len(kinds) > 1:
-        message = "the cloud has no single x, y and z of one floating-point type; its fields are "
-        message += f"{', '.join(names)}: export it with them"
-    elif size <= 0:
-        message = f"the header announces {header.count} points; {AGAIN}, or take it out of the take"
-    if message:
-        raise RecordingError(message, file=file)
-    read = _text_points if header.form == "ascii" else _binary_points
-    points, surplus = read(content, header, file)
+    try:
+        read = _text_points if header.form == "ascii" else _binary_points
+        points, surplus = read(content, header, file)
+    except ValueError as error:
+        raise RecordingError(f"truncated or damaged: {error}; {AGAIN}", file=file) from None
     counts = {"surplus_bytes": surplus} if surplus and not header.more else {}
     stated = header.viewpoint, counts, header.version, header.organised
     return PointCloud.measured(points, *stated)
@@ -121,13 +113,9 @@ def _is_ply(content: bytes) -> bool:
     return content.startswith((b"ply\n", b"ply\r\n"))
 
 
-def _is_pcd(content: bytes) -> bool:
-    return re.match(rb"# \.PCD|VERSION +\S+\s+FIELDS ", content) is not None
-
-
 def _pcd_header(content: bytes) -> CloudHeader:
     if (data := re.search(rb"(?m)^DATA[^\S\n].*\n", content[:100_000])) is None:
-        raise ValueError("no line DATA: truncated")
+        raise ValueError("no line DATA")
     lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
     entries = {words[0]: words[1:] for words in lines if words}
     names = entries["FIELDS"]
@@ -141,10 +129,9 @@ def _pcd_header(content: bytes) -> CloudHeader:
     point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
     width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
     (form,) = entries["DATA"]
-    if form not in PCD_FORMATS:
-        raise ValueError(f"DATA {form!r} is none of {', '.join(PCD_FORMATS)}")
-    if width * height != count:
-        raise ValueError(f"POINTS is {count}, and {height} rows of {width} are another number")
+    if form not in PCD_FORMATS or width * height != count:
+        message = f"{count} POINTS in {height} rows of {width} as {form}: rows times columns and "
+        raise ValueError(f"{message}one of {', '.join(PCD_FORMATS)} are required")
     viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
     if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
         need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's own frame"
@@ -156,37 +143,17 @@ def _pcd_header(content: bytes) -> CloudHeader:
 
 def _ply_header(content: bytes) -> CloudHeader:
     if (end := re.search(rb"\nend_header\r?\n", content[:100_000])) is None:
-        raise ValueError("no line end_header: truncated")
+        raise ValueError("no line end_header")
     lines = [line.split() for line in content[: end.start()].decode("latin-1").splitlines()[1:]]
     lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
     elements = [number for number, words in enumerate(lines) if words[0] == "element"]
     (first, form, version), (_, element, count) = lines[0], lines[elements[0]]
-    if first != "format" or element != "vertex":
-        raise ValueError("it does not begin with a format and the element vertex")
     properties = lines[elements[0] + 1 : [*elements, None][1]]
-    if any(len(words) != 3 for words in properties):
-        raise ValueError("a vertex has more than single numbers")
+    if (first, element) != ("format", "vertex") or any(len(words) != 3 for words in properties):
+        raise ValueError("it must begin with a format and the element vertex of single numbers")
     point = np.dtype([(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties])
     version = f"PLY {form} {version}"
     return CloudHeader(int(count), point, form, end.end(), version, len(elements) > 1)
-
-
-def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
-    """Return (N, 3) the points, and the number of bytes behind them."""
-    data, size, message = content[header.start :], header.count * header.point.itemsize, ""
-    if header.form == "binary_compressed":
-        packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
-        if unpacked != size:
-            message = f"the compressed data unfold to {unpacked} bytes where the header announces "
-            message += f"{size}: truncated or damaged"
-        size = 8 + packed
-    if len(data) < size and not message:
-        message = f"{len(data)} bytes of data where {header.count} points have {size}: truncated"
-    points = None if message else _by_open3d(header, data[:size])
-    if points is None:
-        message = message or "the compressed data are damaged"
-        raise RecordingError(f"{message}; {AGAIN}", file=file)
-    return points, len(data) - size
 
 
 @cache
@@ -202,23 +169,28 @@ def load_open3d() -> ModuleType:
     return open3d
 
 
-def _by_open3d(header: CloudHeader, data: bytes) -> np.ndarray | None:
-    """Return (N, 3) float64 of ``data`` as ``header`` describes them, None where damaged; Open3D
-    is given them as PCD, a PLY's in the order of bytes that PCD has.
-    """
-    form, point = header.form, header.point
+def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
+    """Return (N, 3) float64 points, and the number of bytes behind them, by Open3D as PCD."""
+    data, form, point = content[header.start :], header.form, header.point
+    size = unpacked = header.count * point.itemsize
+    if form == "binary_compressed":
+        packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
+        size = 8 + packed
+    if len(data) < size or unpacked != header.count * point.itemsize:
+        message = f"{len(data)} bytes of {size}, which unfold to {unpacked}"
+        raise ValueError(
+            f"{message}, where {header.count} points of {point.itemsize} are announced"
+        )
+    data, surplus = data[:size], len(data) - size
     if form in PLY_FORMATS:
         form, data = "binary", np.frombuffer(data, point).astype(point.newbyteorder("<")).tobytes()
     # under other names Open3D would make colours and normals of fields, or fail on two of one name
     names = [name if name in ("x", "y", "z") else f"f{i}" for i, name in enumerate(point.names)]
-    kinds = [point[name] for name in point.names]
-    sizes, types = (
-        [kind.base.itemsize for kind in kinds],
-        [kind.base.kind.upper() for kind in kinds],
-    )
-    counts, count = [int(np.prod(kind.shape)) for kind in kinds], [header.count]
-    rows = {"FIELDS": names, "SIZE": sizes, "TYPE": types, "COUNT": counts, "WIDTH": count}
-    rows |= {"HEIGHT": [1], "VIEWPOINT": [*map(int, UNTURNED)], "POINTS": count, "DATA": [form]}
+    kinds, count = [point[name] for name in point.names], [header.count]
+    rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
+    rows |= {"TYPE": [kind.base.kind.upper() for kind in kinds]}
+    rows |= {"COUNT": [int(np.prod(kind.shape)) for kind in kinds], "WIDTH": count, "HEIGHT": [1]}
+    rows |= {"VIEWPOINT": [*map(int, UNTURNED)], "POINTS": count, "DATA": [form]}
     text = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items())
     with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
         stream.write(f"# .PCD v0.7\nVERSION 0.7\n{text}".encode() + data)
@@ -226,36 +198,35 @@ def _by_open3d(header: CloudHeader, data: bytes) -> np.ndarray | None:
         path = f"/proc/self/fd/{stream.fileno()}"
         cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
     if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
-        return None
+        raise ValueError("the compressed data do not unfold")
     with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are no positions
-        return cloud.point.positions.numpy().astype(float)
+        return cloud.point.positions.numpy().astype(float), surplus
 
 
 def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
     """Return (N, 3) the points, and the number of bytes behind them."""
     lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1
-    numbered = [(number, line.lower().split()) for number, line in enumerate(lines, first)]
-    filled = [(number, row) for number, row in numbered if row][: header.count]
+    filled = [(number, line.lower().split()) for number, line in enumerate(lines, first)]
+    filled = [(number, words) for number, words in filled if words][: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
-    for number, row in filled:
-        if len(row) != sum(widths):
-            message = f"the row has {len(row)} numbers where a point has {sum(widths)}: truncated "
-            raise RecordingError(f"{message}or damaged; {AGAIN}", file=file, line=number)
-        for cell in cells:
-            row[cell] = "nan" if row[cell] in NO_POSITION else row[cell]
-    if len(filled) < header.count:
-        message = f"there are {len(filled)} rows where the header announces {header.count} points"
-        raise RecordingError(f"{message}: truncated or damaged; {AGAIN}", file=file)
-    rows, numbers = [",".join(row) for _, row in filled], [number for number, _ in filled]
+    wrong = [(number, len(words)) for number, words in filled if len(words) != sum(widths)]
+    if wrong or len(filled) < header.count:
+        number, held = [*wrong, (first + len(lines) - 1, 0)][0]
+        message = f"the row has {held} numbers where a point has {sum(widths)}, of {header.count} "
+        message += f"announced points; {AGAIN}"
+        raise RecordingError(message, file=file, line=number)
+    rows = [",".join("nan" if w in NO_POSITION else w for w in words) for _, words in filled]
+    numbers = [number for number, _ in filled]
     behind = "\n".join(lines[numbers[-1] - first + 1 :])
     points = numbers_of(rows, numbers, cells, file=file, gaps=True)
     return points, len(behind) if behind.strip() else 0
 
 
 def _begins(head: Head) -> bool:
-    return _is_ply(head.content) or _is_pcd(head.content) or head.suffix == ".pcd"
+    is_pcd = re.match(rb"# \.PCD|VERSION +\S+\s+FIELDS ", head.content) is not None
+    return _is_ply(head.content) or is_pcd or head.suffix == ".pcd"
 
 
-FORMAT = Format("point cloud", Kind.CLOUD, decode_cloud, _begins, endings=(".pcd", ".ply"))
+FORMAT = Format("point cloud", Kind.CLOUD, decode_cloud, _begins)

@@ -24,7 +24,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Kind, begins, file_content
 
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
-MODES = {"I;16": 1, "LA": 2, "RGB": 3, "P": 3, "RGBA": 4}  # Pillow's modes of PNG: channels
+ENDINGS = (".png", ".tif", ".tiff", ".pgm")
 WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
 GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments of PGM
 # P5, width, height and greatest value, one blank, the pixels
@@ -33,11 +33,12 @@ PIXEL = 4  # bytes, the largest that is kept
 NO_DISPARITY = 2047  # value of the Kinect's eleven bits where it sees nothing
 # exceptions of Pillow for a damaged header
 HEADER_DAMAGE = (OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError)
-HEADER_DAMAGE += (RuntimeError, struct.error)
-AGAIN = "copy it again, or take its line out of the index"
+HEADER_DAMAGE += (RuntimeError, struct.error, AttributeError, Image.DecompressionBombError)
 # run lengths of each row's differences: naming the filter halves the time, level 6 saves 1 %
 PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
 PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
+# what is wrong with an image is said by its refusal, not among the messages of a stage
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 @dataclass(frozen=True)
@@ -88,30 +89,24 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
         nothing |= (disparity == NO_DISPARITY) | (disparity >= b)
         with np.errstate(divide="ignore"):
             values = (a / (b - disparity)).astype(np.float32)
-    key = encoding.scale_key
-    factor = 1.0 if key is None else _factor(raw.description, key, evidence)
+    factor, key = 1.0, encoding.scale_key
+    if key is not None:
+        before, number = r"\"?(?:\s*[:=]\s*|\s+)\"?", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+        pattern = rf"(?<![\w.]){re.escape(key)}{before}({number})(?![\w.])"
+        factors = [float(number) for number in re.findall(pattern, raw.description)]
+        if len(factors) != 1 or not 0 < factors[0] < np.inf:
+            message = f"the image's description has no single positive number {key!r}: "
+            raise RecordingError(f"{message}{raw.description[:120]!r}", **evidence)
+        (factor,) = factors
     depth = values / np.float32(encoding.units_per_metre / factor)
     nothing |= ~np.isfinite(depth)
     depth[nothing] = np.nan
     return depth
 
 
-def _factor(description: str, key: str, evidence: dict[str, object]) -> float:
-    before, number = r"\"?(?:\s*[:=]\s*|\s+)\"?", r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-    pattern = rf"(?<![\w.]){re.escape(key)}{before}({number})(?![\w.])"
-    factors = re.findall(pattern, description)
-    if len(factors) != 1 or not 0 < float(factors[0]) < np.inf:
-        message = f"the image's description has no single positive number {key!r}: "
-        raise RecordingError(f"{message}{description[:120]!r}", **evidence)
-    return float(factors[0])
-
-
 def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
-    """Return the image in ``file``, whose size must be ``shape`` = (H, W); RecordingError where it
-    is missing, else as :func:`decode_depth`.
-    """
-    content = file_content(file, "depth frame", f"; {AGAIN}")
-    return decode_depth(content, shape=shape, file=file)
+    """Return the image in ``file``; see :func:`decode_depth`."""
+    return decode_depth(file_content(file), shape=shape, file=file)
 
 
 def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDepth:
@@ -124,16 +119,11 @@ def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDe
         having, wanted = (f"{width} × {height}" for height, width in (stated, shape))
         message = f"the image has {having} pixels where the camera has {wanted}; check the "
         raise RecordingError(f"{message}intrinsics", file=file)
-    level = cv2.utils.logging.getLogLevel()
-    # what it finds wrong is said by the refusal, not among the messages of a stage
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         # unchanged, because every other mode hands 16 bits back as 8
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         pixels = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
     if pixels is None:
         raise _damaged(file)
     if pixels.dtype == np.float64:
@@ -141,8 +131,9 @@ def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDe
             pixels = pixels.astype(np.float32)
     if pixels.ndim != 2 or pixels.dtype not in (np.uint16, np.float32):
         channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-        kind = {"u": "", "i": "signed "}.get(pixels.dtype.kind, "floating-point ")
-        raise _no_depth(channels, f"{kind}channel(s) of {8 * pixels.itemsize} bits", file)
+        message = f"the image has {channels} channel(s) of {pixels.dtype}; depth is one of 16 bits "
+        message += "without sign or of floating point: export it as that"
+        raise RecordingError(message, file=file)
     return RawDepth(pixels, description)
 
 
@@ -152,8 +143,8 @@ def depth_size(content: bytes, *, file: Path) -> tuple[int, int]:
 
 
 def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
-    """Return (H, W) of an image and its description."""
-    readers = {PNG: _png_header, PGM: _pgm_header} | dict.fromkeys(TIFF, _tiff_header)
+    """Return (H, W) of an image and the description of a TIFF."""
+    readers = {PNG: _png_size, PGM: _pgm_size} | dict.fromkeys(TIFF, _tiff_size)
     read = next((read for mark, read in readers.items() if content.startswith(mark)), None)
     if read is None:
         message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
@@ -161,27 +152,21 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's of odd tags and sizes, which are bound here
-            shape, description = read(content, file)
-    except Image.DecompressionBombError as error:
-        message = f"the image is larger than any depth camera's ({error}); export it again"
-        raise RecordingError(message, file=file) from None
-    except HEADER_DAMAGE:
-        raise _damaged(file) from None
+            *shape, description = read(content, file)
+    except HEADER_DAMAGE as error:
+        raise _damaged(file, f" ({error})") from None
     require("part_mib", shape[0] * shape[1] * PIXEL / MIB, "MiB of pixels", file)
-    return shape, description
+    return tuple(shape), description
 
 
-def _png_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
+def _png_size(content: bytes, file: Path) -> tuple[int, int, str]:
     with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
-        shape, mode = (image.height, image.width), image.mode
+        width, height = image.size
         image.verify()  # the check sums of all chunks to the last
-    bits = content[len(PNG) + 16]
-    if (mode, bits) != ("I;16", 16):
-        raise _no_depth(MODES.get(mode, 1), f"channel(s) of {max(bits, 8)} bits", file)
-    return shape, ""
+    return height, width, ""
 
 
-def _tiff_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
+def _tiff_size(content: bytes, file: Path) -> tuple[int, int, str]:
     # not by Pillow's images, which have no pixels of float64
     stream = io.BytesIO(content)
     tags = ImageFileDirectory_v2(stream.read(8))
@@ -190,28 +175,21 @@ def _tiff_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     if tags.next:
         message = "the file holds several images; write one depth frame to a file"
         raise RecordingError(message, file=file)
-    return (int(tags[LENGTH]), int(tags[WIDTH])), str(tags.get(DESCRIPTION, ""))
+    return int(tags[LENGTH]), int(tags[WIDTH]), str(tags.get(DESCRIPTION, ""))
 
 
-def _pgm_header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
-    if (header := PGM_HEADER.match(content)) is None:
-        raise _damaged(file)
+def _pgm_size(content: bytes, file: Path) -> tuple[int, int, str]:
+    header = PGM_HEADER.match(content)
     width, height, greatest = map(int, header.groups())
     size = width * height * (1 if greatest < 256 else 2)
-    if surplus := len(content) - header.end() - size:
-        what = f"{abs(surplus)} bytes {'lack' if surplus < 0 else 'are left'}"
-        raise _damaged(file, f" ({what} of the {size} of {width} × {height} pixels)")
-    return (height, width), ""
+    if (held := len(content) - header.end()) != size:
+        raise ValueError(f"{held} bytes where {width} × {height} pixels have {size}")
+    return height, width, ""
 
 
 def _damaged(file: Path, reason: str = "") -> RecordingError:
-    message = f"the depth frame is truncated or damaged{reason}; {AGAIN}"
-    return RecordingError(message, file=file)
-
-
-def _no_depth(channels: int, kind: str, file: Path) -> RecordingError:
-    message = f"the image has {channels} {kind}; depth is one of 16 bits or of floating point"
-    return RecordingError(f"{message}: export it as that", file=file)
+    message = f"the depth frame is truncated or damaged{reason}; copy it again, or take its line "
+    return RecordingError(f"{message}out of the index", file=file)
 
 
 def encode_depth(raw: np.ndarray) -> bytes:
@@ -226,5 +204,4 @@ def write_depth(file: Path, raw: np.ndarray) -> None:
     Path(file).write_bytes(encode_depth(raw))
 
 
-ENDINGS = (".png", ".tif", ".tiff", ".pgm")
-FORMAT = Format("depth image", Kind.IMAGE, decode_depth, begins(PNG, *TIFF, PGM), endings=ENDINGS)
+FORMAT = Format("depth image", Kind.IMAGE, decode_depth, begins(PNG, *TIFF, PGM))

@@ -38,35 +38,30 @@ def read_index(file: Path) -> DepthIndex:
     for another form, a time that does not increase, times that cannot be in s, and no frame.
     """
     text = read_text(file)
-    time, files = [], []
+    time, files = [-np.inf], []
     for number, line in enumerate(map(str.strip, text.lines), start=1):
         if not line or line.startswith("#"):
             continue
-        stamp, *name = line.split(maxsplit=1)
-        message = ""
-        if not NUMBER.fullmatch(stamp) or not name or not np.isfinite(float(stamp)):
-            message = f"{line[:80]!r} is no finite time in s, a blank and the name of a frame"
-        elif len(words := name[0].split()) > 2 and NUMBER.fullmatch(words[1]):
-            message = "the line pairs two images; write the time and the name of the depth frame"
-        elif time and float(stamp) <= time[-1]:
-            message = "the time does not increase"
-        if message:
+        stamp, name = [*line.split(maxsplit=1), ""][:2]
+        seconds = float(stamp) if NUMBER.fullmatch(stamp) else np.nan
+        pairs = len(words := name.split()) > 2 and NUMBER.fullmatch(words[1])
+        if not name or pairs or not time[-1] < seconds < np.inf:
+            message = f"{line[:80]!r} must be a time in s that increases, a blank and the name of "
+            message += f"one depth frame{'; it pairs two images' if pairs else ''}"
             raise RecordingError(message, file=file, line=number)
-        time.append(float(stamp))
-        files += name
+        time.append(seconds)
+        files.append(name)
     if not files:
         raise RecordingError("the index names no frame in a whole line", file=file)
-    step = float(np.median(np.diff(time))) if len(time) > 1 else SHORTEST_STEP
+    step = float(np.median(np.diff(time[1:]))) if len(files) > 1 else SHORTEST_STEP
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
         message = f"frames {step:.6g} s apart come from no camera: write the times in s (ms, µs and"
         raise RecordingError(f"{message} ns are divided by 1e3, 1e6 and 1e9)", file=file)
-    return DepthIndex(np.array(time), tuple(files), {"cut_rows": int(text.cut is not None)})
+    return DepthIndex(np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)})
 
 
 def dropped_frames(time: np.ndarray) -> int:
-    """Return the number of frames that lack between those of ``time`` (F,) in s, increasing, by
-    steps of the median's length.
-    """
+    """Return the number of frames that lack between those of ``time`` (F,) in s by median steps."""
     steps = np.diff(time)
     lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
     return int(np.sum(np.maximum(lost, 0)))
@@ -80,22 +75,19 @@ def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
 
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
-    """Return the frames of ``folder`` whose paths match the glob ``pattern``, in the order of the
-    last number n in their names, each (n − first)/``rate`` s after the first. RecordingError where
-    no file matches, a name has no number, names differ in more than the number, or one comes twice.
+    """Return the frames of ``folder`` that match the glob ``pattern``, by the last number n in
+    their names, each (n − first)/``rate`` s after the first. RecordingError where no file matches,
+    names differ in more than one number or have none, or one comes twice.
     """
     numbers: dict[int, Path] = {}
     forms = set()
     for file in filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames")):
-        if (parts := NUMBERED.fullmatch(file.stem)) is None:
-            message = "the frame's name has no number; name the frames by number, or write an index"
-            raise RecordingError(message, file=file)
-        forms.add((file.parent, parts[1], parts[3], file.suffix))
-        if len(forms) > 1:
-            message = f"the names that match {pattern!r} differ in more than a number; write an "
-            raise RecordingError(f"{message}index of their times", file=file)
-        if (other := numbers.setdefault(int(parts[2]), file)) != file:
-            message = f"frame {int(parts[2])} is there twice, as {other.name} too"
+        parts = NUMBERED.fullmatch(file.stem)
+        forms.add((file.parent, file.suffix, *(parts.group(1, 3) if parts else (file,))))
+        other = numbers.setdefault(int(parts[2]), file) if parts else file
+        if parts is None or len(forms) > 1 or other != file:
+            message = f"the names that match {pattern!r} must differ in one number alone, each of "
+            message += "which is there once; rename the frames, or write an index of their times"
             raise RecordingError(message, file=file)
     if not numbers:
         raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
@@ -106,7 +98,7 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
 
 def frame_endings() -> tuple[str, ...]:
     """Return the endings of the names of depth frames, images and clouds: ``.png`` and others."""
-    return image.FORMAT.endings + cloud.FORMAT.endings
+    return image.ENDINGS + cloud.ENDINGS
 
 
 def _begins(head: Head) -> bool:

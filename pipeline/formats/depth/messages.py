@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.intrinsics import Intrinsics, pinhole, require_model, require_size
+from pipeline.formats.depth.intrinsics import Intrinsics, pinhole
 
 IMAGE, CLOUD, CAMERA_INFO = (
     f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo")
@@ -22,13 +22,11 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
     byte order, its rows padded or not; RecordingError (with ``evidence``) for another encoding or
     size, and for other data than rows × step.
     """
-    if (pixel := PIXELS.get(message.encoding)) is None:
-        said = f"an image of the encoding {message.encoding!r}; depth is {', '.join(PIXELS)}"
-        raise RecordingError(said, **evidence)
-    if (message.height, message.width) != tuple(shape):
-        (height, width), size = shape, f"{message.width} × {message.height}"
-        said = f"the image has {size} pixels where the camera has {width} × {height}"
-        raise RecordingError(said, **evidence)
+    pixel, size = PIXELS.get(message.encoding), (message.height, message.width)
+    if pixel is None or size != tuple(shape):
+        found = f"an image of {size[1]} × {size[0]} pixels encoded as {message.encoding!r}; depth "
+        wanted = f"of the camera has {shape[1]} × {shape[0]} of {', '.join(PIXELS)}"
+        raise RecordingError(found + wanted, **evidence)
     return _records(message, message.step, pixel, "pixels", evidence).astype(pixel)
 
 
@@ -49,17 +47,12 @@ def cloud_points(message: object, **evidence: object) -> np.ndarray:
     RecordingError (with ``evidence``) for another field, and for other data than announced.
     """
     fields, step = {field.name: field for field in message.fields}, message.point_step
-    if missing := [name for name in "xyz" if name not in fields]:
-        there = ", ".join(fields) or "none"
-        said = f"the cloud has no field {', '.join(missing)}; there are {there}"
-        raise RecordingError(said, **evidence)
-    held = [fields[name] for name in "xyz"]
-    for field in held:
-        kind = DATATYPES.get(field.datatype)
-        if kind is None or field.count != 1 or field.offset + kind.itemsize > step:
-            said = f"the field {field.name} is no single float32 or float64 within the point's "
-            raise RecordingError(f"{said}{step} bytes", **evidence)
-    formats = [DATATYPES[field.datatype] for field in held]
+    held = [fields[name] for name in "xyz" if name in fields]
+    formats = [DATATYPES.get(field.datatype) for field in held if field.count == 1]
+    ends = [f.offset + kind.itemsize for f, kind in zip(held, formats, strict=False) if kind]
+    if len(ends) < 3 or max(ends) > step:
+        said = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
+        raise RecordingError(f"{said}there are {', '.join(fields) or 'none'}", **evidence)
     layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in held]}
     kind = np.dtype(layout | {"itemsize": step})
     points = _records(message, message.row_step, kind, "points", evidence).ravel()
@@ -70,12 +63,14 @@ def camera_info(message: object, *, width: int, height: int, **evidence: object)
     """Return the intrinsics from the K and D of a CameraInfo of ``width`` × ``height`` pixels;
     RecordingError (with ``evidence``) for another size, K of zeros and another distortion model.
     """
-    require_size((message.width, message.height), width, height, **evidence)
     # ROS 1 writes K and D, ROS 2 k and d
     matrix, distortion = (
         np.array(getattr(message, name, getattr(message, name.lower(), None)), dtype=float)
         for name in "KD"
     )
-    require_model(message.distortion_model or "of no name", distortion, **evidence)
+    own = {
+        "stated": (message.width, message.height),
+        "model": message.distortion_model or "of no name",
+    }
     distortion = distortion if distortion.any() else np.zeros(0)
-    return pinhole(matrix.reshape(3, 3), distortion, width=width, height=height, **evidence)
+    return pinhole(matrix.reshape(3, 3), distortion, (width, height), **own, **evidence)

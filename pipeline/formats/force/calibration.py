@@ -6,6 +6,7 @@ transducer's.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -44,61 +45,46 @@ def read_calibration(file: Path) -> Calibration:
         raise RecordingError(message, file=file, **line) from None
     serial = next((one.attrib["Serial"] for one in elements if "Serial" in one.attrib), "")
     stated = [one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}]
-    if len(stated) != 1:
-        message = f"{len(stated)} elements state ForceUnits and TorqueUnits; a calibration has one"
-        raise RecordingError(message, file=file)
     kind = "UserAxis" if any(one.tag == "UserAxis" for one in elements) else "Axis"
     rows = {one.get("Name"): one.attrib for one in elements if one.tag == kind}
-    if missing := [axis for axis in AXES if axis not in rows]:
-        raise RecordingError(f"no {kind} {', '.join(missing)} in the calibration", file=file)
+    basic = next((one.attrib for one in elements if one.tag == "BasicTransform"), {})
+    try:
+        (units,) = stated
+        matrix, full_scale = _numbers(rows, "values", 6), _numbers(rows, "max", 1)
+        if full_scale.min() <= 0:
+            raise ValueError("max of an axis must be above 0")
+        if kind == "Axis":
+            matrix = matrix / _numbers(rows, "scale", 1)
+            # torque about the transducer's origin, which lies at the offset in the gauges' frame
+            matrix[3:] -= np.cross(_offset(basic, units), matrix[:3], axisb=0, axisc=0)
+        if not np.isfinite(matrix).all():
+            raise ValueError("scale of an axis is 0")
+    except (KeyError, ValueError) as error:
+        message = f"not one calibration with ForceUnits and TorqueUnits and {kind} of each of "
+        message += f"{', '.join(AXES)} ({error}); copy it again"
+        raise RecordingError(message, file=file) from None
+    names = units["ForceUnits"], units["TorqueUnits"]
+    return Calibration(Path(file), serial, *names, matrix, full_scale[:, 0])
 
-    def numbers(name: str, count: int) -> np.ndarray:
-        return np.array([_numbers(rows[axis], name, count, file) for axis in AXES])
 
-    matrix, full_scale = numbers("values", 6), numbers("max", 1)[:, 0]
-    if np.any(full_scale <= 0):
-        raise RecordingError("the rating of an axis is not positive", file=file)
-    if kind == "Axis":
-        if np.any((scale := numbers("scale", 1)) == 0):
-            raise RecordingError("the scale of an axis is zero", file=file)
-        matrix = matrix / scale
-        # torque about the transducer's origin, which lies at the offset in the gauges' frame
-        basic = next((one.attrib for one in elements if one.tag == "BasicTransform"), {})
-        offset = _offset(basic, stated[0], file)
-        matrix[3:] -= np.cross(offset, matrix[:3], axisb=0, axisc=0)
-    units = stated[0]["ForceUnits"], stated[0]["TorqueUnits"]
-    return Calibration(Path(file), serial, *units, matrix, full_scale)
+def _numbers(rows: Mapping[str, Mapping[str, str]], name: str, count: int) -> np.ndarray:
+    held = [[*map(float, rows[axis][name].split())] for axis in AXES]
+    if {*map(len, held)} != {count} or not np.isfinite(held).all():
+        raise ValueError(f"{name} of an axis must be {count} finite number(s)")
+    return np.array(held)
 
 
-def _offset(basic: dict[str, str], stated: dict[str, str], file: Path) -> np.ndarray:
+def _offset(basic: Mapping[str, str], stated: Mapping[str, str]) -> np.ndarray:
     """Return (3,) the offset of the basic transform in the length of the unit of torque, or in the
     file's own numbers where no unit of distance is stated.
     """
-    held = {name: _numbers(basic, name, 1, file)[0] for name in basic if name[:1] in "DR"}
-    if any(held.get(turn) for turn in ("Rx", "Ry", "Rz")):
-        message = "the basic transform turns the axes; ask for a calibration with UserAxis rows"
-        raise RecordingError(message, file=file)
-    offset = np.array([held.get(shift, 0.0) for shift in ("Dx", "Dy", "Dz")])
+    if any(float(basic.get(turn, 0)) for turn in ("Rx", "Ry", "Rz")):
+        raise ValueError("the basic transform turns the axes; ask for one with UserAxis rows")
+    offset = np.array([float(basic.get(shift, 0)) for shift in ("Dx", "Dy", "Dz")])
     if not offset.any() or "DistUnits" not in stated:
         return offset
     force, torque = (plain_unit(stated[f"{quantity}Units"]) for quantity in ("Force", "Torque"))
-    length = stated["DistUnits"]
-    try:
-        return offset * (LENGTH_UNITS[length] * FORCE_UNITS[force] / TORQUE_UNITS[torque])
-    except KeyError:
-        message = f"the units {force}, {torque}, {length} are not all known, and the basic "
-        raise RecordingError(f"{message}transform needs them", file=file) from None
-
-
-def _numbers(values: dict[str, str], name: str, count: int, file: Path) -> list[float]:
-    try:
-        numbers = [float(word) for word in values[name].split()]
-    except (KeyError, ValueError):
-        numbers = []
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        message = f"{name} of {values.get('Name', 'the basic transform')} must be {count} finite "
-        raise RecordingError(f"{message}number(s), not {values.get(name)!r}", file=file)
-    return numbers
+    return offset * (LENGTH_UNITS[stated["DistUnits"]] * FORCE_UNITS[force] / TORQUE_UNITS[torque])
 
 
 MARKS = is_xml("FTSensor", "Calibration", "UserAxis")

@@ -6,9 +6,7 @@ its own, since damaged ones can end it, and small ones unfold to any size.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,111 +15,85 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
-from pipeline.formats.joints.names import columns_by_name, is_derivative, named_like, possibly_speed
+from pipeline.formats.joints.names import (
+    columns_by_name,
+    named_like,
+    possibly_speed,
+    signals_of_groups,
+)
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # another format under the ending of a MATLAB file
-ARRAY = re.compile(r"(.+):(\d+)")  # a column of an array
 MEMBER = slice(30, 286)  # bytes of a ZIP file with the name of its first member
 Held = dict[str, np.ndarray]
 
 
-@dataclass(frozen=True)
-class NamedArrays:
-    """Arrays of ``file`` by name, of the shape () where it holds no plain numbers."""
-
-    file: Path
-    held: Mapping[str, np.ndarray]
-
-    def named(self, quantity: str, given: object = None) -> str:
-        """Return the name of the array of a ``quantity``: the ``given`` one, else by its name."""
-        if isinstance(given, str):
-            named = [given] if given in self.held else []
-        else:
-            size = 1 if quantity == "time" else 2
-            fits = [name for name, values in self.held.items() if values.ndim in (0, size)]
-            named = named_like(quantity, fits) or named_like(quantity, self.held)
-            if not named and quantity == "target":
-                named = self._no_speeds()
-        if len(named) != 1:
-            what = f"{' and '.join(named)} could each be" if named else "no array is named like"
-            key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
-            message = f"{what} the {quantity}: name the array; there are {self}"
-            raise RecordingError(message, file=self.file, key=key)
-        return named[0]
-
-    def __str__(self) -> str:
-        return ", ".join(f"{name} {one.shape}" for name, one in sorted(self.held.items())) or "none"
-
-    def _no_speeds(self) -> list[str]:
-        """Return the arrays named qd that are not the derivative of the measured angles."""
-        measured = self.read(self.named("actual"), 2)
-        alike = [n for n in possibly_speed(self.held) if self.held[n].shape == measured.shape]
-        rows = np.arange(len(measured), dtype=float)
-        return [n for n in alike if not is_derivative(self.read(n, 2), measured, rows)]
-
-    def read(self, name: str, dimensions: int) -> np.ndarray:
-        """Return the array as float64; RecordingError with the place of no finite number."""
-        values, where = self.held[name], {"file": self.file, "array": name}
-        require("part_mib", values.size * 8 / MIB, f"MiB of numbers in {name}", self.file)
-        if values.ndim != dimensions or not values.size:
-            wanted = "a number a row" if dimensions == 1 else "a row of joints a time"
-            message = f"{name} is no array of plain numbers with {wanted}; its shape is "
-            raise RecordingError(f"{message}{values.shape}", **where)
-        values = values.astype(float)
-        if not np.isfinite(values).all():
-            row = int(np.argwhere(~np.isfinite(values))[0, 0])
-            message = f"{name} holds {values[row]}, where finite numbers are required"
-            raise RecordingError(message, row=row, **where)
-        return values
-
-    def signal(self, signal: str, columns: Sequence[object] | None) -> np.ndarray:
-        """Return (N, joints) of an array, or of arrays or columns ARRAY:COLUMN."""
-        if columns is None or (len(columns) == 1 and columns[0] in self.held):
-            return self.read(self.named(signal, columns and columns[0]), 2)
-        held = []
-        for column in map(str, columns):
-            part = ARRAY.fullmatch(column)
-            shape = np.shape(self.held.get(part[1] if part else column, 0))
-            if not part and len(shape) == 1:
-                held.append(self.read(column, 1))
-            elif part and len(shape) == 2 and int(part[2]) < shape[1]:
-                held.append(self.read(part[1], 2)[:, int(part[2])])
-            else:
-                message = f"{signal}: {column} is no array and no column ARRAY:COLUMN from 0; there"
-                key = f"{OPTION}.signals"
-                raise RecordingError(f"{message} are {self}", file=self.file, key=key)
-        return np.column_stack(held)
-
-
 def read_arrays(file: Path, options: LogOptions) -> JointLog:
     """Return the signals of ``options`` in ``file``, by default the measured and the commanded
-    angles by their names.
-
-    Raises RecordingError for a damaged file; with the array and row (from 0), for another shape
-    than (N, joints), numbers that are not finite and times that do not increase; with the option
-    that settles it for a name that is not there or not the only one.
+    angles by their names; columns of an array are ``ARRAY:COLUMN``, from 0. Raises RecordingError
+    for a damaged file; with the array and row (from 0), for numbers that are not finite and times
+    that do not increase; with its option for a name that is not there, not the only one or not of
+    numbers.
     """
     head = Head.read(file)
     if head.content.startswith(HDF5):
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
-    arrays = NamedArrays(file, read_alone(read, Path(file), file=file, advice="save it again"))
-    chosen = options.signals or dict.fromkeys(("actual", "target"))
+    held = read_alone(read, Path(file), file=file, advice="save it again")
+    arrays = {name: np.atleast_2d(one.T) for name, one in held.items() if one.ndim in (1, 2)}
+    groups, columns = {}, {}
+    for name, rows in arrays.items():
+        groups[name] = [f"{name}:{j}" for j in range(len(rows))] if held[name].ndim == 2 else [name]
+        columns |= zip(groups[name], rows, strict=True)
+
+    def numbers(quantity: str, names: Sequence[object]) -> np.ndarray:
+        labels = [label for name in map(str, names) for label in groups.get(name, [name])]
+        chosen = [columns[label] for label in labels if label in columns]
+        if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
+            there = ", ".join(f"{name} {one.shape}" for name, one in sorted(held.items())) or "none"
+            message = f"the {quantity} must be an array of a row of numbers a time, found {names}; "
+            message += f"name it, or its columns ARRAY:COLUMN. There are {there}"
+            key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
+            raise RecordingError(message, file=file, key=key)
+        require("part_mib", sum(map(len, chosen)) * 8 / MIB, f"MiB of the {quantity}", file)
+        values = np.column_stack(chosen).astype(float)
+        if (wrong := ~np.isfinite(values)).any():
+            row, column = np.argwhere(wrong)[0].tolist()
+            message = f"{labels[column]} holds {values[row, column]}, not a finite number"
+            raise RecordingError(message, file=file, array=labels[column], row=row)
+        return values
+
+    named = [options.time]
+    if isinstance(options.time, int):
+        named = named_like("time", [name for name in arrays if held[name].ndim == 1])
+    clock, time = (named[0] if len(named) == 1 else None), None
+    if clock is not None:
+        time = numbers("time", named)[:, 0] * TIME_UNITS[options.time_unit]
+    chosen = {name: labels for name, labels in options.signals.items() if labels}
+    wanted = options.signals or ("actual", "target")
+    if {*wanted} - {*chosen}:
+        tables = {name: [name] for name in arrays if held[name].ndim == 2}
+        numbers_mib = sum(held[name].size for name in tables) * 8 / MIB
+        require("memory_mib", numbers_mib, "MiB of numbers in unnamed arrays", file)
+        values = {name: held[name].astype(float) for name in tables}
+        with np.errstate(over="ignore", invalid="ignore"):  # of damaged numbers
+            found, guessed = signals_of_groups(tables, values, time)
+        if guessed and not possibly_speed(found["target"]):
+            del found["target"]
+        chosen = found | chosen
     unit = ANGLE_UNITS[options.angle_unit]
-    signals = {name: arrays.signal(name, columns) * unit for name, columns in chosen.items()}
+    signals = {name: numbers(name, chosen.get(name, ())) * unit for name in wanted}
     length = {name: len(rows) for name, rows in signals.items()}
-    clock, time = None, np.arange(max(length.values())) / options.rate
-    if options.time is not None:
-        clock = arrays.named("time", options.time)
-        time = arrays.read(clock, 1) * TIME_UNITS[options.time_unit]
+    if time is None:
+        time = np.arange(max(length.values())) / options.rate
+        if options.time is not None:
+            numbers("time", ())
     if {*length.values()} != {len(time)}:
         rows = ", ".join(f"{count} of {name}" for name, count in length.items())
         message = f"{len(time)} times for {rows} angles; save a row of joints for each time"
         message += " (transpose arrays that have a row for each joint)"
         raise RecordingError(message, file=file, array=clock)
-    log = JointLog(time, signals, {})
-    return increasing(log, file, lambda row: {"array": clock, "row": row})
+    return increasing(JointLog(time, signals, {}), file, lambda row: {"array": clock, "row": row})
 
 
 def _npz(file: Path) -> Held:
@@ -174,8 +146,6 @@ def _parquet(file: Path) -> Held:
 
     table = parquet.read_table(file)
     table.validate()
-    if len({*table.column_names}) < len(table.column_names):
-        raise RecordingError("two of its columns have one name; rename one of them", file=file)
     columns = {name: _plain(table[name].to_numpy()) for name in table.column_names}
     held = {name: values for name, values in columns.items() if values.ndim}
     for name, group in columns_by_name([*held]).items():

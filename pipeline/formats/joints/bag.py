@@ -27,19 +27,15 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     """Return the measured and the commanded angles in the bag ``file``, each of the topic that
     ``signals`` names or whose name says which it is; other signals are the efforts of their topic,
     ``speed`` and ``velocity`` its velocities. Joints are those of ``options``, else those of the
-    message with the most joints, each read by its name.
+    message with the most, each read by its name.
 
     Counted are ``interpolated_rows`` (commands, at the times of the measured angles),
     ``rows_without_command`` (before the first or after the last, left out),
-    ``messages_of_other_joints`` (passed over), ``doubled_rows`` (messages that repeat the one
-    before, dropped) and ``unwrapped_jumps`` of circular joints.
-
-    Raises RecordingError for a bag that cannot be read, no topic or several that could be meant,
-    and, with the message from 0, for some of the joints, a missing value and a time that does not
-    increase.
+    ``messages_of_other_joints`` (passed over), ``doubled_rows`` (dropped) and ``unwrapped_jumps``
+    of circular joints. Raises RecordingError for a bag that cannot be read, no topic or several,
+    and, with the message from 0, for a joint without a value and a time that does not increase.
     """
-    joints, counts = tuple(options.names), Counter()
-    logs = {}
+    joints, counts, logs = tuple(options.names), Counter(), {}
     for signal, topic in sorted(_topics(file, options).items()):
         time, values, joints = _values(file, topic, signal, joints, counts)
         if signal in ANGLES:
@@ -100,28 +96,26 @@ def _values(
     name = FIELDS.get(signal, "effort")
     held = [*messages(file, topic, partial(_sample, name=name))]
     joints = joints or tuple(max((values for _, values in held), key=len, default=()))
-    times, rows = [], []
+    times, rows, where = [-np.inf], [], {"file": file, "topic": topic}
     for number, (time, values) in enumerate(held):
-        row, message = [values.get(joint, np.nan) for joint in joints], ""
+        row = [values.get(joint, np.nan) for joint in joints]
+        missing = [joint for joint, one in zip(joints, row, strict=True) if not np.isfinite(one)]
         if not {*joints} & {*values}:
             counts["messages_of_other_joints"] += 1
-        elif missing := [j for j, one in zip(joints, row, strict=True) if not np.isfinite(one)]:
-            message = f"the message has no {name} of {', '.join(missing)} ({signal})"
-        elif times and (time, row) == (times[-1], rows[-1]):
+        elif rows and (time, row) == (times[-1], rows[-1]):
             counts["doubled_rows"] += 1
-        elif times and time <= times[-1]:
-            message = "the time does not increase"
+        elif missing or time <= times[-1]:
+            message = f"the message has no {name} of {', '.join(missing)} ({signal})"
+            message = message if missing else "the time does not increase"
+            raise RecordingError(message, number=number, **where)
         else:
             times.append(time)
             rows.append(row)
-        if message:
-            raise RecordingError(message, file=file, topic=topic, number=number)
     if not rows:
         others = ", ".join(sorted({joint for _, values in held for joint in values})) or "none"
         message = f"no message has the joints {', '.join(joints) or 'of an arm'}; there are "
-        where = {"file": file, "topic": topic, "key": f"{OPTION}.joints"}
-        raise RecordingError(message + others, **where)
-    return np.array(times), np.array(rows), joints
+        raise RecordingError(message + others, key=f"{OPTION}.joints", **where)
+    return np.array(times[1:]), np.array(rows), joints
 
 
 def _begins(head: Head) -> bool:

@@ -46,8 +46,8 @@ class LogOptions:
 
 
 def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:
-    """Return ``log`` without the rows that repeat the one before, counted as ``doubled_rows``;
-    RecordingError at the first other row whose time does not increase, with its ``place``.
+    """Return ``log`` without rows that repeat the one before (``doubled_rows``); RecordingError at
+    the ``place`` of the first other row whose time does not increase.
     """
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)

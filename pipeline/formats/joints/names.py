@@ -7,6 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -68,34 +69,31 @@ class Meaning:
     @property
     def is_angle(self) -> bool:
         """Return whether it can be an angle of a joint."""
-        return self.quantity in ("position", "") and not (
-            len(self.rest) == 1 and {*self.rest} & PLACES
-        )
+        placed = len(self.rest) == 1 and self.rest[0] in PLACES
+        return self.quantity in ("position", "") and not placed
 
 
+@cache
 def meaning(name: str) -> Meaning:
     """Return what ``name`` says: words are separated by signs, capitals and numbers, the last
     number is the joint's; ``qd`` is a speed, ``q_d`` and ``d`` a command.
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
     words = [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
-    number = next((int(word) for word in reversed(words) if word.isdigit()), None)
-    if number is not None:
-        del words[max(k for k, word in enumerate(words) if word.isdigit())]
+    places = [place for place, word in enumerate(words) if word.isdigit()]
+    number = int(words.pop(places[-1])) if places else None
     if len(words) > 1:  # tq alone is a commanded q
         words = ["torque" if word == "tq" else word for word in words]
     role, quantity, rest = "", "", []
     for word in " ".join(SHORT.get(word, word) for word in words).split():
-        if word in MEASURED:
-            role = role or "actual"
+        if word in MEASURED or word in STATE:
+            role = role or ("actual" if word in MEASURED else "state")
         elif word in COMMANDED or (word == "d" and quantity):
             role = "target"
-        elif word in STATE:
-            role = role or "state"
-        elif word == "qd" or word in VELOCITY:
-            quantity = "other" if quantity == "other" else "velocity"
-        elif word in OTHER:
+        elif word in OTHER or quantity == "other":
             quantity = "other"
+        elif word == "qd" or word in VELOCITY:
+            quantity = "velocity"
         elif word in POSITION:
             quantity = quantity or "position"
         elif word not in JOINT:
@@ -111,19 +109,17 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
         plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
         alone = [n for n, parts in plain.items() if re.sub("[^a-z]", "", "".join(parts)) in TIME]
         return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
-    held = {name: meaning(name) for name in names}
-    angles = {name: what for name, what in held.items() if what.is_angle}
+    angles = {name: what for name in names if (what := meaning(name)).is_angle}
     said = [name for name, what in angles.items() if what.role == quantity]
     if quantity == "actual":  # an angle of which nothing says that it is commanded
         said += [name for name, what in angles.items() if not what.role and what.quantity]
-    plain = [name for name in said if not angles[name].rest]
-    return plain or said
+    return [name for name in said if not angles[name].rest] or said
 
 
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Return the ``labels`` of columns by the name that they share beside their number, in the
-    order of the numbers, as ``q_0, q_1``; and under actual or target where words name the joints,
-    as ``actual_elbow, actual_wrist_1``.
+    """Return the ``labels`` by the name that they share beside their number, in the order of the
+    numbers, as ``q_0, q_1``; under actual or target where words name the joints, as
+    ``actual_elbow``.
     """
     numbered: dict[str, dict[int, str]] = {}
     worded: dict[str, list[str]] = {}
@@ -138,9 +134,8 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
     groups = {name: [held[n] for n in sorted(held)] for name, held in numbered.items()}
     joints = {frozenset((meaning(n).rest, meaning(n).number) for n in w) for w in worded.values()}
     plain = any(meaning(n).is_angle and meaning(n).role and not meaning(n).rest for n in groups)
-    by_words = any(meaning(label).number is None for held in worded.values() for label in held)
-    if by_words and len(joints) == 1 and not plain:
-        named = {label for held in worded.values() for label in held}
+    named = {label for held in worded.values() for label in held}
+    if len(joints) == 1 and not plain and any(meaning(label).number is None for label in named):
         groups = {name: held for name, held in groups.items() if not named & {*held}} | worded
     return groups
 
@@ -150,23 +145,23 @@ def signals_of(
     time: np.ndarray | None = None,
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return signal → columns of the joints, and signal → the reason why it is a guess.
-
-    A signal is there where one name alone says it is; where the values are given (``load(label)``
-    returns a column (N,) at ``time`` (N,)), also where one group alone follows the measured angles,
-    and no group that is their derivative or a quaternion.
+    """Return signal → columns of the joints, and signal → the reason why it is a guess: a signal
+    whose name alone says it, or, with the values (``load(label)`` returns a column (N,) at ``time``
+    (N,)), one group that alone follows the measured angles and is neither their derivative nor a
+    quaternion.
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
     values = (
         {} if load is None else {n: np.column_stack([*map(load, g)]) for n, g in groups.items()}
     )
-    return _signals(groups, values, time)
+    return signals_of_groups(groups, values, time)
 
 
-def _signals(
+def signals_of_groups(
     groups: Mapping[str, list[str]], values: Mapping[str, np.ndarray], time: np.ndarray | None
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
+    """Return :func:`signals_of` groups of columns, by name, and their ``values`` (N, joints)."""
     fits = {n for n in groups if n not in values or not _is_quaternion(values[n])}
     actual = [name for name in named_like("actual", groups) if name in fits]
     said = [name for name in named_like("target", groups) if name in fits and name not in actual]
@@ -182,7 +177,8 @@ def _signals(
     if len(actual) != 1 or actual[0] not in values:
         return signals | ({"target": groups[said[0]]} if len(said) == 1 else {}), guessed
     moved = values[actual[0]]
-    time = np.arange(len(moved), dtype=float) if time is None else time
+    if time is None or len(time) != len(moved):
+        time = np.arange(len(moved), dtype=float)
     alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
     follows = [n for n in alike if _follows(values[n], moved)]
     speeds = [n for n in alike if n not in follows and is_derivative(values[n], moved, time)]

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
-from pipeline.formats.number_sheet import Sheet, read_sheet
+from pipeline.formats.number_sheet import read_sheet
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
 
 FLAT = (
@@ -28,18 +28,26 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     settles it for a column that is not there, and for another unit in the header.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
-    if not sheet.rows:
-        message = "the header is followed by no whole line; record again"
-        raise RecordingError(message, file=file, line=sheet.header_lines[-1])
     wanted = {} if options.time is None else {"time": options.time}
     first, chosen = len(wanted), {}  # signal → its columns of the values
     for signal, columns in options.signals.items():
-        named = _behind_the_time(sheet, options.joints, first) if columns is None else columns
+        if columns is None and sheet.width != options.joints + first:
+            values = f"{'a time and ' if first else ''}{sheet.width - first} values"
+            message = f"the line has {values}, not {options.joints}; check joints, or name the "
+            message += f"columns in signals{FLAT if sheet.width == 1 else ''}"
+            raise RecordingError(message, file=file, line=sheet.lines[0])
+        named = range(first, sheet.width) if columns is None else columns
         chosen[signal] = slice(len(wanted) - first, len(wanted) - first + len(named))
         wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
     places = sheet.columns(wanted, f"{OPTION}.signals")
     for quantity, column in places.items():
-        _require_unit(sheet, quantity, column, options)
+        time = quantity == "time"
+        unit = spelled(sheet.unit(column) or (not time and sheet.angle_unit) or "")
+        key, units = ("time_unit", TIME_UNITS) if time else ("angle_unit", ANGLE_UNITS)
+        if unit in units and unit != (given := getattr(options, key)):
+            message = f"the {quantity} is in {unit} by the header and in {given} by the option"
+            where = {"file": file, "line": sheet.label_line, "key": f"{OPTION}.{key}"}
+            raise RecordingError(message, **where)
     table = sheet.values([*places.values()])
     time = np.arange(len(table)) / options.rate
     if first:
@@ -48,28 +56,6 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
     log = JointLog(time, signals, dict(sheet.counts))
     return increasing(log, file, lambda row: {"line": sheet.lines[row]})
-
-
-def _behind_the_time(sheet: Sheet, joints: int, first: int) -> range:
-    """Return all columns from the ``first`` on; RecordingError where they are not one a joint."""
-    if sheet.width != joints + first:
-        values = f"{'a time and ' if first else ''}{sheet.width - first} values"
-        message = f"the line has {values}, not {joints}; check the number of joints, or name their "
-        message += f"columns in signals{FLAT if sheet.width == 1 else ''}"
-        raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
-    return range(first, sheet.width)
-
-
-def _require_unit(sheet: Sheet, quantity: str, column: int, options: LogOptions) -> None:
-    """Raise RecordingError where the header states another unit than the option."""
-    time = quantity == "time"
-    unit = spelled(sheet.unit(column) or (not time and sheet.angle_unit) or "")
-    key, units = ("time_unit", TIME_UNITS) if time else ("angle_unit", ANGLE_UNITS)
-    given = getattr(options, key)
-    if unit in units and unit != given:
-        message = f"the {quantity} is in {unit} by the header and in {given} by the option"
-        where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.{key}"}
-        raise RecordingError(message, **where)
 
 
 def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:

@@ -1,60 +1,254 @@
-"""OptiTrack Motive takes as CSV: read in either of their grammars, written as Motive 1.23 writes
+"""OptiTrack Motive takes as CSV, read in either of their grammars, written as Motive 1.23 writes
 them.
+
+The columnar grammar (format versions 1.2 to 1.25) has one row of keys and values, rows that label
+every column (Type, Name, ID, in later versions Parent, then the quantity, then Frame, Time and the
+axes), and one row a frame. From 1.22 on column B names the rows of labels; before, their order
+does. The earlier grammar: ``motive_rows``.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
+from itertools import pairwise, zip_longest
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import cells_of, read_text
+from pipeline.formats.delimited import NUMBER, Text, cells_of, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.motion.motive_columns import BODY, KEYS, RATES, RAW, read_columns
+from pipeline.formats.motion import take as capture
 from pipeline.formats.motion.motive_rows import ROW_TYPES, read_rows
 from pipeline.formats.motion.take import MotionTake
+
+RATES = ("Capture Frame Rate", "Export Frame Rate")
+TEXTS = ("Take Name", "Take Notes")  # free text, in which a comma is not always quoted
+KEYS = ("Format Version", *TEXTS, *RATES, "Capture Start Time", "Capture Start Frame")
+KEYS += ("Total Frames in Take", "Total Exported Frames", "Rotation Type", "Length Units")
+KEYS += ("Coordinate Space",)
+RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
+HEADER_LINES = 20  # with blank ones it is five to eight
 
 
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where
     it does not say it (versions 1.0 and 1.1 never do).
 
-    A raw marker is preferred to the rigid body's solved marker of the same name, which is drawn
-    where the body model expects it, occluded or not. Markers or bodies of one name but several IDs
-    are each ``name [ID]``. Missing samples are blank, NAN or exactly zero in all coordinates. Euler
-    angles are degrees about the moving axes. A rate that the file does not state is that of its
-    printed times, and one that contradicts them is refused. Before version 1.2, markers of no name
-    are packed into as many ``Unlabeled`` ones as are ever seen at once.
-
-    ``counts`` besides those of the :class:`TakeBuilder`: ``blank_rows``, ``cut_rows`` (a last row
-    without line end, dropped), ``repeated_rows`` (to the letter); by columns, ``solved_replaced``
-    and ``solved_only`` markers, ``unused_columns`` and ``skipped_bones``; by rows, ``stray_ids``,
-    ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
+    A raw marker is preferred to the body's solved one of the same name. Assets of one name but
+    several IDs are each ``name [ID]``; before version 1.2, markers of no name are packed into as
+    many ``Unlabeled`` ones as are ever seen at once. A rate that the file does not state is that of
+    its printed times. ``counts`` besides those of :func:`checked_take`: ``blank_rows``,
+    ``cut_rows`` (a last row without line end, dropped), ``repeated_rows`` (to the letter);
+    ``solved_replaced`` and ``solved_only`` markers, ``unused_columns``, ``skipped_bones``; before
+    1.2 ``stray_ids``, ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
 
     Raises RecordingError, with the line where there is one, for a file without unit, rate, marker
-    and body, for a unit other than the asked one, and for truncated, malformed or disordered rows.
+    and body, for a unit other than the asked one, a rate that the times contradict, and for
+    malformed or disordered rows.
     """
     text = read_text(file)
-    first = cells_of(text.lines[0], ",", file=file, number=1)[:1] if text.lines else []
-    if first == ["Format Version"]:
-        return read_columns(text, file, unit)
-    if first and first[0] in ROW_TYPES:
-        return read_rows(text, file, unit)
-    message = "no Motive export with a header: the file starts with neither 'Format Version' nor a "
-    message += "row type"
-    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", "".join(first)):
+    first = "".join(cells_of(text.lines[0], ",", file=file, number=1)[:1]) if text.lines else ""
+    if first == "Format Version":
+        return _read_columns(text, Path(file), unit)
+    if first in ROW_TYPES:
+        return read_rows(text, Path(file), unit)
+    message = "no Motive export: it has to begin with 'Format Version' or a row type and a comma; "
+    message += "export it with its header"
+    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", first):
         separator = "semicolons" if mark[1] == ";" else "tabs"
         message = f"cells are separated by {separator}: another program saved the take; export it "
         message += "with commas"
     raise RecordingError(message, file=file, line=1)
 
 
+class ColumnLabels(NamedTuple):
+    """Rows above the frames."""
+
+    line: int  # of the axis row
+    time: int | None  # column
+    # (type, name, ID): {(quantity, axis): column}
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
+    labels: list[str]  # of each column up to the last with one
+    bones: int  # bones and markers of bones, which are not read
+    unused: int  # labelled columns that are none of the above
+
+
+def _labels(lines: list[str], file: Path) -> ColumnLabels:
+    """Return the rows above the frames; RecordingError where they do not label the columns."""
+    rows, number = [], 1
+    for number, line in enumerate(lines[1:HEADER_LINES], start=2):
+        cells = cells_of(line, ",", file=file, number=number)
+        rows += [cells] if any(cells) else []
+        if any(cells[:1]):
+            break
+    rows = [[*row] for row in zip(*zip_longest(*rows, fillvalue=""), strict=True)]
+    named, message = {row[1]: row for row in rows[:-2] if row[1]}, ""
+    whole = len(rows) > 3 and rows[-1][0] == "Frame" and (not named or {"Type", "Name"} <= {*named})
+    if not whole:
+        message = "no row starts with 'Frame' below rows of each column's Type, Name and quantity: "
+        message += "the header is truncated or damaged; export the take again"
+        raise RecordingError(message, file=file, line=number)
+    types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
+    identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * len(types))
+    groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
+    for column, (*asset, quantity, axis) in enumerate(
+        zip(types, names, identities, *rows[-2:], strict=True)
+    ):
+        if asset[0] in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
+            group = groups.setdefault(tuple(asset), {})
+            if group.setdefault((quantity, axis), column) != column:
+                message = f"{asset[1]!r} has two columns {quantity} {axis}"
+    for (kind, name, _), group in groups.items():
+        if any(("Position", axis) not in group for axis in "XYZ"):
+            message = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
+    bones = {(kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind}
+    if not groups:
+        message = f"{capture.NO_ASSET}{', but bones alone' * bool(bones)}"
+    if message:
+        raise RecordingError(f"{message}; export the take again", file=file, line=number)
+    time = next((n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")), None)
+    unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
+    labels = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*rows, strict=True)]
+    while not labels[-1]:
+        del labels[-1]
+    return ColumnLabels(number, time, groups, labels, len(bones), unused)
+
+
+def _fields(line: str, file: Path) -> dict[str, str]:
+    """Return the first row by its keys; a text with commas that nobody quoted ends at a key."""
+    cells = cells_of(line, ",", file=file, number=1)
+    starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
+    fields: dict[str, str] = {}
+    for i, j in pairwise(starts):
+        held = cells[i + 1 : j]
+        value = ",".join(held).strip(",") if cells[i] in TEXTS else "".join(held[:1])
+        if fields.setdefault(cells[i], value) != value:
+            message = f"the header gives {cells[i]} twice, and differently"
+            raise RecordingError(message, file=file, line=1, key=cells[i])
+    if (space := fields.get("Coordinate Space")) not in (None, "", "Global"):
+        message = f"the Coordinate Space is {space!r}; export the take in Global"
+        raise RecordingError(message, file=file, line=1, key="Coordinate Space")
+    return fields
+
+
+def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
+    header = _labels(text.lines, file)
+    fields, groups = _fields(text.lines[0], file), header.groups
+    require("markers", len(groups), "markers and bodies", file)
+    rows, numbers, repeated = _rows(text, header, file)
+    columns = [0] + [column for group in groups.values() for column in group.values()]
+    columns += [] if header.time is None else [header.time]
+    table = numbers_of(rows, numbers, columns, file=file, gaps=True)
+    values = dict(zip(columns, table.T, strict=True))
+    frame = capture.frame_numbers(values[0], numbers, file)
+    printed = np.zeros(0) if header.time is None else values[header.time]
+    counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
+    counts["cut_rows"] = int(text.cut is not None)
+    if capture.WHOLE.fullmatch(fields.get("Total Exported Frames", "")):
+        counts["announced_frames"] = int(fields["Total Exported Frames"])
+    rate = _rate(fields, frame, printed, file)
+    unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
+    markers, solved, bodies, places, solved_places = {}, {}, {}, {}, {}
+    # a name that two assets share names neither of them: who asks for it has to say which
+    named = Counter((kind, name) for kind, name, _ in groups)
+    shared = {name for (_, name), number in named.items() if number > 1}
+    for (kind, name, identity), group in groups.items():
+        key = f"{name} [{identity}]" if name in shared else name
+        held = [group["Position", axis] for axis in "XYZ"]
+        (solved_places if kind == SOLVED else places)[key] = held
+        position = np.stack([values[column] for column in held], axis=-1)
+        if kind == BODY:
+            turn = {axis: values[group[what, axis]] for what, axis in group if what == "Rotation"}
+            quaternion = _quaternion(turn, fields.get("Rotation Type", ""), file)
+            bodies[key] = capture.RigidBody(position, quaternion)
+        else:
+            (markers if kind == RAW else solved)[key] = position
+    more = {"solved_replaced": len({*solved} & {*markers}), "unused_columns": header.unused}
+    more["solved_only"] = len(solved) - more["solved_replaced"]
+    markers |= {name: held for name, held in solved.items() if name not in markers}
+    places = solved_places | places
+    rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
+    more |= {name: count for name, count in rare.items() if count}
+    rate_from = "" if any(fields.get(key) for key in RATES) else capture.FROM_TIMES
+    held = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
+    raw = MotionTake(*held, printed, markers, bodies, counts, unit, rate_from=rate_from)
+    return capture.checked_take(raw, file, lines=numbers, columns=places, more=more)
+
+
+def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
+    """Return the rows of frames, their lines, and the number of those that repeat the one before;
+    RecordingError for fewer cells than labels, and for content in a column without a label.
+    """
+    rows, numbers, repeated, width = [], [], 0, len(header.labels)
+    unlabelled = [column for column, label in enumerate(header.labels) if not label]
+    for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
+        if not line.strip(", \t"):
+            continue
+        cells, message = line.split(","), ""
+        if (column := len(cells)) < width:
+            message = f"the row has {column} cells where the header labels {width} columns; the "
+            message += f"last one is {header.labels[-1]}"
+        elif beyond := [n for n in [*unlabelled, *range(width, column)] if cells[n].strip()]:
+            column = beyond[0]
+            message = f"there is {cells[column].strip()!r} in a column without a label: of another "
+            message += "take, or with decimal commas"
+        if message:
+            message += "; export the take again"
+            raise RecordingError(message, file=file, line=number, column=column + 1)
+        row = ",".join(cells[:width])
+        if rows and row == rows[-1]:
+            repeated += 1
+            continue
+        rows.append(row)
+        numbers.append(number)
+    if not rows:
+        message = "the header is followed by no frame; export the take again"
+        raise RecordingError(message, file=file, line=header.line)
+    return rows, numbers, repeated
+
+
+def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray, file: Path) -> float:
+    # of the export, which older versions do not separate from the capture's
+    key = RATES[1] if fields.get(RATES[1]) else RATES[0]
+    stated = fields.get(key, "")
+    timed = capture.rate_from_times(frame, printed) if len(printed) else None
+    if not stated and timed is not None:
+        return timed
+    rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
+    message = f"the frame rate is {stated!r} by the header and {timed or 0:.6g} by their times; "
+    message += "a rate > 0 is required that the times keep to; export the take again"
+    if 0 < rate < np.inf and (not len(printed) or capture.keeps_time(frame, printed, rate)):
+        return rate
+    raise RecordingError(message, file=file, line=1, key=key)
+
+
+def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.ndarray:
+    """Return (N, 4) of columns of quaternions, or of angles in degrees about the moving axes."""
+    from scipy.spatial.transform import Rotation
+
+    if {*rotation} == {*"XYZW"}:
+        return np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
+    if {*rotation} != {*"XYZ"} or sorted(order) != ["X", "Y", "Z"]:
+        message = f"the Rotation Type is {order!r} and the columns of Rotation are "
+        message += f"{', '.join(sorted(rotation)) or 'none'}: export the take with quaternions (X, "
+        message += "Y, Z, W), or write the order of the angles, such as XYZ, after Rotation Type"
+        raise RecordingError(message, file=file, line=1, key="Rotation Type")
+    angles = np.stack([rotation[axis] for axis in order], axis=-1)
+    tracked = ~np.isnan(angles).any(axis=-1)
+    quaternion = np.full((len(angles), 4), np.nan)
+    if tracked.any():
+        quaternion[tracked] = Rotation.from_euler(order, angles[tracked], degrees=True).as_quat()
+    return quaternion
+
+
 def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     """Write ``take`` as Motive's 1.23 export in metres: six decimals, CRLF, a missing sample as
-    blank cells, rigid bodies before markers; ``start`` is the capture's start as Motive prints it,
-    such as ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
+    blank cells, bodies before markers; ``start`` is the capture's start as Motive prints it, such
+    as ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
     """
     values = dict.fromkeys(KEYS, "") | dict.fromkeys(RATES, f"{take.rate:.6f}")
     values |= {"Format Version": "1.23", "Take Name": _quoted(take.name)}

@@ -5,8 +5,8 @@ frames, in m and s.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +26,8 @@ RATE_TOLERANCE = 0.01
 UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
 TELLING = 20  # printed times, fewer are too few to contradict a stated rate
 NO_ASSET = "the take holds no marker and no rigid body"
+BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # the counts of samples
 FROM_TIMES = "the printed times: the file states none"  # its rate
-Place = Callable[..., dict[str, object]]  # evidence of a sample, and of its axis, in a file
 
 
 @dataclass(frozen=True)
@@ -60,36 +60,33 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     """Return the unit of a file's lengths (m, cm or mm): ``stated`` under ``key``, else the
     ``option``; RecordingError for another unit, none, and a contradiction.
     """
-    unit, message = spelled(stated) or option, ""
-    if unit not in UNITS_PER_METRE and stated.strip():
-        message = f"{key} are {stated!r}, not metres, centimetres or millimetres; export in "
-        raise RecordingError(f"{message}one of these", file=file, key=key)
-    if unit not in UNITS_PER_METRE:
-        message = "the file does not say the unit of its lengths: set it to m, cm or mm"
-    elif option and unit != option:
-        message = f"the file's lengths are in {unit}, not in {option}; mend the option"
-    if message:
-        raise RecordingError(message, file=file, key="dataset.mocap.unit")
-    return unit
+    unit = spelled(stated) or option
+    if unit in UNITS_PER_METRE and option in (None, unit):
+        return unit
+    known = spelled(stated) in ("", *UNITS_PER_METRE)
+    message = "the file does not say the unit of its lengths: set it to m, cm or mm"
+    if stated.strip():
+        message = (
+            f"lengths are in {stated!r} by {key} of the file, not in {option or 'm, cm or mm'}: "
+        )
+        message += "export in it, or mend the option"
+    raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
-    """Return (N,) int64 of frame numbers; RecordingError at the line where one does not increase,
-    is missing or not whole.
-    """
+    """Return (N,) int64; RecordingError by line where one does not increase or is not whole."""
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
-    back = np.append(False, np.diff(values) <= 0)
-    for wrong, what in ((~whole, "is missing or not whole"), (back, "does not increase")):
-        if wrong.any():
-            line = lines[int(np.argmax(wrong))]
-            raise RecordingError(f"the frame number {what}", file=file, line=line)
+    if (wrong := ~whole | np.append(False, np.diff(values) <= 0)).any():
+        line = lines[int(np.argmax(wrong))]
+        message = "the frame number is missing, is not whole or does not increase"
+        raise RecordingError(f"{message}; export the take again", file=file, line=line)
     return values.astype(np.int64)
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
-    """Return frames a second of a file that states no rate: the whole number nearest to the mean
-    rate, unless it puts a frame farther from its printed time than rounding to the decimals that
-    are printed can, or half a frame: then the mean rate. None where times do not increase.
+    """Return frames a second by the printed times: the whole number nearest to the mean rate, else
+    the mean, where that number is off a time by more than its decimals or half a frame explain.
+    None where times do not increase.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
@@ -102,8 +99,8 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
-    """Return whether the ``printed`` times (N,) s of the frames keep to ``rate`` (1/s), by the
-    median over quarters of the take, since times jump now and then; True of too few times to tell.
+    """Return whether the ``printed`` times (N,) s keep to ``rate`` (1/s), by the median over
+    quarters of the take, since times jump now and then; True of too few times to tell.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:
@@ -114,84 +111,76 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
     return bool(np.median(off) <= 0)
 
 
-@dataclass
-class TakeBuilder:
-    """Markers and bodies of a take, checked one by one, and their counts.
+def checked_take(
+    raw: MotionTake,
+    file: Path,
+    *,
+    lines: Sequence[int] | None = None,
+    columns: Mapping[str, Sequence[int]] | None = None,
+    more: Mapping[str, int] | None = None,
+) -> MotionTake:
+    """Return the take of ``raw`` positions in the file's unit and times as the file prints them,
+    none or (N,) s: in m, lost samples as NaN, in s since the first frame, and its ``counts``, to
+    which ``more`` are added.
 
-    ``announced_frames`` and ``found_frames``, ``gaps`` in the frame numbers and the
-    ``skipped_frames`` in them, ``time_mismatches`` (rows whose time is not that of their frame),
-    ``marker_samples``, the ``missing_samples`` among them and ``missing_poses``; taken for missing,
-    ``zero_samples`` (exact zeros in all coordinates) and ``partial_samples``.
+    Counted are frames found, ``gaps`` in their numbers and ``skipped_frames`` in them,
+    ``time_mismatches`` of rows, samples and poses that are missing, of which ``zero_samples`` are
+    zero in all coordinates and ``partial_samples`` lack some. Raises RecordingError by the frame or
+    its line, and the column of X, Y, Z, beyond FARTHEST, for a coordinate in no row, and for a
+    quaternion of another length than 1.
     """
+    frame, step = raw.frame, np.diff(raw.frame)
+    time = (frame - frame[0]) / raw.rate
+    printed = raw.time if len(raw.time) else time
+    counts = raw.counts | {"found_frames": len(frame), "gaps": int(np.sum(step > 1))}
+    counts["skipped_frames"] = int(np.sum(step - 1))
+    counts["time_mismatches"] = int(np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING))
+    counts |= {"zero_samples": 0, "partial_samples": 0}
 
-    unit: str
-    frame: np.ndarray  # (N,)
-    rate: float  # Hz
-    printed: np.ndarray | None  # (N,) s, the times that the file prints
-    counts: dict[str, int]
-    markers: dict[str, np.ndarray] = field(default_factory=dict)
-    bodies: dict[str, RigidBody] = field(default_factory=dict)
+    def fault(message: str, k: int, **evidence: int) -> RecordingError:
+        place = {"frame": int(frame[k])} if lines is None else {"line": lines[k]}
+        return RecordingError(message, file=file, **place, **evidence)
 
-    def __post_init__(self) -> None:
-        step, self.time = np.diff(self.frame), (self.frame - self.frame[0]) / self.rate
-        printed = self.time if self.printed is None else self.printed
-        off = np.abs(printed - printed[:1] - self.time)
-        self.counts |= {"found_frames": len(self.frame), "gaps": int(np.sum(step > 1))}
-        self.counts["skipped_frames"] = int(np.sum(step - 1))
-        self.counts["time_mismatches"] = int(np.sum(off > TIME_ROUNDING))
-        self.counts |= {"zero_samples": 0, "partial_samples": 0}
-
-    def position(self, position: np.ndarray, name: str, place: Place) -> np.ndarray:
-        """Return (N, 3) in m of the ``position`` (N, 3) in the file's unit, lost samples as NaN;
-        RecordingError at ``place(k, axis)`` beyond FARTHEST, or for a coordinate in no row.
-        """
-        position = position / UNITS_PER_METRE[self.unit]
-        with np.errstate(invalid="ignore"):
-            far = np.abs(position) > FARTHEST
-        if far.any():
-            k, axis = (int(index) for index in np.argwhere(far)[0])
-            message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
-            message += f"({FARTHEST:g} m): are lengths in {self.unit}, and is the decimal mark a "
-            raise RecordingError(f"{message}point?", **place(k, axis))
-        missing = ~np.isfinite(position)
+    def placed(position: np.ndarray, name: str) -> np.ndarray:
+        position = position / UNITS_PER_METRE[raw.unit]
+        missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
-        for axis in np.flatnonzero(missing.all(axis=0)).tolist() if sighted.any() else ():
+        absent = missing.all(axis=0) & sighted[:, None]
+        if (wrong := far if far.any() else absent).any():
+            k, axis = (int(index) for index in np.argwhere(wrong)[0])
             message = f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
             message += "missing or shifted; export the take again"
-            raise RecordingError(message, **place(int(sighted.argmax()), axis))
+            if far.any():
+                message = f"{name} is at {position[k, axis]:.6g} m, farther than any camera sees "
+                message += f"({FARTHEST:g} m): are lengths in {raw.unit}, and is the decimal mark "
+                message += "a point?"
+            raise fault(message, k, **({"column": columns[name][axis] + 1} if columns else {}))
         zero = (position == 0).all(axis=1)
-        self.counts["zero_samples"] += int(zero.sum())
-        self.counts["partial_samples"] += int((lost & sighted).sum())
+        counts["zero_samples"] += int(zero.sum())
+        counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
 
-    def body(self, position: np.ndarray, turn: np.ndarray, name: str, place: Place) -> RigidBody:
-        """Return the body of ``position`` (N, 3) in the file's unit and quaternion ``turn`` (N, 4);
-        RecordingError at ``place(k)`` for another length than 1.
-        """
-        position = self.position(position, name, place)
+    markers = {name: placed(position, name) for name, position in raw.markers.items()}
+    bodies = {}
+    for name, body in raw.bodies.items():
+        position, turn = placed(body.position, name), body.quaternion
         zero = (turn == 0).all(axis=-1)
-        self.counts["zero_samples"] += int(zero.sum())
+        counts["zero_samples"] += int(zero.sum())
         turn = np.where((zero | np.isnan(turn).any(axis=-1))[:, None], np.nan, turn)
         with np.errstate(over="ignore"):
             length = np.linalg.norm(turn, axis=-1)
         if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
             k = int(off.argmax())
             message = f"the rotation of {name} is of the length {length[k]:.6g}, where a unit "
-            message += "quaternion should stand: a number is damaged, or columns are shifted"
-            raise RecordingError(message, **place(k))
-        return RigidBody(position, turn)
-
-    def take(
-        self, name: str, version: str, more: Mapping[str, int], rate_from: str = ""
-    ) -> MotionTake:
-        """Return the take, with ``more`` counts."""
-        lost = sum(np.isnan(position[:, 0]).sum() for position in self.markers.values())
-        poses = [body.position + body.quaternion[:, :3] for body in self.bodies.values()]
-        self.counts["marker_samples"] = len(self.markers) * len(self.frame)
-        self.counts["missing_samples"] = int(lost)
-        self.counts["missing_poses"] = int(sum(np.isnan(p).any(axis=-1).sum() for p in poses))
-        self.counts |= more
-        timed = None if self.printed is None else rate_from_times(self.frame, self.printed)
-        held = self.frame, self.time, self.markers, self.bodies, self.counts, self.unit, timed
-        return MotionTake(name, version, self.rate, *held, rate_from)
+            message += "quaternion is required: a number is damaged, or columns are shifted"
+            raise fault(message, k)
+        bodies[name] = RigidBody(position, turn)
+    poses = [body.position + body.quaternion[:, :3] for body in bodies.values()]
+    counts |= {name: more[name] for name in BEFORE if more and name in more}
+    counts["marker_samples"] = len(markers) * len(frame)
+    counts["missing_samples"] = int(sum(np.isnan(held[:, 0]).sum() for held in markers.values()))
+    counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
+    timed = rate_from_times(frame, raw.time) if len(raw.time) else None
+    held = {"time": time, "markers": markers, "bodies": bodies, "printed_rate": timed}
+    return replace(raw, counts=counts | (more or {}), **held)

@@ -78,10 +78,6 @@ def table(finding: Finding, form: Format) -> None:
     """Add size, columns and clock of a table of numbers, and the columns of joint angles."""
     key = f"{OPTION}.separator, .decimal (or dataset.force.log)"
     sheet: Sheet = form.read(finding.file, key=key)
-    if not sheet.rows:
-        finding.stops.append("the header is followed by no whole row of numbers")
-        return
-    sheet.require_cells()
     values = dict(zip(sheet.numeric, sheet.values(sheet.numeric).T, strict=True))
     if any(line.strip(" ,;\t") == "endheader" for line in sheet.header):
         finding.version = "of OpenSim (MOT, STO)"

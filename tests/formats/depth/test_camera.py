@@ -5,20 +5,16 @@ what was put in comes out, in every layout that ROS allows.
 from __future__ import annotations
 
 import json
-import os
-from dataclasses import replace
 from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
 import pytest
-import yaml
 from depth_files import CALIBRATIONS
 from ros_bags import camera_info as info
 from ros_bags import cloud, image
 from written_logs import refusal as reject
 
-from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
 from pipeline.formats.depth.messages import camera_info, cloud_points, image_pixels
@@ -83,9 +79,11 @@ def test_several_cameras_in_one_file_are_told_apart_by_option_alone(tmp_path):
         first, second = first.replace(old, one), second.replace(old, other)
     assert "M1, D1_coeffs, M2, D2_coeffs" in refusal(file, first + second)
     assert read_intrinsics(file, **SIZE, matrix="M2", distortion="D2_coeffs").fx == 600
-    assert "no camera matrix 'M3'" in refusal(file, first + second, matrix="M3")
+    assert "0 of M3 are there, one camera matrix is needed" in refusal(
+        file, first + second, matrix="M3"
+    )
     both = CALIBRATIONS["rows.yaml"] + "camera_matrix: [1, 0, 2, 0, 3, 4, 0, 0, 1]\n"
-    assert "camera_matrix and K" in refusal(file, both)
+    assert "2 of camera_matrix, K are there" in refusal(file, both)
     assert read_intrinsics(file, **SIZE, matrix="K").fx == 525.5
 
 
@@ -99,7 +97,7 @@ def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_pa
     for text in (message, message + again, message.replace("k:", "K:").replace("\nd:", "\nD:")):
         assert read(file, text) == CAMERA
     other = message + again.replace("525.5", "499.0")
-    assert "2 calibrations, not all of them equal" in refusal(file, other)
+    assert "not all equal" in refusal(file, other)
 
 
 def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):
@@ -163,8 +161,10 @@ def test_clouds_of_any_layout_keep_their_points(layout, big, rows):
     np.testing.assert_array_equal(cloud_points(message), points)
 
 
-NO_CLOUD = [({"fields": [X, Y, ("w", 8, 7, 1)]}, "no field z")]
-NO_CLOUD += [({"fields": [X, Y, ("z", *z)]}, "field z") for z in ((14, 7, 1), (8, 7, 2), (8, 5, 1))]
+NO_CLOUD = [({"fields": [X, Y, ("w", 8, 7, 1)]}, "there are x, y, w")]
+NO_CLOUD += [
+    ({"fields": [X, Y, ("z", *z)]}, "x, y and z must") for z in ((14, 7, 1), (8, 7, 2), (8, 5, 1))
+]
 NO_CLOUD += [({"width": 13}, "13 points"), ({"data": np.zeros(10, np.uint8)}, "10 bytes")]
 
 
@@ -201,19 +201,3 @@ def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):
         file.write_text("a: [\n")
         with pytest.raises(RecordingError, match="no calibration"):
             pool.apply(read_intrinsics, (file,), SIZE)
-
-
-def test_a_library_that_fails_on_a_calibration_is_one_message(tmp_path, monkeypatch):
-    file = tmp_path / "camera.yaml"
-    file.write_text("fx: 1\n")
-    for fails, words in (
-        (lambda *_: 1 / 0, "its reader fails"),
-        (lambda *_: os._exit(3), "ends the pr"),
-    ):
-        monkeypatch.setattr(yaml, "load_all", fails)
-        with pytest.raises(RecordingError, match=words) as refused:
-            read_intrinsics(file)
-        assert refused.value.evidence["file"] == file
-    file.write_text("a: 1\n" * 300_000)
-    with pytest.raises(RecordingError, match="MiB are more than the 1 that"):
-        within(replace(Reading(), file_mib=1), read_intrinsics, file)

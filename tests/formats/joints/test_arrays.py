@@ -72,7 +72,7 @@ def test_arrays_are_found_by_their_names_or_named_by_the_option(tmp_path, form):
     np.testing.assert_array_equal(log.signals["actual"], log.signals["target"])
     untimed = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
     np.testing.assert_allclose(untimed.time, np.arange(ROWS) * 0.005)
-    for wrong in (["a:3"] * 3, ["absent:0"] * 3, ["a", "a", "a"]):
+    for wrong in (["a:3"] * 3, ["absent:0"] * 3):
         error = refusal(file, LogOptions("clock", signals={"actual": wrong}))
         assert "a (6, 3)" in error.message and error.evidence["key"] == SIGNALS
 
@@ -84,15 +84,15 @@ def changed(name: str, row: int, value: float) -> dict[str, np.ndarray]:
 
 
 REFUSED = {
-    "positions holds": (changed("positions", 4, np.nan), {"array": "positions", "row": 4}),
+    "positions:0 holds nan": (changed("positions", 4, np.nan), {"array": "positions:0", "row": 4}),
     "times holds inf": (changed("times", 2, np.inf), {"array": "times", "row": 2}),
     "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
     "6 times for 2 of actual": (ARRAYS | {"positions": ACTUAL.T[:2]}, {"array": "times"}),
-    "shape is (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"array": "positions"}),
-    "no array of plain": (ARRAYS | {"positions": ACTUAL.astype(str)}, {"array": "positions"}),
-    "could each be the actual": (ARRAYS | {"q": ACTUAL}, {"key": SIGNALS}),
-    "named like the target": ({"x": TIME, "q": ACTUAL}, {"key": SIGNALS}),
-    "named like the time": ({"q": ACTUAL, "q_target": ACTUAL}, {"key": TIMES}),
+    "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": SIGNALS}),
+    "positions ()": (ARRAYS | {"positions": ACTUAL.astype(str)}, {"key": SIGNALS}),
+    "the actual must be": (ARRAYS | {"q": ACTUAL}, {"key": SIGNALS}),
+    "the target must be": ({"times": TIME, "q": ACTUAL}, {"key": SIGNALS}),
+    "the time must be": ({"q": ACTUAL, "q_target": ACTUAL}, {"key": TIMES}),
 }
 
 
@@ -112,7 +112,7 @@ def test_objects_are_never_loaded_and_an_announced_size_takes_no_memory(tmp_path
     objects = np.empty((ROWS, 3), dtype=object)
     objects[:] = Trap()
     error = refusal(archive(tmp_path, **ARRAYS | {"positions": objects}))
-    assert "no array of plain numbers" in error.message and not (tmp_path / "pwned").exists()
+    assert "positions ()" in error.message and not (tmp_path / "pwned").exists()
     header = io.BytesIO()
     announced = {"descr": "<f8", "fortran_order": False, "shape": (10**11, 3)}
     np.lib.format.write_array_header_1_0(header, announced)

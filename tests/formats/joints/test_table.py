@@ -14,7 +14,6 @@ from written_logs import refusal
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.names import signals_of
 from pipeline.formats.joints.table import joint_labels, read_joint_table, write_joint_table
-from pipeline.formats.units import bare, unit_of
 
 
 def numbered(form: str, joints: int = 6, first: int = 0) -> list[str]:
@@ -116,20 +115,7 @@ def test_four_columns_of_length_one_are_a_quaternion():
     assert [*held(q=1.1 * turned)[0]] == ["actual"]
 
 
-@pytest.mark.parametrize(
-    ("label", "name", "unit"),
-    [
-        *(("Fx (N)", "Fx", "N"), ("Fx [kN]", "Fx", "kN"), ("Mx(N-m)", "Mx", "N-m")),
-        *(("q[0]", "q[0]", None), ("q(1)", "q(1)", None), ("q[0] (deg)", "q[0]", "deg")),
-    ],
-)
-def test_a_unit_is_in_brackets_of_either_form_and_an_index_is_none(label, name, unit):
-    assert (bare(label), unit_of(label)) == (name, unit)
-
-
 NAMES = ["q1", "q2", "q3"]
-
-
 REAL = [
     ("5_Acc_slow_no_disturbance/log_q_actual.csv", 3293, 1, 26.336, 1.265641),
     ("5_Acc_slow_no_disturbance/log_qd_target.csv", 3249, 0, 25.984, None),
