@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
@@ -21,9 +22,7 @@ LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear'
 SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1e-9 of it
 
 
-def lagged_noise(
-    shape: tuple[int, ...], steps_per_lag: float, rng: np.random.Generator
-) -> np.ndarray:
+def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
     """Draw stationary normal paths of variance 1 along the last axis: white noise through LAGS
     equal lags of first order, as a drive behind its servo loops passes it on.
     """
@@ -75,21 +74,18 @@ def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
     return np.minimum(1.0, pace**options.speed_exponent)
 
 
-def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
-    """Raise ConfigError where ``options`` are those of another arm."""
-    key, number = "laboratory.dynamics", len(chain.lower)
-    if len(options.sway_std) != len(chain.task):
-        message = f"{key}.sway_std: must have an entry for each of {', '.join(chain.task)}"
+def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
+    """Return the arm as it was built: the nominal chain with errors of link length along the way
+    from each joint to the next and from the last to the tip; ConfigError for the ``options`` of
+    another arm.
+    """
+    key, number, rows = "laboratory.dynamics", len(nominal.lower), ", ".join(nominal.task)
+    if len(options.sway_std) != len(nominal.task):
+        message = f"{key}.sway_std: must have an entry for each of {rows}"
         raise ConfigError(message, value=options.sway_std)
-    if not 1 <= options.play_joint <= number:
+    if options.play_joint > number:
         message = f"{key}.play_joint: must lie between 1 and {number}"
         raise ConfigError(message, value=options.play_joint)
-
-
-def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
-    """Return the arm as it was built: the nominal chain with errors of link length along the way
-    from each joint to the next and from the last to the tip.
-    """
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
     lengths = nominal.lengths if planar else np.linalg.norm(links, axis=1)
@@ -103,7 +99,7 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generato
     return replace(nominal, placements=placements)
 
 
-def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generator) -> np.ndarray:
+def session_offset(options: DynamicsOptions, joints: int, rng: Generator) -> np.ndarray:
     """Draw the encoders' zero errors (joints,) in rad, constant through a session."""
     return options.encoder_offset_std * rng.standard_normal(joints)
 
@@ -118,9 +114,7 @@ class Chance(NamedTuple):
     play: np.ndarray  # (..., N) of the joint with play
 
 
-def draw(
-    chain: Chain, motion: Commanded, options: DynamicsOptions, rng: np.random.Generator
-) -> Chance:
+def draw(chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator) -> Chance:
     """Draw the numbers of one take; of ``motion`` they depend on its duration alone."""
     n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
@@ -167,18 +161,14 @@ def swing(
 
 
 def simulate_take(
-    chain: Chain,
-    offset: np.ndarray,
-    motion: Commanded,
-    options: DynamicsOptions,
-    rng: np.random.Generator,
+    chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, rng: Generator
 ) -> Swing:
     """Return one take with numbers of ``rng``, see :func:`swing`."""
     return swing(chain, offset, motion, options, draw(chain, motion, options, rng))
 
 
 def expose(
-    t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: np.random.Generator
+    t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: Generator
 ) -> np.ndarray:
     """Return true joint angles (K, n) rad at ``at`` (K,) s, missed by the jitter."""
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])

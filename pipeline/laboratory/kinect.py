@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
@@ -39,8 +40,7 @@ class DepthCamera:
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
         self.options, self._bias, self._chain = options, bias, arm.chain
-        # columns: the camera's axes in the plane's frame, x along x, y down, z along the normal,
-        # then yaw, pitch and roll
+        # columns: the camera's axes in the plane's frame
         facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         turn = _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
         self._rotation = facing @ turn
@@ -87,12 +87,12 @@ class DepthCamera:
         depth[np.isinf(depth)] = 0.0
         return depth, grazing
 
-    def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def observe(self, q: np.ndarray, rng: Generator) -> np.ndarray:
         """Return the depth image (height, width) in mm, uint16, at angles ``q`` (3,) rad."""
         return read_depth(*self.render(q), self._bias, self.options, rng)
 
 
-def draw_bias(options: KinectOptions, rng: np.random.Generator) -> np.ndarray:
+def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
     """Draw the session's systematic error of depth (K,) in m at depths 0, 1 mm, 2 mm …."""
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
@@ -126,7 +126,7 @@ def read_depth(
     grazing: np.ndarray,
     bias: np.ndarray,
     options: KinectOptions,
-    rng: np.random.Generator,
+    rng: Generator,
 ) -> np.ndarray:
     """Return the sensor's image (h, w) in mm, uint16, 0 without depth, of exact ``depth`` (h, w) in
     m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``: lateral noise
@@ -165,7 +165,7 @@ def read_depth(
 
 
 def _lateral(
-    band: np.ndarray, grazing: np.ndarray, options: KinectOptions, rng: np.random.Generator
+    band: np.ndarray, grazing: np.ndarray, options: KinectOptions, rng: Generator
 ) -> np.ndarray:
     """The pixels (B,) that those of the ``band`` (B,) show by lateral noise."""
     std = lateral_std(grazing.ravel()[band], options)

@@ -40,12 +40,11 @@ class JointPath:
 
     def require_followable(self, chain: Chain) -> None:
         """ConfigError, with the first step, where the path is beyond the limits of ``chain``."""
-        path = np.asarray(self.joints)
-        if path.ndim != 2 or path.shape[1] != len(chain.lower) or len(path) < 2:
-            message = f"a joint path has {len(chain.lower)} angles a pose, and two poses or more"
+        path, n = self.joints, len(chain.lower)
+        if path.ndim != 2 or path.shape[1] != n or len(path) < 2:
+            message = f"a joint path has {n} angles a pose, and two poses or more"
             raise ConfigError(message, shape=path.shape)
-        inside = chain.within_limits(path)
-        speed = np.abs(np.diff(path, axis=0)) * self.rate
+        speed, inside = np.abs(np.diff(path, axis=0)) * self.rate, chain.within_limits(path)
         slow = np.all(speed <= (1 + ROUNDING) * chain.max_speed, axis=1)
         if not np.all(inside):
             step, message = int(np.argmin(inside)), "the joint path leaves the joint limits"

@@ -57,8 +57,8 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
     # a velocity may be that of the instant, or the mean over the step before or behind it
     gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
     fault = "the commanded velocities do not lead along the commanded positions"
-    suspects, shares = "their unit, the order of their columns, and t", missed(x[1:] - x[0], gone)
-    _require(shares, members(trajectory, "x"), fault, suspects, VELOCITY, file=file)
+    suspects, names = "their unit, the order of their columns, and t", members(trajectory, "x")
+    _require(missed(x[1:] - x[0], gone), names, fault, suspects, VELOCITY, file=file)
 
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
@@ -91,25 +91,18 @@ def require_encoders(
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()
-    for joint, turns in zip(joints, whole_turns(read, tracked, circular), strict=True):
-        if turns:
-            message = (
-                f"the encoders read {joint} {turns:+g} turns (2π = 6.283 rad each) beside the "
-                "angle that the motion capture tracked: log the angle that the arm's URDF has"
-            )
-            raise RecordingError(message, **where)
+    turns = whole_turns(read, tracked, circular)
+    for joint, own in zip(np.array(joints)[turns != 0], turns[turns != 0], strict=True):
+        message = f"the encoders read {joint} {own:+g} turns (2π = 6.283 rad each) beside the angle"
+        message += " that the motion capture tracked: log the angle that the arm's URDF has"
+        raise RecordingError(message, **where)
     fault = "the encoders do not read what the motion capture tracked"
     suspects = "their angle_unit, the order of their columns (actual), and when their log starts"
     _require(missed(read, tracked), joints, fault, f"{suspects} (start)", MOST, **where)
 
 
 def _require(
-    shares: np.ndarray,
-    names: Sequence[str],
-    fault: str,
-    suspects: str,
-    most: float,
-    **where: object,
+    shares: np.ndarray, names: Sequence[str], fault: str, suspects: str, most: float, **where
 ) -> None:
     worst = int(shares.argmax())
     if shares[worst] > most:

@@ -45,8 +45,8 @@ def articulated(
     first = joints[(joints.part == "training") & (joints.k == 0)]
     start = first[columns("q", robot.joints)].mean().to_numpy()
     given = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
-    fit = partial(_fit, given=given)
-    return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
+    angles = run_trials(partial(_fit, given=given), takes, compute=compute, label=label)
+    return pd.concat(angles, ignore_index=True)
 
 
 def _fit(rows: pd.DataFrame, given: tuple) -> pd.DataFrame:

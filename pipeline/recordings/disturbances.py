@@ -12,8 +12,6 @@ LEAST_SPREAD = 0.25
 LEAST_IN_WINDOWS = 0.45  # of the median likewise: the greatest of many differs by more
 WINDOW = 0.25  # s, as a push by hand lasts
 OVERLAP = 4  # windows begin within the time of one
-PUSHES, FOUND = 20, 0.9  # that are tried for the power of the rule, and the share to be found
-DOUBLINGS, HALVINGS = 40, 6  # of the height of a push, until it is found and to be precise
 
 
 def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
@@ -38,39 +36,8 @@ def beside_others(signal: np.ndarray) -> np.ndarray:
     return np.sqrt(np.mean(_beside(signal) ** 2, axis=(-2, -1)))
 
 
-def smallest_push(residuals: np.ndarray, beyond: float, rate: float) -> float:
-    """Return the height in rad of a push that is found nine times in ten, NaN if none is: half a
-    sine over WINDOW, of one joint, added to the ``residuals`` (takes, K, joints) in rad of
-    undisturbed repetitions at PUSHES places, is more than ``beyond`` robust standard deviations
-    away.
-    """
-    takes, length, joints = residuals.shape
-    rows = _rows(length, rate)
-    push, each = np.sin(np.pi * (np.arange(rows) + 0.5) / rows), np.arange(PUSHES)
-    pushes, pushed = np.zeros((PUSHES, *residuals.shape)), each % takes
-    for i, start in enumerate(np.linspace(0, length - rows, PUSHES).round().astype(int)):
-        sign = (-1) ** (i // (takes * joints))
-        pushes[i, pushed[i], start : start + rows, i // takes % joints] = sign * push
-
-    def enough(height: float) -> bool:
-        scores = disturbances(residuals + height * pushes, [], rate)
-        return np.mean(scores[each, pushed] > beyond) >= FOUND
-
-    height = float(np.median(np.abs(_beside(residuals))) or np.abs(residuals).max())
-    tried = height * 2.0 ** np.arange(DOUBLINGS if takes > 2 and height else 0)
-    low, high = 0.0, next(filter(enough, tried), np.nan)
-    for _ in range(HALVINGS if np.isfinite(high) else 0):
-        middle = (low + high) / 2
-        low, high = (low, middle) if enough(middle) else (middle, high)
-    return float(high)
-
-
 def _beside(signal: np.ndarray) -> np.ndarray:
     return signal - np.median(signal, axis=-3, keepdims=True)
-
-
-def _rows(length: int, rate: float) -> int:
-    return min(max(round(WINDOW * rate), 1), length)
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
@@ -78,7 +45,7 @@ def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
     the usual one: the median in this window, or of the joint, or a quarter of that of all joints.
     """
     beside, length = _beside(signal), signal.shape[-2]
-    rows = _rows(length, rate)
+    rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
     sums = np.cumsum(np.concatenate([np.zeros_like(beside[..., :1, :]), beside], axis=-2), axis=-2)
     means = np.abs(sums[..., starts + rows, :] - sums[..., starts, :]) / rows

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.joints.log import OPTION
 from pipeline.recordings.repetitions import REACH, lag
 
-OPTION = "dataset.joint_log"
 LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
 SEARCH = 10.0  # s, the farthest that clocks are looked for apart
 MOST = 0.9  # of the rows: a repetition that was disturbed does not decide
@@ -37,7 +37,7 @@ class Pairing(NamedTuple):
     delay: int  # rows by which the command is early
 
     def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The rows of both (N − |delay|, n) that belong together, in rad."""
+        """Return the rows of both (N − |delay|, n) that belong together, in rad."""
         actual, target = delayed(actual, target, self.delay)
         return actual, target[:, self.order] * self.factor
 
@@ -98,14 +98,14 @@ def require_pair(
     motion, or the arm lags by more than LATEST. Unit, order and clock are named with their option.
     """
     missing = missed(actual, target)
-    worst = int(missing.argmax())
+    worst, late = int(missing.argmax()), lag(target, actual, rate)  # NaN of a command at rest
     if missing[worst] > limit:
         fault = (
             f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (or of a "
             f"tenth of the farthest joint's; 0.9 quantile over the rows), more than {limit:g} "
             "(mismatch)"
         )
-    elif abs(late := lag(target, actual, rate)) > LATEST:  # of a command at rest there is none
+    elif abs(late) > LATEST:
         fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
     else:
         return
@@ -117,8 +117,7 @@ def require_pair(
     ]
     cause = "no other unit, order or clock makes them one: are they of one movement?"
     if words and left <= limit:
-        are = "are" if len(words) > 1 else "is"
-        cause = f"suspected {are} {', '.join(words)}; that leaves {left:.2g}"
+        cause = f"suspected: {', '.join(words)}; that leaves {left:.2g}"
     message = f"measured and commanded angles are no pair: {fault}; {cause}"
     raise RecordingError(message, **evidence, key=OPTION)
 
@@ -129,24 +128,20 @@ def suspects(
     """Yield each change in a ``pairing``: in words, its option, the option's value, and the share
     of the motion that is left without it.
     """
-    plain = _plain(len(pairing.order))
-
-    def without(name: str) -> float:
-        return pairing._replace(**{name: getattr(plain, name)}).left(actual, target)
-
-    if (pairing.factor != 1).any():
-        factors = [f"{factor:.16g}" for factor in pairing.factor]
-        value = factors[0] if len(set(factors)) == 1 else f"[{', '.join(factors)}]"
-        named = [name for name, known in FACTORS.items() if known == abs(pairing.factor[0])]
-        what = f"unit, {named[0]}" if named else "unit"
-        what = "sign" if (np.abs(pairing.factor) == 1).all() else what
-        yield what, f"{OPTION}.target_factor", value, without("factor")
-    if (pairing.order != plain.order).any():
-        value = f"the commanded columns in the order {[int(j) + 1 for j in pairing.order]}"
-        yield "order", f"{OPTION}.signals", value, without("order")
-    if pairing.delay:
-        delay = f"{pairing.delay / rate:.6g}"
-        yield "clock", f"{OPTION}.target_delay", delay, without("delay")
+    plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
+    same = len(set(factor.tolist())) == 1
+    unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
+    what = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
+    value = f"{factor[0]:.16g}" if same else f"[{', '.join(f'{each:.16g}' for each in factor)}]"
+    columns = f"the commanded columns in the order {[int(j) + 1 for j in order]}"
+    for changed, field, option, found, stated in (
+        ((factor != 1).any(), "factor", "target_factor", what, value),
+        ((order != plain.order).any(), "order", "signals", "order", columns),
+        (delay != 0, "delay", "target_delay", "clock", f"{delay / rate:.6g}"),
+    ):
+        if changed:
+            without = pairing._replace(**{field: getattr(plain, field)})
+            yield found, f"{OPTION}.{option}", stated, without.left(actual, target)
 
 
 def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:

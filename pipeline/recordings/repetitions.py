@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import apart
+from pipeline.core.angles import TURN, apart, turns_apart
 
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same
@@ -31,12 +31,9 @@ class Excursion(NamedTuple):
 
     def lack(self, rows: int) -> str:
         """Name what keeps the motion from being whole in a log of so many ``rows``; "" if whole."""
-        if self.whole:
-            return ""
-        # the first row has no step before it
-        at_start, at_end = self.first <= 1, self.last >= rows
-        if at_start and at_end:
-            return "a command that never rests, to be cut with rest: 0"
+        at_start, at_end = self.first <= 1, self.last >= rows  # the first row has no step before it
+        if self.whole or (at_start and at_end):
+            return "" if self.whole else "a command that never rests, to be cut with rest: 0"
         edge = "start" if at_start else "end"
         return f"a motion from row {self.first}, cut off by the {edge} of the log"
 
@@ -84,27 +81,28 @@ def find_repetitions(
     angles: np.ndarray,
     speeds: np.ndarray,
     columns: Sequence[int],
-    start: Sequence[float],
-    end: Sequence[float],
+    ends: Sequence[Sequence[float]],
     *,
     steps: int,
     rest: int,
     rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the whole :func:`excursions` that take the joints ``columns`` from ``start`` to ``end``
-    (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at rest on
-    either side.
+    """Find the whole :func:`excursions` that take the joints ``columns`` from one to the other of
+    the ``ends`` (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at
+    rest on either side; with ``rest`` 0 the :func:`_passes`.
     """
+    if not rest:
+        return _passes(angles[:, columns], ends, steps, circular)
     moving = np.any(np.abs(speeds) > rest_speed, axis=1)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in excursions(angles, speeds, rest_speed):
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
-        ends = angles[[run.first - 1, run.last]][:, list(columns)]
+        own = angles[[run.first - 1, run.last]][:, columns]
         before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
-        away = np.abs(apart(ends, np.stack([start, end]), circular)).max()
+        away = np.abs(apart(own, np.stack(ends), circular)).max()
         near = moving[max(before, 0) : run.first].any() or moving[run.last : after].any()
         if away > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)
@@ -115,22 +113,21 @@ def find_repetitions(
     return Repetitions(runs, left_out)
 
 
-def find_passes(
+def _passes(
     angles: np.ndarray,
-    start: Sequence[float],
-    end: Sequence[float],
+    ends: Sequence[Sequence[float]],
     steps: int,
-    circular: np.ndarray | bool = True,
+    circular: np.ndarray | bool,
 ) -> Repetitions:
-    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints) that never
-    rest pass ``start`` and then ``end`` within 0.01 rad, nearest of the rows around; those that
-    begin before the end of the one before are left out.
+    """Stretches of ``steps`` steps in which commanded ``angles`` (N, joints) that never rest pass
+    the ``ends`` within 0.01 rad, nearest of the rows around; those that begin before the end of the
+    one before are left out.
     """
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
         return Repetitions(runs, left_out)
-    ends = (angles[:-steps], start), (angles[steps:], end)
-    distances = [apart(rows, np.array(place), circular) for rows, place in ends]
+    rows = angles[:-steps], angles[steps:]
+    distances = [apart(*each, circular) for each in zip(rows, np.array(ends), strict=True)]
     away = np.abs(np.hstack(distances)).max(axis=1)
     for begin, stop in _runs(away <= REACH):
         first = begin + int(away[begin:stop].argmin())
@@ -153,6 +150,30 @@ def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
     return place
 
 
+def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
+    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
+    rows = range(first - SLACK, first + SLACK + 1)
+    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
+
+
+def matched(
+    actual: np.ndarray,
+    target: np.ndarray,
+    row: int,
+    reference: np.ndarray,
+    circular: np.ndarray | bool,
+    *,
+    passing: bool,
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the place near ``row`` from which the command ``target`` follows ``reference`` (K, n),
+    between rows for a motion in ``passing``; and both angles (N, n) in rad, moved by the whole
+    turns of ``circular`` joints that take the command nearest to it.
+    """
+    turns = TURN * turns_apart(reference[0], target[row], circular)
+    place = in_phase if passing else align
+    return place(target + turns, row, reference), actual + turns, target + turns
+
+
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
     """Return (length, joints) of ``angles`` from ``place`` on, between rows by cubic splines."""
     from scipy.interpolate import CubicSpline
@@ -160,12 +181,6 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
     if place == round(place):
         return angles[round(place) :][:length]
     return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))
-
-
-def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
-    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
-    rows = range(first - SLACK, first + SLACK + 1)
-    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
 
 
 def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
