@@ -99,11 +99,6 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chai
     return replace(nominal, placements=placements)
 
 
-def session_offset(options: DynamicsOptions, joints: int, rng: Generator) -> np.ndarray:
-    """Draw the encoders' zero errors (joints,) in rad, constant through a session."""
-    return options.encoder_offset_std * rng.standard_normal(joints)
-
-
 class Chance(NamedTuple):
     """Random numbers of a take, or of many along leading axes; paths are :func:`lagged_noise`."""
 

@@ -1,7 +1,6 @@
 """The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
 space. Slips arrive at random, take an exponential amount off the tension and recover; directions
-wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated
-in time; of a normal law they have the first two moments alone.
+wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated.
 """
 
 from __future__ import annotations
@@ -103,10 +102,8 @@ def _angle_in_space(kappa: float) -> float:
     """s in rad of the two angles whose direction has the mean resultant length of ``kappa``."""
     from scipy.optimize import brentq
 
-    def excess(s: float) -> float:
-        return 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - (1 / np.tanh(kappa) - 1 / kappa)
-
-    return brentq(excess, 1e-9, 1.5)
+    length = 1 / np.tanh(kappa) - 1 / kappa
+    return brentq(lambda s: 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length, 1e-9, 1.5)
 
 
 def record_force(

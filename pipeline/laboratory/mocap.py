@@ -30,7 +30,7 @@ def place_markers(template: np.ndarray, options: MocapOptions, rng: Generator) -
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw starts of bursts and frames in which one is under way, both (frames, *shape)."""
+    """Draw starts of bursts and frames in which one lasts, both (frames, *shape)."""
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
@@ -117,9 +117,8 @@ class MarkerCluster(NamedTuple):
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
     """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints."""
-    placements = link.placements.copy()
-    placements[:-1] = arm.placements[: len(placements) - 1]
-    return replace(link, placements=placements)
+    placements = [*arm.placements[: len(link.placements) - 1], link.placements[-1]]
+    return replace(link, placements=np.array(placements))
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
@@ -138,7 +137,7 @@ def capture_bodies(
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies
     on an arm at true angles ``q`` (N, n) rad, NaN where lost; ``base``: rotation (3, 3) and place
-    (3,) m of the arm. Noise of s m in K markers makes s/√K m of the position.
+    (3,) m of the arm.
     """
     result = {}
     for name, cluster in clusters.items():

@@ -24,7 +24,8 @@ class Session(NamedTuple):
 def open_session(nominal: Chain, dynamics: options.DynamicsOptions, rng: Generator) -> Session:
     """Draw what a session has of its own; ConfigError for the options of another arm."""
     built = arm.true_chain(nominal, dynamics, rng)
-    return Session(nominal, built, arm.session_offset(dynamics, len(nominal.lower), rng))
+    zeros = dynamics.encoder_offset_std * rng.standard_normal(len(nominal.lower))
+    return Session(nominal, built, zeros)
 
 
 class PerformedMotion(NamedTuple):

@@ -18,15 +18,8 @@ from pipeline.core.columns import spread
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import RecordingError, SolverError
 from pipeline.core.options.analysis import ArticulationSection
-from pipeline.perception.articulation_objective import (
-    INFEASIBLE,
-    RUNS,
-    Frame,
-    frame_of,
-    nodes_of,
-    rank,
-    variables,
-)
+from pipeline.perception import articulation_objective as objective
+from pipeline.perception.articulation_objective import INFEASIBLE, Frame, rank
 
 MAX_STEPS = 2000  # of the simplex
 # rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its
@@ -78,16 +71,14 @@ def _simplex(frame: Frame, step: float, extent: float, corners: np.ndarray, valu
     return False
 
 
-def fit_frame(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """Return (O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2) with
-    the commanded or fitted ``end`` ended; more runs lower the errors of the angles not at all.
-    """
-    first, ended = variables(frame, start, end), False
+def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """(O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2) ended."""
+    first, ended = objective.variables(frame, start, end), False
     corners, values = np.empty((first.size + 1, first.size)), np.empty(first.size + 1)
     corners[0] = first
-    for step, extent in RUNS[end]:
+    for step, extent in objective.RUNS[end]:
         ended = _simplex(frame, step, extent, corners, values)
-    return nodes_of(frame, corners[0]), float(values[0]), ended
+    return objective.nodes_of(frame, corners[0]), float(values[0]), ended
 
 
 class FittedSequence(NamedTuple):
@@ -119,7 +110,7 @@ def fit_sequence(
     """
     end, gammas = options.end_point, (options.gamma1, options.gamma2)
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
-    nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
+    nodes, values = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
     starts, last, gap, least, lost = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf, 0
     for frame, (cloud, goal) in enumerate(zip(clouds, ee, strict=True)):
@@ -134,12 +125,12 @@ def fit_sequence(
             message = "the end-effector's position or a point of the arm is not finite"
             raise RecordingError(message, **where)
         starts = starts + np.array([[0.0], [1.0], [1.0]]) * (goal - ee[last])
-        problem = frame_of(cloud.T, o1, goal, bounds, gammas)
-        fits = [fit_frame(problem, end, start) for start in starts]
+        problem = objective.frame_of(cloud.T, o1, goal, bounds, gammas)
+        fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
             lost += 1
             poses = _joining_poses(o1, goal, chain.lengths)
-            fits += [fit_frame(problem, end, start) for start in poses]
+            fits += [_fit(problem, end, start) for start in poses]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
@@ -149,11 +140,11 @@ def fit_sequence(
         if not ended:
             message = "the articulation's simplex search did not end"
             raise SolverError(message, **where, step=MAX_STEPS)
-        nodes[frame], objective[frame] = np.vstack([o1, best]), value
+        nodes[frame], values[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
     steps = np.diff(nodes, axis=1)
     q = chain.joints_from_segments(np.arctan2(steps[..., 0], steps[..., 1]))
-    return FittedSequence(nodes, q, objective, lost)
+    return FittedSequence(nodes, q, values, lost)
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -181,9 +172,8 @@ def articulate_rows(
     options: ArticulationSection,
     start: np.ndarray,
 ) -> pd.DataFrame:
-    """Return the rows of the table ``angles`` of one take, without frames of too few points: of
-    ``rows`` of the table ``frames`` with the arm's points ``clouds`` (I, 2) in m, EE as the table
-    ``trajectory`` commands it; ``start`` (3,) rad of the first frame.
+    """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps:
+    ``rows`` of the table ``frames``, the table ``trajectory`` and the first frame's ``start`` (3,).
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
     given = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start

@@ -1,8 +1,7 @@
 """The paper's objective of an articulation, Eq. (KinObj), of one point cloud; compiled.
 
 The tool ends at the commanded end-effector, as in the paper, or where the points say (fitted): with
-its nominal length, as a free one would grow to its bound, and, since one asymmetry says how far
-aside the tool lies but not where it points, with an asymmetry of each half.
+its nominal length, as a free one would grow to its bound, and with an asymmetry of each half.
 """
 
 from __future__ import annotations
@@ -40,9 +39,7 @@ class Frame(NamedTuple):
 def frame_of(
     points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
 ) -> Frame:
-    """Return a frame of ``points`` (2, I), first joint ``o1`` (2,) and commanded end ``ee`` (2,),
-    m; ``bounds`` (3, 2) m of the lengths; weights ``gammas`` of mean distance and asymmetry.
-    """
+    """Return the frame with its buffers; weights ``gammas`` of mean distance and asymmetry."""
     signed, distance = np.empty((4, points.shape[1])), np.empty(points.shape[1])
     arrays = (np.array(array, order="C") for array in (points, o1, ee, bounds))
     return Frame(*arrays, *gammas, distance, signed, signed.view(np.int64), signed.view(np.uint64))
@@ -50,20 +47,17 @@ def frame_of(
 
 @inner
 def rank(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj), m, of the pose ``v``. With the commanded end v = (O2, O3), m; outside the
-    bounds on the lengths INFEASIBLE and the excess, so that poses within rank first (feasibility
-    rules, Deb 2000).
+    """Eq. (KinObj), m, at v = (O2, O3), m, with the commanded end; outside the bounds on the lengths
+    INFEASIBLE and the excess, so that poses within rank first (feasibility rules, Deb 2000).
 
     With the fitted end v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
     two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975).
     """
     o1 = (frame.o1[0], frame.o1[1])
     if v.size == 5:
-        o2 = _end(o1, frame.bounds[0, 0], frame.bounds[0, 1], v[0], v[2])
-        o3 = _end(o2, frame.bounds[1, 0], frame.bounds[1, 1], v[1], v[3])
-        return value(
-            frame, (o1, o2, o3, _end(o3, frame.bounds[2, 0], frame.bounds[2, 1], 0.0, v[4])), 4
-        )
+        o2 = _end(o1, frame.bounds[0], v[0], v[2])
+        o3 = _end(o2, frame.bounds[1], v[1], v[3])
+        return value(frame, (o1, o2, o3, _end(o3, frame.bounds[2], 0.0, v[4])), 4)
     nodes, violation = (o1, (v[0], v[1]), (v[2], v[3]), (frame.ee[0], frame.ee[1])), 0.0
     for j in range(3):
         start, end = nodes[j], nodes[j + 1]
@@ -74,9 +68,9 @@ def rank(frame: Frame, v: np.ndarray) -> float:
 
 
 @inner
-def _end(start: Node, short: float, long: float, stretch: float, arc: float) -> Node:
-    """End of a segment from ``start``, its length between ``short`` and ``long``."""
-    middle, half = 0.5 * (short + long), 0.5 * (long - short)
+def _end(start: Node, bounds: np.ndarray, stretch: float, arc: float) -> Node:
+    """End of a segment from ``start``, its length within ``bounds`` (2,)."""
+    middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
     stretched, _ = sine_cosine(STRETCH * stretch)
     sine, cosine = sine_cosine(arc / middle)
     length = middle + half * stretched
@@ -162,9 +156,8 @@ def _sum(values: np.ndarray) -> float:
     return (a + b) + (c + d)
 
 
-# The first extent of each run of the simplex, and the extent at which it has ended, m. 1e-5 m are
-# 1e-4 rad on a link, a hundredth of the errors of the sensor. The fitted end has one unknown more,
-# and minima beside the least: a wider simplex leaves the one of the frame before.
+# The first extent of each run of the simplex, and the extent at which it has ended, m: 1e-5 m are
+# 1e-4 rad on a link. The fitted end has minima beside the least, which a wider simplex leaves.
 RUNS = {
     "commanded": ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     "fitted": ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),

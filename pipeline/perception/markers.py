@@ -104,8 +104,8 @@ def _solve(
 
 
 def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
-    """(N, n) rad, joint angles of a planar arm by the turn of each link's markers about the normal
-    from their template, interpolated where fewer than two are seen.
+    """(N, n) rad, joint angles of a planar arm by the turn of each link's markers from their
+    template, interpolated where fewer than two are seen.
     """
     frames, psi = np.arange(len(positions)), []
     for mine in points.of_links():
@@ -126,9 +126,7 @@ def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
 def _in_blocks(
     positions: np.ndarray, points: Carried, gate: float, take: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (N, n) and residuals (N,) of an arm in space: the first frame that one posture
-    alone fits is the start, the others follow in blocks.
-    """
+    """Joint angles (N, n) and residuals (N,) of an arm in space, from its :func:`_first` frame on."""
     frames = len(positions)
     first, start = _first(positions, points, gate, take)
     q, residual = np.full((frames, len(start)), np.nan), np.full(frames, np.nan)

@@ -1,5 +1,5 @@
 """Least-squares posture of any chain: the joint angles at which the points that its links carry
-(markers in a plane or in space, points of rigid bodies) lie nearest to their measured places.
+(markers, points of rigid bodies) lie nearest to their measured places.
 """
 
 from __future__ import annotations

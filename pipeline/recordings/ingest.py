@@ -74,9 +74,10 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     if dataset.joint_log is not None:
         known, chain = len(errors), chain_of(dataset.robot)
         rows = _kept([attempt(joint_logs.joint_log_rows, raw, dataset, chain)], errors)
-        for trajectory, joints, quality in rows:
+        for trajectory, joints, counts in rows:
             contracts.write(trajectory, "trajectory", folder)
             contracts.write(joints, "joint_log", folder)
+            quality += counts
         if not rows:  # every movement's refusals, not the first alone
             for movements in _kept([attempt(joint_logs.find_movements, raw, dataset)], []):
                 read, every = joint_logs.read_dataset_movement, []

@@ -162,11 +162,14 @@ def require_speeds(
             if beyond.any():
                 row = int(np.argmax(beyond))
                 at = round(float(time[row + 1] - time[0]), 6)
-                step, speed = steps[row], steps[row] / seconds[row]
+                step, speed = (
+                    f"{steps[row]:.4g} {unit}",
+                    f"{steps[row] / seconds[row]:.4g} {unit}/s",
+                )
                 message = (
-                    f"{joint.name} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the start: "
-                    f"{speed:.4g} {unit}/s, where the robot's URDF allows {limit:.4g} {unit}/s; leave "
-                    "this part of the log out, or correct the joint's velocity limit in the URDF"
+                    f"{joint.name} ({signal}) steps by {step} at {at:g} s from the start: {speed}, "
+                    f"where the robot's URDF allows {limit:.4g} {unit}/s; leave this part of the log "
+                    "out, or correct the velocity limit of the joint in the URDF"
                 )
                 raise RecordingError(message, **evidence, joint=joint.name, time=at)
 
@@ -180,7 +183,7 @@ class LoggedMovement(NamedTuple):
     speed: np.ndarray  # (N, joints) rad/s, commanded
     others: Mapping[str, np.ndarray]  # (N, joints) each, other signals in any unit
     counts: Mapping[str, float]  # of rows, but for those of UNITS
-    circular: np.ndarray  # (joints,) whether a joint turns
+    circular: np.ndarray  # (joints,) which joints turn
 
     def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
         """RecordingError for joints not within 0.01 rad of their ``locked`` angle in ``rows``."""

@@ -44,7 +44,6 @@ def write_table(file, log: ForceRecord, unit: str) -> None:
 COLUMNS = {"t": "t", "fx": "Kraft x", "fy": "Kraft y", "fz": "Kraft z"}
 TABLE = {"format": "table", "columns": COLUMNS, "force_unit": "N"}
 FORMATS = {
-    "daqft": (write_daqft, {}),
     "daqft comma": (lambda file, log: write_daqft(file, log, decimal=","), {}),
     "netft": (write_netft, {"format": "netft"}),
     "table": (lambda file, log: write_table(file, log, "s"), TABLE | {"time_unit": "s"}),
@@ -130,21 +129,11 @@ def test_an_interval_without_a_mean_or_a_record_without_a_rest_is_refused(tare_s
         remove_bias(log.time, log.force, TARE)
 
 
-def test_a_clock_that_rounds_leaves_the_first_loaded_sample_out_of_the_mean():
-    log = record(20.0, 39, noise=0.0)
-    first = int(np.searchsorted(log.time, TARE))
-    tare_seconds = log.time[first]
-    log.time[first] -= 5e-7
-    _, _, bias = remove_bias(log.time, log.force, tare_seconds)
-    np.testing.assert_allclose(bias, BIAS, rtol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("log", "words"),
     [
         ({"format": "lvm"}, "'lvm'; there are bag, daqft, netft, table"),
         ({"separator": "tab"}, "separator"),
-        ({"decimal": ";"}, "decimal"),
         ({"separator": ",", "decimal": ","}, "decimal"),
     ],
 )

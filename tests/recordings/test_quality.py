@@ -27,7 +27,6 @@ from pipeline.recordings.quality import (
     summarised,
 )
 from pipeline.recordings.steps import held_against, truth_of
-from pipeline.stages import files
 
 CAMERA, LOG = "depth camera", "joint log"
 SHARES, CORRELATIONS = [0.2, 0.9, 0.4, 0.6], [0.999, 0.98, 0.97, 0.99]
@@ -85,17 +84,15 @@ def test_takes_stand_side_by_side_with_the_reason_why_one_is_left_out(quality):
     assert side_by_side(beside_limits(quality, {}))["reason"].isna().all()
 
 
-def test_a_take_beyond_a_limit_is_left_out_and_one_at_the_limit_or_without_stays():
+def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without_stays():
     takes = measured("residual_rms", {"a": 1e-3, "b": 1.001e-3, "c": 2e-4})
     takes = beside_limits(takes, {"residual_rms": 1e-3})
     assert takes[["take", "left_out"]].values.tolist() == [["a", False], ["b", True], ["c", False]]
     assert reasons(takes) == ["b (residual_rms 0.001 beyond 0.001)"]
-    for limits in ({}, {"residual_rms": None}, vars(Limits())):
+    for limits in ({}, vars(Limits())):
         takes = beside_limits(measured("residual_rms", {"a": 1e3}), limits)
         assert not takes["left_out"].any() and takes["limit"].isna().all() and reasons(takes) == []
-
-
-def test_a_take_is_left_out_whole_for_one_measure_and_a_clock_may_drift_to_neither_side():
+    # a clock may drift to neither side
     tables = [
         measured("clock_drift", {"a": -0.05, "b": 0.01}, unit="s/s"),
         measured("residual_rms", {"a": 1e-4, "b": 1e-4}),
@@ -164,30 +161,6 @@ def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(reco
     assert refused.value.evidence["key"] == "dataset.depth.takes"
 
 
-def test_an_edit_of_a_force_log_changes_the_list_of_the_force_alone(recordings, tmp_path):
-    (tmp_path / "data/config.yaml").parent.mkdir(exist_ok=True)
-    config.write_config(parameters(tmp_path))
-    stages = {"files": {"params": [{str(config.COMPOSED): ["dataset"]}]}}
-    (tmp_path / "dvc.yaml").write_text(f"stages: {stages}\n".replace("'", ""))
-
-    def written() -> dict[str, bytes]:
-        files.run()
-        return {file.stem: file.read_bytes() for file in files.OUT.iterdir()}
-
-    before = written()
-    assert {*before} == {*KEYS} and written() == before
-    for name, changed in (
-        ("force/C2.csv", {"force"}),
-        ("kinect/test_001/depth/0.png", {"depth"}),
-        ("optitrack/train_001.csv", {"motion"}),
-        (UNCLAIMED, {*KEYS}),  # the control
-    ):
-        (recordings / name).write_text("edited")
-        after = written()
-        assert {part for part in KEYS if after[part] != before[part]} == changed
-        before = after
-
-
 def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recordings, tmp_path):
     before = listing(recordings).set_index("file")
     (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
@@ -205,22 +178,18 @@ def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recording
         assert refused.value.evidence["file"] == folder
 
 
-RAW = Path("recordings")
-
-
 @pytest.mark.parametrize(
     ("pattern", "path", "name"),
     [
         ("optitrack/train_*.csv", "optitrack/train_1.csv", "train_1"),
         ("Movement_*/csv_files", "Movement_3/csv_files", "Movement_3"),
-        ("Movement_*/csv_files/*.csv", "Movement_3/csv_files/a.csv", "Movement_3_csv_files_a"),
         ("day_[12]/run_?.npz", "day_2/run_1.npz", "day_2_run_1"),
         ("**/log.csv", "a/b/log.csv", "a_b"),
         ("logs/only.csv", "logs/only.csv", "only"),
     ],
 )
 def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(pattern, path, name):
-    assert take_name(RAW / path, RAW, pattern) == name
+    assert take_name(Path("raw", path), Path("raw"), pattern) == name
 
 
 def test_files_of_one_name_in_several_folders_are_all_there_and_a_collision_is_refused(tmp_path):
