@@ -18,8 +18,9 @@ from pipeline.arm.model import chain_of
 from pipeline.core.config import CONF, model_options
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.laboratory.dynamics import expose, session_offset, simulate_take, true_chain
+from pipeline.laboratory.dynamics import expose, simulate_take
 from pipeline.laboratory.options import DynamicsOptions
+from pipeline.laboratory.session import open_session
 from pipeline.laboratory.swing import JointPath, desired_joints, desired_trajectory
 from pipeline.models import kinds
 from pipeline.models.draws import realize
@@ -272,7 +273,7 @@ def simulated(physics: PhysicsFactors, seed: int) -> tuple[list[MotionSteps], ob
     nominal = chain_of(LWR4)
     values = read_yaml(CONF / "dataset/lwr4_lab.yaml")["laboratory"]["dynamics"]
     dynamics = disturbed(DynamicsOptions(**values), physics)
-    arm, offset = true_chain(nominal, dynamics, rng), session_offset(dynamics, 7, rng)
+    _, arm, offset = open_session(nominal, dynamics, rng)
     found: list[MotionSteps] = []
     while len(found) < KNOWN + FRESH:
         ends = np.array([0.1, 0.7, 0.0, -1.2, 0.0, 0.8, 0.5]) + rng.uniform(-WIDTH, WIDTH, (2, 7))
