@@ -42,8 +42,7 @@ def find_offset(
 ) -> Offset:
     """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
     which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments
-    see different points of the moving body. Its standard error takes the residuals' variance in
-    each component and their lag-one correlation.
+    see different points of the moving body.
 
     ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
     any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
@@ -142,8 +141,8 @@ def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
-    clock, and the quality of the offset: the stated one, else by the centroids in the plane of the
-    arm's points and of its labelled markers. Raises RecordingError where none can be found.
+    clock, and the quality of the offset: stated, else by the centroids in the plane of the arm's
+    points and of its labelled markers. Raises RecordingError where none can be found.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []

@@ -119,14 +119,7 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
         message = "a folder of frames needs their index, or frames: a glob of their numbered names"
         raise ConfigError(message, key=f"{KEY}.index")
     files, counts = [path / name for name in index.files], Counter(index.counts)
-    for file in files:
-        if os.path.relpath(file, raw).startswith(os.pardir):
-            raise RecordingError("the index names a frame outside the recordings", file=file)
-    clouds = {is_cloud(file) for file in files}
-    if len(clouds) > 1:
-        message = "the take has images and point clouds; choose one by the index or by frames"
-        raise RecordingError(message, file=path)
-    camera = None if clouds == {True} else _intrinsics(path, depth, raw)
+    camera = None if all(map(is_cloud, files)) else _intrinsics(path, depth, raw)
 
     def frames() -> Frames:
         for file in files:
@@ -138,7 +131,7 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
             counts.update(cloud.counts | turned)
             yield cloud, {}
 
-    references = [str(file.relative_to(raw)) for file in files]
+    references = [os.path.relpath(file, raw) for file in files]
     return DepthTake(index.time, references, camera, frames(), counts)
 
 

@@ -16,13 +16,11 @@ from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
-from pipeline.recordings import movement
+from pipeline.recordings import movement, repetitions
 from pipeline.recordings.commands import circular_joints
-from pipeline.recordings.disturbances import beside_others, disturbances
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
-from pipeline.recordings.repetitions import excursions, find_repetitions, lag, matched, stretch
 
 RESIDUALS = "residuals"
 
@@ -57,9 +55,11 @@ def joint_log_rows(
         if reference is None:
             reference = take.target[take.first :][: steps + 1]
         angles = take.actual, take.target, take.first, reference, take.circular
-        start, *pair = matched(*angles, passing=not rest)
+        start, *pair = repetitions.matched(*angles, passing=not rest)
         logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
-        rows[name] = {key: stretch(each, start - rest, length) for key, each in logged.items()}
+        rows[name] = {
+            key: repetitions.stretch(each, start - rest, length) for key, each in logged.items()
+        }
         if start != round(start):
             note(name, "resampled_rows", length)
     _leave_out_disturbed(rows, takes, dataset, raw, quality)
@@ -68,10 +68,12 @@ def joint_log_rows(
         require_pair(take["actual"], take["target"], rate, **evidence)
     if len(rows) < 2:
         message = (
-            f"{len(rows)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
-            f"to {list(options.end)} rad between {rest} at rest, where the fits need two; the "
-            f"movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
+            f"{len(rows)} repetition(s) of a motion of {steps} steps from {list(options.start)}"
         )
+        message += (
+            f" to {list(options.end)} rad between {rest} at rest, where the fits need two; the"
+        )
+        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
     measured, commanded = (
         np.stack([take[key] for take in rows.values()]) for key in ("actual", "target")
@@ -80,14 +82,14 @@ def joint_log_rows(
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
         message = (
-            f"the command is {deviations.max():.2g} rad off its mean over the takes, more than "
-            f"{options.tolerance:g}: another motion?"
+            f"the command is {deviations.max():.2g} rad off its mean over the takes, more than"
         )
+        message += f" {options.tolerance:g}: another motion?"
         take = [*rows][int(deviations.argmax())]
         raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
         note(take, "command_deviation", deviation, "rad")
-        note(take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
+        note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
     # the commanded angle takes its first step one sample before the commanded speed is first logged
     held = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
@@ -129,7 +131,9 @@ def find_takes(
         target, circular = read.target, read.circular[columns]
         sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
         ends = options.start, options.end
-        found = find_repetitions(target, read.speed, columns, ends, **sought, circular=circular)
+        found = repetitions.find_repetitions(
+            target, read.speed, columns, ends, **sought, circular=circular
+        )
         signals = {RESIDUALS: read.actual - target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
@@ -137,7 +141,7 @@ def find_takes(
             read.require_held(rows, dataset.robot.locked, file=place, take=take)
             angles = read.actual[:, columns], target[:, columns]
             takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
-        for run in excursions(target, read.speed, options.rest_speed):
+        for run in repetitions.excursions(target, read.speed, options.rest_speed):
             if not (words := run.lack(len(target))):
                 start, end = target[[run.first - 1, run.last]][:, columns].round(2).tolist()
                 words = f"{start} to {end} in {run.steps} steps"
@@ -169,7 +173,10 @@ def _leave_out_disturbed(
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
     limit = np.inf if options.residual_limit is None else options.residual_limit
-    scores, distances = disturbances(residuals, others, rate), beside_others(residuals)
+    scores, distances = (
+        repetitions.disturbances(residuals, others, rate),
+        repetitions.beside_others(residuals),
+    )
     greatest = np.abs(residuals).max(axis=(1, 2))
     for name, distance, score, largest in zip(takes, distances, scores, greatest, strict=True):
         note(name, "residual_beside_others", distance, "rad")
@@ -179,11 +186,8 @@ def _leave_out_disturbed(
             continue
         row = takes[name].first
         if options.disturbed == "refuse":
-            message = (
-                f"the repetition from row {row} was disturbed: its residual, or another "
-                f"signal, is {score:.3g} robust standard deviations from the median over the "
-                f"repetitions; the residual is at most {largest:.3g} rad"
-            )
+            message = f"the repetition from row {row} was disturbed: {score:.3g} robust standard"
+            message += f" deviations from the others, its residual at most {largest:.3g} rad"
             raise RecordingError(message, file=raw, take=name, key=f"{OPTION}.disturbed")
         del rows[name]
         note(takes[name].movement, "disturbed_from_row", row, "row")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,18 +15,11 @@ from pipeline.arm.model import chain_of
 from pipeline.core.angles import apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
+from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
-from pipeline.recordings.disturbances import disturbances
 from pipeline.recordings.joint_logs import find_movements
 from pipeline.recordings.movement import LoggedMovement, read_logged_movement
-from pipeline.recordings.repetitions import (
-    REACH,
-    SLACK,
-    excursions,
-    find_repetitions,
-    matched,
-    stretch,
-)
+from pipeline.recordings.repetitions import REACH, SLACK
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
@@ -80,7 +74,7 @@ def motions(
         columns = [movement.joints.index(joint) for joint in robot.joints]
         target = movement.target[:, columns]
         paths[name] = movement.actual[:, columns], target
-        runs = excursions(movement.target, movement.speed)
+        runs = repetitions.excursions(movement.target, movement.speed)
         edges = [0, *(edge for run in runs for edge in (run.first, run.last)), len(target)]
         for run, before, after in zip(runs, edges[::2], edges[3::2], strict=False):
             rows = target[max(run.first - 1, 0) : run.last + 1]
@@ -95,11 +89,12 @@ def motions(
         for first, last in _stretches(target, chain):
             ends, steps = (target[first], target[last]), last - first
             if not known(ends, steps):
-                sought = {"steps": steps, "rest": 0, "circular": circular}
+                sought = {"ends": ends, "steps": steps, "rest": 0, "circular": circular}
+                find = partial(repetitions.find_repetitions, columns=slice(None), **sought)
                 places = [
                     (name, run.first)
                     for name, (_, other) in paths.items()
-                    for run in find_repetitions(other, other, slice(None), ends, **sought).runs
+                    for run in find(other, other).runs
                 ]
                 listed += [FoundMotion(*ends, steps, None, places)] if len(places) > 1 else []
     for motion in listed:
@@ -135,14 +130,14 @@ def _compare(
     residuals, deviations, whole = [], [], []
     for name, row in motion.places:
         if SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
-            passing = motion.pause is None
-            start, *pair = matched(*paths[name], row, reference, circular, passing=passing)
-            actual, target = (stretch(q, start, len(reference)) for q in pair)
+            place = (*paths[name], row, reference, circular)
+            start, *pair = repetitions.matched(*place, passing=motion.pause is None)
+            actual, target = (repetitions.stretch(q, start, len(reference)) for q in pair)
             residuals.append(actual - target)
             deviations.append(np.abs(target - reference).max())
             whole.append((name, row))
     if whole:
-        scores = disturbances(np.stack(residuals), [], rate)
+        scores = repetitions.disturbances(np.stack(residuals), [], rate)
         motion.deviation = float(np.max(deviations))
         motion.disturbed = [each for each, far in zip(whole, scores > BEYOND, strict=True) if far]
 

@@ -35,12 +35,9 @@ def read_movement(
     files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Read the signals (N, joints) of the logs ``files`` of one movement, as many rows as the
-    shortest log has, and their counts, ``rows_without_partner`` in another log among them.
-
-    Rows uneven by a tenth to half of a step (``uneven_rows``, ``clock_jitter`` in s) are taken row
-    by row by the ``clock`` rows, or interpolated by a cubic spline (``resampled_rows``) by times;
-    None refuses them. Raises RecordingError for clocks that disagree or do not keep to ``rate``
-    (1/s).
+    shortest log has, and their counts. Rows uneven by a tenth to half of a step are taken row by
+    row by the ``clock`` rows, or interpolated by a cubic spline by times; None refuses them. Raises
+    RecordingError for clocks that disagree or do not keep to ``rate`` (1/s).
     """
     from scipy.interpolate import CubicSpline
 
@@ -61,11 +58,11 @@ def read_movement(
     jitter = float(np.diff(time).std())
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
-        message = (
-            f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms: say "
-            "whether the rows follow each other at the rate (rows) or were measured at those times "
-            f"(times); row by row the angles are {smoother:.3g} times as smooth"
+        message = f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms:"
+        message += (
+            " do the rows follow each other at the rate (rows), or were they measured at those"
         )
+        message += f" times (times)? row by row the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts |= {"uneven_rows": uneven, "clock_jitter": jitter}
     if clock == "times":
@@ -76,8 +73,8 @@ def read_movement(
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
-    """Return the smoothness of ``angles`` (N, joints) over the row, at ``rate``, divided by that
-    over the ``time`` (N,) s: the inverse ratio of the median root mean square third derivatives.
+    """Return the median root mean square third derivative of ``angles`` (N, joints) over the
+    ``time`` (N,) s, divided by the one over the rows at ``rate``.
     """
     roughness = []
     for clock in (time, np.arange(len(time)) / rate):
@@ -110,8 +107,8 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
     """Read the log in ``file`` in whichever format it begins, else as a plain table; signals times
-    their factors, angles without jumps of whole turns (``unwrapped_jumps``), prismatic joints in m.
-    Raises RecordingError for other joints, angles beyond four turns, and jumps of no whole turns.
+    their factors, angles without jumps of whole turns. Raises RecordingError for other joints,
+    angles beyond four turns, and jumps of no whole turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
@@ -153,25 +150,20 @@ def require_speeds(
     """Raise RecordingError where ``angles`` (N, joints) rad, or m, of a signal step faster in
     ``time`` (N,) s than the velocity limit of their joint in ``urdf``; a limit of 0 is none.
     """
-    for column, joint in enumerate(named_joints(urdf, names)):
-        limit = ((joint and joint.limits) or {}).get("velocity", 0.0)
-        unit = "m" if joint and joint.kind == "prismatic" else "rad"
-        for signal, rows in angles.items() if limit > 0 else ():
-            steps, seconds = np.abs(np.diff(rows[:, column])), np.diff(time)
-            beyond = steps > FASTER * limit * seconds + STEP_NOISE
-            if beyond.any():
-                row = int(np.argmax(beyond))
-                at = round(float(time[row + 1] - time[0]), 6)
-                step, speed = (
-                    f"{steps[row]:.4g} {unit}",
-                    f"{steps[row] / seconds[row]:.4g} {unit}/s",
-                )
-                message = (
-                    f"{joint.name} ({signal}) steps by {step} at {at:g} s from the start: {speed}, "
-                    f"where the robot's URDF allows {limit:.4g} {unit}/s; leave this part of the log "
-                    "out, or correct the velocity limit of the joint in the URDF"
-                )
-                raise RecordingError(message, **evidence, joint=joint.name, time=at)
+    known = named_joints(urdf, names)
+    limits = [((joint and joint.limits) or {}).get("velocity", 0.0) or np.inf for joint in known]
+    for signal, rows in angles.items():
+        steps, seconds = np.abs(np.diff(rows, axis=0)), np.diff(time)[:, None]
+        beyond = steps > FASTER * np.array(limits) * seconds + STEP_NOISE
+        if beyond.any():
+            row, column = np.argwhere(beyond)[0].tolist()
+            unit = "m" if known[column].kind == "prismatic" else "rad"
+            at, step = round(float(time[row + 1] - time[0]), 6), steps[row, column]
+            speed, limit = (f"{v:.4g} {unit}/s" for v in (step / seconds[row, 0], limits[column]))
+            message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
+            message += f" start: {speed}, where the robot's URDF allows {limit}; leave this part of"
+            message += " the log out, or correct the velocity limit of the joint in the URDF"
+            raise RecordingError(message, **evidence, joint=names[column], time=at)
 
 
 class LoggedMovement(NamedTuple):
@@ -191,11 +183,9 @@ class LoggedMovement(NamedTuple):
             angle, column = locked[joint], self.joints.index(joint)
             measured = self.actual[rows, column]
             if np.abs(apart(measured, angle, self.circular[column])).max() > REACH:
-                message = (
-                    f"{joint} is held at {angle:.4g} rad, and was logged from "
-                    f"{measured.min():.4g} to {measured.max():.4g} rad: lock it there, or choose a "
-                    "motion in which it does not move"
-                )
+                message = f"{joint} is held at {angle:.4g} rad, and was logged from"
+                message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it there, or"
+                message += " choose a motion in which it does not move"
                 raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 
 
@@ -207,8 +197,8 @@ def read_logged_movement(
     circular: np.ndarray | bool = True,
 ) -> LoggedMovement:
     """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
-    ``circular``: which joints turn. Raises RecordingError for logs that cannot be read, have no
-    even clock or are no pair; ConfigError where the options do not say where both stand.
+    ``circular``: which joints turn. Raises RecordingError for logs that are no pair on an even
+    clock; ConfigError where the options do not name their columns or delay.
     """
     circular = np.broadcast_to(circular, len(options.joints))
     single = movement.is_file() or is_bag(movement)

@@ -1,8 +1,4 @@
-"""Pairs of measured and commanded angles, and the unit, order or clock that makes them one.
-
-How fast the whole arm moves depends neither on order nor on signs, and how far its joints turn in
-all shows the unit; so each is found without the others.
-"""
+"""Pairs of measured and commanded angles, and the unit, order or clock that makes them one."""
 
 from __future__ import annotations
 
@@ -12,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.joints.log import OPTION
 from pipeline.recordings.repetitions import REACH, lag
 
+OPTION = "dataset.joint_log"
 LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
 SEARCH = 10.0  # s, the farthest that clocks are looked for apart
 MOST = 0.9  # of the rows: a repetition that was disturbed does not decide
@@ -24,9 +20,9 @@ SMOOTHING = 0.02  # s, over which the speed of the arm is taken
 PEAKS, NEAR = 8, 0.8  # delays that are tried: those of the highest correlations, down to this share
 SAME = 0.02  # of a factor, up to which it is one of those that unit conversions have
 ORDER_GAIN = 0.5  # of what is left: another order or sign has to leave less than this of it
-TURN = 180 / np.pi
-FACTORS = {"1": 1.0, "180/π": TURN, "π/180": 1 / TURN, "(180/π)²": TURN**2, "(π/180)²": TURN**-2}
-FACTORS |= {"2π": 2 * np.pi, "1/2π": 1 / (2 * np.pi)}
+DEGREES, TURN = 180 / np.pi, 2 * np.pi
+FACTORS = {"1": 1.0, "180/π": DEGREES, "π/180": 1 / DEGREES, "(180/π)²": DEGREES**2}
+FACTORS |= {"(π/180)²": DEGREES**-2, "2π": TURN, "1/2π": 1 / TURN}
 
 
 class Pairing(NamedTuple):
@@ -53,9 +49,9 @@ def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarr
 
 
 def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return (n,) the tracking error of each joint over its motion, a tenth of the farthest joint's
-    and STILL at least: the 0.9 quantile over the rows of ``actual`` and ``target`` (N, n) in rad at
-    which the command moves, or rests, whichever is more.
+    """Return (n,) the tracking error of each joint divided by its motion (a tenth of the farthest
+    joint's and STILL at least): the greater 0.9 quantile over the rows of ``actual`` and ``target``
+    (N, n) rad at which the command moves, or rests.
     """
     residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
@@ -100,11 +96,8 @@ def require_pair(
     missing = missed(actual, target)
     worst, late = int(missing.argmax()), lag(target, actual, rate)  # NaN of a command at rest
     if missing[worst] > limit:
-        fault = (
-            f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (or of a "
-            f"tenth of the farthest joint's; 0.9 quantile over the rows), more than {limit:g} "
-            "(mismatch)"
-        )
+        fault = f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (0.9"
+        fault += f" quantile over the rows), more than {limit:g} (mismatch)"
     elif abs(late) > LATEST:
         fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
     else:
@@ -150,7 +143,7 @@ def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
 
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     """Rows by which the command may be early: 0, and correlation peaks of the arm's speeds."""
-    from scipy.signal import correlate, correlation_lags
+    from scipy.signal import correlate, correlation_lags, find_peaks
 
     width = max(1, round(SMOOTHING * rate))
     speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
@@ -159,8 +152,7 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
     alike, rows = correlate(measured, commanded)[near], rows[near]
     alike = alike / (len(measured) - np.abs(rows))  # a longer delay leaves fewer rows
-    peak = np.flatnonzero((alike[1:-1] >= alike[:-2]) & (alike[1:-1] > alike[2:])) + 1
-    peak = peak[alike[peak] > NEAR * alike.max()]
+    peak = find_peaks(alike, height=NEAR * alike.max())[0]
     highest = peak[np.argsort(-alike[peak])[:PEAKS]]
     return sorted({0, *rows[highest].tolist()}, key=abs)
 
@@ -170,7 +162,7 @@ def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
     from scipy.optimize import linear_sum_assignment
 
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
-    if not motion:  # the command moves in none of these rows
+    if not motion:
         return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)

@@ -1,4 +1,6 @@
-"""Repetitions of one commanded motion in a robot's log, found by what was commanded."""
+"""Repetitions of one commanded motion in a robot's log, found by what was commanded; those that
+stand out from the others, as after a push.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +16,12 @@ from pipeline.core.angles import TURN, apart, turns_apart
 REACH = 0.01
 REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
 PHASE_ROUNDS = 4  # each squares what is left of the phase
+# of the median, by which undisturbed repetitions differ, however few there are to show it; and of
+# the median over all joints, by which a joint differs
+LEAST_SPREAD = 0.25
+LEAST_IN_WINDOWS = 0.45  # of the median likewise: the greatest of many differs by more
+WINDOW = 0.25  # s, as a push by hand lasts
+OVERLAP = 4  # windows begin within the time of one
 SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
 
 
@@ -57,7 +65,7 @@ def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
     """Find every motion in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N, joints)
-    rad/s: at rest a controller commands at most ``rest_speed``, while the angle may creep.
+    rad/s: at rest at most ``rest_speed``, while the angle may creep.
     """
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
@@ -120,8 +128,7 @@ def _passes(
     circular: np.ndarray | bool,
 ) -> Repetitions:
     """Stretches of ``steps`` steps in which commanded ``angles`` (N, joints) that never rest pass
-    the ``ends`` within 0.01 rad, nearest of the rows around; those that begin before the end of the
-    one before are left out.
+    the ``ends`` within 0.01 rad; those that begin before the end of the one before are left out.
     """
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
@@ -166,8 +173,7 @@ def matched(
     passing: bool,
 ) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the place near ``row`` from which the command ``target`` follows ``reference`` (K, n),
-    between rows for a motion in ``passing``; and both angles (N, n) in rad, moved by the whole
-    turns of ``circular`` joints that take the command nearest to it.
+    between rows for a motion in ``passing``; and both angles (N, n) in rad, moved by whole turns.
     """
     turns = TURN * turns_apart(reference[0], target[row], circular)
     place = in_phase if passing else align
@@ -191,3 +197,50 @@ def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
         return np.nan
     velocity = np.gradient(commanded, axis=0) * rate
     return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))
+
+
+def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
+    """Return (takes,) the distance of each repetition from the others, in robust standard
+    deviations (1.4826 times the median absolute deviation, no less than a share of the median) from
+    their median: as a whole, by the root mean square, or in the joint and window where it is
+    greatest, by the mean. ``residuals`` (takes, K, joints) rad, measured minus commanded angles at
+    ``rate`` rows a second; ``others`` likewise, as currents. Of two repetitions neither is disturbed.
+    """
+    signals = [residuals, *others]
+    farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
+    whole = [_scores(beside_others(signal), LEAST_SPREAD) for signal in signals]
+    return np.max([_scores(farthest, LEAST_IN_WINDOWS), *whole], axis=0)
+
+
+def beside_others(signal: np.ndarray) -> np.ndarray:
+    """Return (takes,) the root mean square of ``signal`` beside its median at each step."""
+    return np.sqrt(np.mean(_beside(signal) ** 2, axis=(-2, -1)))
+
+
+def _beside(signal: np.ndarray) -> np.ndarray:
+    return signal - np.median(signal, axis=0)
+
+
+def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
+    """(takes,) greatest mean over a window and of a joint of ``signal`` beside its median, over the
+    usual one: the median in this window, or of the joint, or a quarter of all joints' median.
+    """
+    beside, length = _beside(signal), signal.shape[1]
+    rows = min(max(round(WINDOW * rate), 1), length)
+    starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
+    sums = np.cumsum(np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1)
+    means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
+    here, of_joint, of_all = (
+        np.median(means, axis=axes, keepdims=True) for axes in (0, (0, 1), (0, 1, 2))
+    )
+    usual = np.maximum(here, np.maximum(of_joint, LEAST_SPREAD * of_all))
+    ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
+    return ratios.max(axis=(1, 2))
+
+
+def _scores(distance: np.ndarray, least: float) -> np.ndarray:
+    """Distance (takes,) from its median, in robust standard deviations."""
+    off = distance - np.median(distance)
+    deviation = 1.4826 * np.median(np.abs(off))
+    scale = np.maximum(deviation, least * (distance - off))
+    return np.divide(off, scale, out=np.zeros_like(off), where=scale > 0)

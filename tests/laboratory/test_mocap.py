@@ -13,7 +13,6 @@ from space_arms import LWR4, link_poses
 
 from pipeline.arm.frames import rigid_motion
 from pipeline.arm.model import chain_of, link_chains
-from pipeline.arm.serial import SerialChain
 from pipeline.laboratory.dynamics import true_chain
 from pipeline.laboratory.mocap import (
     MarkerCluster,
@@ -23,9 +22,7 @@ from pipeline.laboratory.mocap import (
     in_body,
     place_markers,
 )
-from pipeline.laboratory.options import DynamicsOptions, MocapOptions, TrajectoryOptions
-from pipeline.laboratory.session import open_session, perform
-from pipeline.laboratory.swing import desired_path
+from pipeline.laboratory.options import DynamicsOptions, MocapOptions
 
 TEMPLATE = np.array([[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]) * [
     [[scale]] for scale in (1.0, 0.9, 1.1)
@@ -137,12 +134,6 @@ def test_lost_labels_reappear_as_unlabeled_columns(take):
 
 
 CHAIN = chain_of(LWR4)
-MOTION = TrajectoryOptions(
-    folded=(0.30, 0.95, -0.30, -1.60, 0.40, 1.05, 0.20),
-    extended=(-0.30, 0.35, 0.40, -0.80, -0.40, 0.45, 0.90),
-    rest=0.306,
-    ramp=0.35,
-)
 
 
 PLACES = np.array([[0.08, 0.0, 0.01], [-0.01, 0.08, 0.0], [-0.07, -0.03, 0.01], [0.0, -0.05, 0.02]])
@@ -231,21 +222,3 @@ def test_a_link_follows_the_arm_as_it_was_built(chains, rng):
     turn = built.pose(q)[:, 3:].reshape(-1, 3, 3)
     np.testing.assert_allclose(hand + turn @ last, built.pose(q)[:, :3], atol=1e-12)
     assert np.abs(hand - chains["Hand"].pose(q)[:, :3]).max() > 1e-3
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 5, 8])
-def test_arms_of_one_to_eight_joints_move_under_every_disturbance(n, dynamics, rng):
-    m = min(n, 6)
-    turns = Rotation.random(n + 1, rng=rng).as_matrix().reshape(-1, 9)
-    placements = np.hstack([turns, rng.uniform(-0.3, 0.3, (n + 1, 3))])
-    limits = np.full(n, -3.0), np.full(n, 3.0), np.full(n, 2.0)
-    task = ("x", "y", "z", "rx", "ry", "rz")[:m]
-    chain = SerialChain(task, 1.0, placements, np.zeros(n, bool), *limits)
-    start = rng.uniform(-1.5, 1.5, n)
-    way = replace(MOTION, folded=tuple(start), extended=tuple(start + 0.05))
-    options = replace(dynamics, sway_std=(1e-4,) * m, clearance=1e-3, play_joint=n)
-    motion = perform(open_session(chain, options, rng), way, options, rng)
-    path = desired_path(chain, way)
-    assert motion.truth.shape == (321, n)
-    # the starts, the zeros and the ripple, and what the sway makes of the joints at a slow pace
-    assert 1e-5 < np.abs(motion.truth - path).max() < 0.1

@@ -246,17 +246,6 @@ def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
     np.testing.assert_allclose(turned, 0, atol=1e-14)
 
 
-def test_start_and_ripple_scatter_as_stated_and_the_servo_takes_the_start_back(moved, quiet):
-    added = deviations(moved, quiet, 150, start_std=4e-3)
-    np.testing.assert_allclose(added[:, 0].std(axis=0), 4e-3, rtol=4 / np.sqrt(2 * 150))
-    decay = (1 - quiet.servo_gain / quiet.rate) ** np.arange(added.shape[1])
-    np.testing.assert_allclose(added, added[:, :1] * decay[:, None], atol=1e-14)
-    added = deviations(moved, quiet, 150, encoder_ripple=1e-3)
-    assert np.abs(added).max() <= 1e-3 + 1e-15
-    # a sine of uniform phase
-    np.testing.assert_allclose(added[:, 0].std(axis=0), 1e-3 / np.sqrt(2), rtol=0.17)
-
-
 def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(
     arm, trajectory, quiet, rng
 ):

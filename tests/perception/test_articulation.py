@@ -130,20 +130,13 @@ def test_the_objective_is_the_printed_one(sequence) -> None:
         assert RANK(free, v) == pytest.approx(plain, rel=1e-10)
 
 
-def test_the_objective_has_no_frame_and_ranks_points_at_joints_and_poses_out_of_range(sequence):
+def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behind(sequence):
     # a point outside a joint belongs to both of its segments
     nodes = np.array([[0.0, 0.0], [0.0, 0.155], [0.135, 0.155], [0.135, 0.325]])
     point = nodes[1] + 0.02 * np.array([-0.6, 0.8])
     value = ranked(point[None], nodes, 0.05, 1.0, 0.25)
     assert value == pytest.approx(0.02 + 0.25 * (0.02 + 0.02), rel=1e-12)
-    # it changes neither with the frame nor with a mirror
     q, clouds = sequence
-    nodes = CHAIN.points(q[30] + 0.05)
-    value = ranked(clouds[30], nodes, 0.05, 1.0, 0.3)
-    turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
-    for change in (turn, np.diag([-1.0, 1.0])):
-        points, moved = clouds[30] @ change + [0.3, -0.2], nodes @ change + [0.3, -0.2]
-        assert ranked(points, moved, 0.05, 1.0, 0.3) == pytest.approx(value, rel=1e-10)
     # poses outside the lengths rank behind by their violation
     longer = CHAIN.points(q[0])
     longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
@@ -244,13 +237,3 @@ def test_variables_and_nodes_are_each_others_inverse_within_the_bounds_on_the_le
     lengths = np.linalg.norm(np.diff(np.vstack([CHAIN.origin, far]), axis=0), axis=1)
     assert np.all((limits()[:, 0] <= lengths) & (lengths <= limits()[:, 1]))
     assert lengths[2] == pytest.approx(LENGTHS[2], rel=1e-12)
-
-
-@pytest.mark.slow
-def test_points_on_the_lines_of_the_links_give_the_angles_wherever_the_end_is_commanded():
-    rng, commanded = np.random.default_rng(3), motion()[:25]
-    q = commanded + rng.normal(scale=0.02, size=commanded.shape)
-    clouds = [cloud(pose, rng, width=0.0, noise=0.0) for pose in q]
-    assert np.abs(fit(clouds, commanded, FREE).q - q).max() < 0.02
-    # the control: with the commanded end the last segment must miss its points
-    assert np.abs(fit(clouds, commanded).q - q).max() > 0.06

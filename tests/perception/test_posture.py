@@ -117,16 +117,6 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     assert np.abs(solution.q - q).max() > 1e-5
 
 
-def test_a_frame_is_solved_alike_alone_and_among_others():
-    solver = points_in_plane(ARM, PLACES)
-    measured = noisy(np.repeat(of_youbot(BENT[0])[None], 7, axis=0))
-    measured[3] = measured[3, ::-1]  # a frame that no posture fits takes the most steps
-    starts = np.repeat(BENT + 0.1, 7, axis=0)
-    together = solver.solve_all(measured, starts).q
-    alone = [solved(solver, *each).q for each in zip(measured, starts, strict=True)]
-    np.testing.assert_array_equal(together, alone)
-
-
 def test_standard_errors_are_those_that_the_noise_makes(measured):
     still = np.repeat(measured[:1], 800, axis=0)
     result = tracked(noisy(still))

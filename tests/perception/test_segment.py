@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -165,29 +161,3 @@ def test_a_cloud_gives_the_points_of_the_image(arm: Arm) -> None:
     # clouds without points of the arm give none
     for empty in (np.empty((0, 3)), cloud[~hit]):
         assert segment(empty).shape == (0, 2)
-
-
-BYTES = """
-import sys
-import numpy as np
-from tests.perception.test_segment import CROP, CloudSegmenter, arm, camera_pose, scene_cloud
-chain = arm.__wrapped__() if hasattr(arm, "__wrapped__") else arm._get_wrapped_function()()
-cloud = scene_cloud(chain)[0] + np.random.default_rng(1).normal(scale=2e-3, size=(54272, 3))
-sys.stdout.buffer.write(CloudSegmenter(chain, *camera_pose(chain), CROP)(cloud).tobytes())
-"""
-
-
-@pytest.mark.slow
-def test_the_bytes_of_a_clouds_points_do_not_depend_on_the_threads() -> None:
-    root = Path(__file__).parents[2]
-    results = {
-        subprocess.run(
-            [sys.executable, "-c", BYTES],
-            cwd=root,
-            env=os.environ | {"OMP_NUM_THREADS": threads, "PYTHONPATH": f"{root}:{root}/tests"},
-            capture_output=True,
-            check=True,
-        ).stdout
-        for threads in ("1", "7")
-    }
-    assert len(results) == 1 and len(results.pop()) > 5000

@@ -88,16 +88,6 @@ def test_correlated_residuals_widen_the_standard_error():
     assert wide > 1.5 * narrow
 
 
-def test_any_affine_image_of_the_body_any_component_and_gaps_give_the_offset():
-    t_a, a, t_b, b = recording(0.002, 3)
-    one = find_offset(t_a, a, t_b, b)
-    other = find_offset(t_a, 1000 * a + 7, t_b, b @ np.array([[0.0, 2.0], [-1.0, 0.5]]) - 4)
-    assert other.value == pytest.approx(one.value, abs=1e-6)
-    t_a, a, t_b, b = recording(0.001, 4)
-    a[10:14] = np.nan
-    assert find_offset(t_a, a[:, 0], t_b, b[:, 0]).value == pytest.approx(OFFSET, abs=0.003)
-
-
 @pytest.mark.parametrize(
     ("spoil", "search", "words"),
     [

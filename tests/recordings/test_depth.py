@@ -168,15 +168,9 @@ def in_camera(place: np.ndarray) -> np.ndarray:
 
 
 PCD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\n"
-HEADERS = {
-    "pcd": PCD + "DATA binary\n",
-    "ply": "ply\nformat binary_little_endian 1.0\nelement vertex {0}\n"
-    + "".join(f"property float {c}\n" for c in "xyz")
-    + "end_header\n",
-}
 
 
-@pytest.mark.parametrize("form", ["pcd", "ply", "bag"])
+@pytest.mark.parametrize("form", ["pcd", "bag"])
 def test_clouds_enter_at_the_points(tmp_path, form):
     _, depth = record(tmp_path, ARM)
     clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
@@ -190,10 +184,10 @@ def test_clouds_enter_at_the_points(tmp_path, form):
         messages = [(stamp, cloud(points, stamp, fields, 16)) for stamp, points in stamped]
         take = write_bag(tmp_path / "clouds", "ros1", {"/points": messages})
     for number, points in enumerate(clouds if form != "bag" else [], 1):
-        head = HEADERS[form].format(len(points)).encode()
-        (take / f"{number}.{form}").write_bytes(head + points.astype("<f4").tobytes())
+        head = f"{PCD.format(len(points))}DATA binary\n".encode()
+        (take / f"{number}.pcd").write_bytes(head + points.astype("<f4").tobytes())
     keys = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
-    described = replace(depth, **keys, frames=f"*.{form}", units_per_metre=1.0)
+    described = replace(depth, **keys, frames="*.pcd", units_per_metre=1.0)
     rows, found, _ = read(take, described, tmp_path)
     for points, arm, valid, place in zip(clouds, found, rows["valid"], PLACES, strict=True):
         assert len(arm) == PIXELS and off(arm, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000

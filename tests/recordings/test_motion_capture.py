@@ -136,19 +136,6 @@ def test_takes_of_another_rate_or_length_are_refused(tmp_path, arm, joints):
         read(file)
 
 
-def test_a_c3d_take_gives_the_rows_of_the_csv_take(tmp_path, arm, joints):
-    import ezc3d
-
-    markers, recording = markers_of(arm, joints), ezc3d.c3d()
-    recording["data"]["points"] = np.ones((4, 9, STEPS + 1))
-    recording["data"]["points"][:3] = 1000 * np.stack(list(markers.values())).transpose(2, 0, 1)
-    for key, value in {"RATE": [100.0], "LABELS": list(markers), "UNITS": ["mm"]}.items():
-        recording["parameters"]["POINT"][key]["value"] = value
-    recording.write(str(tmp_path / "t.c3d"))
-    rows, expected = read(tmp_path / "t.c3d")[0], read(written(tmp_path, markers))[0]
-    pd.testing.assert_frame_equal(rows, expected, rtol=0, atol=1e-6)
-
-
 def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     for name in ("train_1.csv", "train_2.c3d", "test_1.csv"):
         (tmp_path / name).touch()

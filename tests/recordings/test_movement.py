@@ -67,16 +67,14 @@ def test_a_log_of_another_format_is_told_by_how_it_begins(tmp_path, monkeypatch)
     (tmp_path / "log.txt").write_text("MARK\n0 1 2\n0.1 3 4\n")
     signals, _ = movement.read_movement({tmp_path / "log.txt": LogOptions(joints=2)}, 10.0)
     assert [*signals] == ["actual", "target"] and signals["target"].tolist() == [[1, 2], [3, 4]]
-    # of its signals those that the options name, and no other number of joints than they say
-    named = LogOptions(joints=2, signals={"target": None})
-    assert [*movement.read_movement({tmp_path / "log.txt": named}, 10.0)[0]] == ["target"]
     with pytest.raises(RecordingError, match="holds 2 joints, not 3") as refused:
         movement.read_movement({tmp_path / "log.txt": LogOptions(joints=3)}, 10.0)
     assert refused.value.evidence["key"] == "dataset.joint_log.joints"
     # the control: what does not begin so is a plain table, whose signals the options have to name
     (tmp_path / "log.txt").write_text("0 1 2\n0.1 3 4\n")
+    named = LogOptions(joints=2, signals={"target": None})
     signals, _ = movement.read_movement({tmp_path / "log.txt": named}, 10.0)
-    assert signals["target"].tolist() == [[1, 2], [3, 4]]
+    assert [*signals] == ["target"] and signals["target"].tolist() == [[1, 2], [3, 4]]
 
 
 def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> JointLog:
@@ -111,17 +109,6 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path
     right, wrong = ("times", "rows") if sampled else ("rows", "times")
     # the jitter of 0.2 ms is up to 0.4 mrad a standard deviation at 2 rad/s
     assert errors[right] < 1e-7 and errors[wrong] > 4e-4
-
-
-def test_signals_are_multiplied_by_their_factors_before_they_are_held_to_be_angles(tmp_path):
-    table(tmp_path, "t,q,qd", "0.000,0.5,90", "0.008,0.6,180")
-    signals = {"actual": ["q"], "target": ["qd"]}
-    options = LogOptions(joints=1, signals=signals, factors={"target": [np.pi / 180]})
-    read, _ = movement.read_movement({tmp_path / "log.txt": options}, 125.0)
-    np.testing.assert_allclose(read["target"], [[np.pi / 2], [np.pi]])
-    assert read["actual"].tolist() == [[0.5], [0.6]]
-    with pytest.raises(RecordingError, match=r"target: 180 rad.* at 0.008 s"):
-        movement.read_movement({tmp_path / "log.txt": LogOptions(joints=1, signals=signals)}, 125.0)
 
 
 TURNING = np.linspace(2.9, 3.5, 60)[:, None] * [1.0, 0.1]  # rad; the first joint passes π

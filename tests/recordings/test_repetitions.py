@@ -9,12 +9,13 @@ import pytest
 
 from pipeline import arm
 from pipeline.core.options.dataset import Robot
-from pipeline.recordings.disturbances import beside_others, disturbances
 from pipeline.recordings.motions import motions
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     align,
+    beside_others,
     commanded_speeds,
+    disturbances,
     excursions,
     find_repetitions,
     in_phase,
@@ -139,16 +140,6 @@ def test_motions_are_found_by_the_steps_of_the_commanded_angles_where_no_speed_i
         (run.first, run.steps + 1) for run in excursions(angles, speeds)
     ]
     assert [run.first for run in find(angles, stepped, steps=STEPS + 1).runs] == [50, 350, 650]
-
-
-def test_angles_that_creep_at_rest_need_a_speed_of_rest_above_their_steps():
-    angles, _ = log(*WHOLE, creep=5e-6)
-    assert find(angles, commanded_speeds(angles, RATE)).runs == []
-    stepped = commanded_speeds(angles, RATE, 5e-3)
-    assert not stepped[:48].any() and stepped[52:148].any(axis=1).all()
-    ends, motion = (HOME[1:], AWAY[1:]), {"steps": STEPS, "rest": 20, "rest_speed": 5e-3}
-    runs = find_repetitions(angles, stepped, COLUMNS, ends, **motion).runs
-    np.testing.assert_allclose([run.first for run in runs], [50, 350, 650], atol=2)
 
 
 def periodic(rows: int, period: float) -> np.ndarray:
