@@ -47,10 +47,10 @@ def frame_of(
 
 @inner
 def rank(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj), m, at v = (O2, O3), m, with the commanded end; outside the bounds on the lengths
+    """Eq. (KinObj), m, at v = (O2, O3), m, of the commanded end; outside the bounds on the lengths
     INFEASIBLE and the excess, so that poses within rank first (feasibility rules, Deb 2000).
 
-    With the fitted end v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
+    Of the fitted end v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
     two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975).
     """
     o1 = (frame.o1[0], frame.o1[1])

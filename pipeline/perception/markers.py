@@ -6,7 +6,7 @@ the base frame's registration, below half the distance between markers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +32,6 @@ class JointTrack(NamedTuple):
     residual: np.ndarray  # (N,) m, rms distance of the markers to the arm; NaN where filled in
     counts: dict[str, int]  # losses and repairs, as the tracker names them
     samples: int  # of markers, of which some are missing
-    errors: Mapping[str, float]  # standard error of each joint's angle in a frame, in space
 
 
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
@@ -85,13 +84,9 @@ def track(
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
     pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.of_links())
-    errors = points.errors(q[solved], markers[solved]) if points.joints else np.empty((0, 0))
-    known = errors[np.isfinite(errors).all(axis=1)]
-    error = np.sqrt(np.mean(known**2, axis=0)).tolist() if len(known) else []
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": int(missing.sum())} | moved | {"two_marker_fits": int(pairs)} | filled
-    errors = dict(zip(points.joints, error, strict=False))
-    return JointTrack(q, residual, counts, missing.size, errors)
+    return JointTrack(q, residual, counts, missing.size)
 
 
 def _solve(
@@ -126,7 +121,7 @@ def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
 def _in_blocks(
     positions: np.ndarray, points: Carried, gate: float, take: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (N, n) and residuals (N,) of an arm in space, from its :func:`_first` frame on."""
+    """Joint angles (N, n) and residuals (N,) of an arm in space, both ways from one frame."""
     frames = len(positions)
     first, start = _first(positions, points, gate, take)
     q, residual = np.full((frames, len(start)), np.nan), np.full(frames, np.nan)

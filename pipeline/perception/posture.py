@@ -24,7 +24,6 @@ SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step
 LEAST_LEVER = 0.01
 STARTS = 64  # postures from which one that fits is looked for
 ALIKE = 0.05  # rad, or m: postures no farther apart are one
-BODY = 6  # numbers that a rigid body's pose holds, however many points it carries
 MIN_LEVER = 0.01  # m; two markers of a planar arm's link are at least so far apart in its plane
 
 
@@ -48,7 +47,6 @@ class Carried:
     upper: np.ndarray  # (n,)
     owner: np.ndarray  # (P,) the link of each point
     places: np.ndarray  # (P, 3) m, in the link's frame
-    bodies: np.ndarray  # (L,) whether a link's points are those that a rigid body carries
     posture: np.ndarray | None = None  # (n,) about where a take starts
     joints: tuple[str, ...] = ()  # names of the n joints of an arm in space
     arm: Arm | None = None  # of a planar arm
@@ -150,20 +148,6 @@ class Carried:
                 result.append(one._replace(q=q))
         return result
 
-    def errors(self, q: np.ndarray, measured: np.ndarray) -> np.ndarray:
-        """Standard errors (S, n) of the joint angles ``q`` (S, n) fitted to ``measured`` (S, P, 3)
-        m by JᵀJ and the distances; NaN without redundancy. A body's points hold six numbers.
-        """
-        normal, _, distances = self._equations(q, measured)
-        seen, held = ~np.isnan(measured[..., 0]), np.zeros(len(q))
-        for body, mine in zip(self.bodies, self.of_links(), strict=True):
-            count = 3 * seen[:, mine].sum(axis=1)
-            held += np.minimum(BODY, count) if body else count
-        free = held - q.shape[1]
-        free[free <= 0] = np.nan
-        variance = (distances**2).sum(axis=1) / free
-        return np.sqrt(variance[:, None] * np.diagonal(np.linalg.inv(normal), axis1=1, axis2=2))
-
 
 def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
     """Return the points of ``mocap`` on the links of ``robot``; ConfigError for links that it does
@@ -180,9 +164,8 @@ def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
     owner = np.repeat(np.arange(len(places)), [len(own) for own in places])
-    bodies = np.array([link in mocap.bodies for link in mocap.markers])
     limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
-    points = owner, np.concatenate(places), bodies, posture, tuple(robot.joints)
+    points = owner, np.concatenate(places), posture, tuple(robot.joints)
     return Carried([*chains.values()], *limits, *points)
 
 
@@ -215,4 +198,4 @@ def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))
     owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
-    return Carried(chains, none, chain.lower, chain.upper, owner, places, none, arm=arm)
+    return Carried(chains, none, chain.lower, chain.upper, owner, places, arm=arm)

@@ -105,21 +105,17 @@ def find_offset(
     )
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
-    errors = [_standard_error(residual, each, regressors.shape[1]) for each in (late, drifting)]
-    return Offset(tau, errors[0], correlation, drift, errors[1])
-
-
-def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) -> float:
-    """Standard error of a parameter of derivative ``slope`` (F, d) beside ``parameters`` others.
-
-    The variance of a mean of AR(1) noise is larger by (1 + ρ)/(1 − ρ); a negative ρ is no gain.
-    """
-    freedom = len(residual) - parameters - 1 / residual.shape[1]
-    information, square = (slope**2).sum(axis=0), (residual**2).sum()
-    variance = (residual**2).sum(axis=0) / freedom
+    # the variance of a mean of AR(1) noise is larger; a negative correlation is not taken as a gain
+    square = (residual**2).sum()
     lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
     inflation = (1 + lag) / (1 - lag)
-    return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
+    freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
+    variance, errors = (residual**2).sum(axis=0) / freedom, []
+    for each in (late, drifting):
+        information = (each**2).sum(axis=0)
+        error = np.sqrt(inflation * (variance * information).sum()) / information.sum()
+        errors.append(float(error))
+    return Offset(tau, errors[0], correlation, drift, errors[1])
 
 
 def with_markers(

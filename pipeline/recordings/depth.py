@@ -20,19 +20,17 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Depth
+from pipeline.formats import rosbag
+from pipeline.formats.depth import cloud, image, index
 from pipeline.formats.depth import messages as ros
-from pipeline.formats.depth.cloud import UNTURNED, PointCloud, is_cloud, read_cloud
-from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth
-from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.format import is_bag
-from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
 from pipeline.perception.segment import ArmSegmenter, CloudSegmenter
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 KEY = "dataset.depth"
-Frames = Iterator[tuple[RawDepth | PointCloud, dict[str, object]]]  # with where each is
+Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]  # with where each is
 
 
 class DepthTake(NamedTuple):
@@ -78,7 +76,7 @@ def frame_rows(
     rows = pd.DataFrame(rows | {"file": take.references, "valid": valid})[~frozen]
     rows = rows.assign(points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1])
     np.save(folder / f"{name}.npy", np.concatenate(kept))
-    dropped = dropped_frames(time)
+    dropped = index.dropped_frames(time)
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | take.counts
     share = ("dropped_share", dropped / (dropped + len(clouds)), "share")
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in (*counts.items(), share)]
@@ -90,7 +88,7 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
     """
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
-    encoding = Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
+    encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
     if (camera := take.camera) is None:
         segment = CloudSegmenter(arm, *pose, depth.workspace)
         if depth.encoding != "plain":
@@ -101,57 +99,60 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
         size, distortion = (camera.height, camera.width), np.array(camera.distortion)
         segment = ArmSegmenter(arm, np.array(lens), distortion, *pose, size, depth.workspace)
     for frame, where in take.frames:
-        if isinstance(frame, PointCloud):
+        if isinstance(frame, cloud.PointCloud):
             share = len(frame.points) / (len(frame.points) + frame.missing)
             measured = frame.points / depth.units_per_metre
         else:
-            measured = metres(frame, encoding, **where)
+            measured = image.metres(frame, encoding, **where)
             share = float(np.count_nonzero(measured > 0) / measured.size)
         yield segment(measured), share
 
 
 def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     if depth.index is not None:
-        index = read_index(path / depth.index)
+        listed = index.read_index(path / depth.index)
     elif depth.frames is not None:
-        index = numbered_frames(path, depth.frames, rate=depth.rate)
+        listed = index.numbered_frames(path, depth.frames, rate=depth.rate)
     else:
         message = "a folder of frames needs their index, or frames: a glob of their numbered names"
         raise ConfigError(message, key=f"{KEY}.index")
-    files, counts = [path / name for name in index.files], Counter(index.counts)
-    camera = None if all(map(is_cloud, files)) else _intrinsics(path, depth, raw)
+    files, counts = [path / name for name in listed.files], Counter(listed.counts)
+    camera = None if all(map(cloud.is_cloud, files)) else _intrinsics(path, depth, raw)
 
     def frames() -> Frames:
         for file in files:
             if camera is not None:
-                yield read_depth(file, shape=(camera.height, camera.width)), {"file": file}
+                yield image.read_depth(file, shape=(camera.height, camera.width)), {"file": file}
                 continue
-            cloud = read_cloud(file)
-            turned = {} if cloud.viewpoint == UNTURNED else {"unapplied_viewpoints": 1}
-            counts.update(cloud.counts | turned)
-            yield cloud, {}
+            points = cloud.read_cloud(file)
+            turned = {} if points.viewpoint == cloud.UNTURNED else {"unapplied_viewpoints": 1}
+            counts.update(points.counts | turned)
+            yield points, {}
 
     references = [os.path.relpath(file, raw) for file in files]
-    return DepthTake(index.time, references, camera, frames(), counts)
+    return DepthTake(listed.time, references, camera, frames(), counts)
 
 
 def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     """A pass over the bag for the times in the headers; another reads the frames."""
-    topic = choose_topic(path, (ros.IMAGE, ros.CLOUD), depth.topic)
-    time, where = np.array([*messages(path, topic, seconds)]), {"file": path, "topic": topic}
+    topic = rosbag.choose_topic(path, (ros.IMAGE, ros.CLOUD), depth.topic)
+    time, where = (
+        np.array([*rosbag.messages(path, topic, rosbag.seconds)]),
+        {"file": path, "topic": topic},
+    )
     if (late := np.flatnonzero(np.diff(time) <= 0)).size:
         raise RecordingError("the time does not increase", **where, number=int(late[0]) + 1)
     pick, camera = ros.cloud_points, None
-    if topics(path)[topic] == ros.IMAGE:
+    if rosbag.topics(path)[topic] == ros.IMAGE:
         camera = _intrinsics(path, depth, raw, topic)
         pick = partial(ros.image_pixels, shape=(camera.height, camera.width))
 
     def frames() -> Frames:
-        for number, each in enumerate(messages(path, topic, pick)):
+        for number, each in enumerate(rosbag.messages(path, topic, pick)):
             if depth.units_per_metre != 1 and (camera is None or each.dtype == np.float32):
                 message = "ROS defines clouds and images of floats in metres: units_per_metre must"
                 raise ConfigError(f"{message} be 1", key=f"{KEY}.units_per_metre", file=path)
-            frame = PointCloud.measured(each) if camera is None else RawDepth(each)
+            frame = cloud.PointCloud.measured(each) if camera is None else image.RawDepth(each)
             yield frame, where | {"number": number}
 
     references = [f"{path.relative_to(raw)}#{number}" for number in range(len(time))]
@@ -169,8 +170,8 @@ def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrins
     if not topic:
         message = "depth images need a file of their camera's intrinsics"
         raise ConfigError(message, key=f"{KEY}.intrinsics")
-    stated = choose_topic(path, (ros.CAMERA_INFO,), depth.camera_info)
-    camera = next(messages(path, stated, partial(ros.camera_info, **size), {0}))
+    stated = rosbag.choose_topic(path, (ros.CAMERA_INFO,), depth.camera_info)
+    camera = next(rosbag.messages(path, stated, partial(ros.camera_info, **size), {0}))
     if camera.distortion and "rect" in topic:
         message = "the images are called rectified, and their camera distorted; give the intrinsics"
         message += " that hold for them in a file"

@@ -59,9 +59,7 @@ def read_movement(
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
         message = f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms:"
-        message += (
-            " do the rows follow each other at the rate (rows), or were they measured at those"
-        )
+        message += " do they follow each other at the rate (rows), or were they measured at those"
         message += f" times (times)? row by row the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts |= {"uneven_rows": uneven, "clock_jitter": jitter}

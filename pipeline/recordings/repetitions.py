@@ -204,7 +204,7 @@ def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: floa
     deviations (1.4826 times the median absolute deviation, no less than a share of the median) from
     their median: as a whole, by the root mean square, or in the joint and window where it is
     greatest, by the mean. ``residuals`` (takes, K, joints) rad, measured minus commanded angles at
-    ``rate`` rows a second; ``others`` likewise, as currents. Of two repetitions neither is disturbed.
+    ``rate`` rows a second; ``others`` likewise, as currents. Of two repetitions none is disturbed.
     """
     signals = [residuals, *others]
     farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)

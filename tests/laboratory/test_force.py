@@ -13,8 +13,6 @@ from scipy.special import i0e, i1e
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
 from pipeline.laboratory.options import (
-    DynamicsOptions,
-    KinectOptions,
     Robots,
     TrajectoryOptions,
     Transducer,
@@ -143,9 +141,6 @@ MOTION = TrajectoryOptions(folded=(0.0, 0.0), extended=(0.5, 0.5))
 REFUSALS = [  # options, a change that makes no sense, the key of the fault
     (MOTION, {"folded": (0.0,)}, "extended"),
     (MOTION, {"rest": 0.6}, "duration"),
-    (DynamicsOptions(), {"servo_gain": 1000.0}, "servo_gain"),
-    (KinectOptions(), {"range": (4.5, 0.5)}, "range"),
-    (KinectOptions(), {"edge_lost": 0.9, "edge_mixed": 0.2}, "edge_mixed"),
     (ROBOTS, {"concentration": (100.0,)}, "concentration"),
 ]
 

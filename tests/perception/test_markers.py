@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from marker_takes import PLACES as TEMPLATE
 from marker_takes import marker_places
 from scipy.spatial.transform import Rotation
 
@@ -14,13 +15,6 @@ from pipeline.perception import markers
 from pipeline.perception.markers import JointTrack, fill_gaps
 from pipeline.perception.posture import points_in_plane
 
-TEMPLATE = np.array(
-    [
-        [[0.03, -0.04, 0.02], [-0.025, -0.04, 0.07], [0.02, -0.05, 0.13]],
-        [[-0.03, -0.04, 0.02], [0.025, -0.045, 0.06], [-0.02, -0.04, 0.115]],
-        [[0.03, -0.04, 0.01], [-0.03, -0.04, 0.05], [0.01, -0.06, 0.10]],
-    ]
-)
 ARM = Arm(
     PlanarChain(
         origin=np.array([0.009, 0.115]),

@@ -12,7 +12,6 @@ from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.options.instruments import Encoders
 from pipeline.core.options.instruments import JointLogSection as Log
-from pipeline.formats.format import Format, Kind, begins
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement
@@ -55,26 +54,6 @@ def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
     with pytest.raises(RecordingError, match=words) as caught:
         read_movement(tmp_path, ["a.csv", "b.csv"], joints=6, rate=125.0)
     assert caught.value.evidence["file"] == tmp_path / file
-
-
-def test_a_log_of_another_format_is_told_by_how_it_begins(tmp_path, monkeypatch):
-    def read(file, options):
-        values = np.loadtxt(file, skiprows=1)
-        return JointLog(values[:, 0], {"actual": values[:, 1:], "target": values[:, 1:]}, {})
-
-    known = Format("a format", Kind.JOINTS, read, begins(b"MARK"))
-    monkeypatch.setattr(movement, "formats_in", lambda *_: (known,))
-    (tmp_path / "log.txt").write_text("MARK\n0 1 2\n0.1 3 4\n")
-    signals, _ = movement.read_movement({tmp_path / "log.txt": LogOptions(joints=2)}, 10.0)
-    assert [*signals] == ["actual", "target"] and signals["target"].tolist() == [[1, 2], [3, 4]]
-    with pytest.raises(RecordingError, match="holds 2 joints, not 3") as refused:
-        movement.read_movement({tmp_path / "log.txt": LogOptions(joints=3)}, 10.0)
-    assert refused.value.evidence["key"] == "dataset.joint_log.joints"
-    # the control: what does not begin so is a plain table, whose signals the options have to name
-    (tmp_path / "log.txt").write_text("0 1 2\n0.1 3 4\n")
-    named = LogOptions(joints=2, signals={"target": None})
-    signals, _ = movement.read_movement({tmp_path / "log.txt": named}, 10.0)
-    assert [*signals] == ["target"] and signals["target"].tolist() == [[1, 2], [3, 4]]
 
 
 def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> JointLog:
