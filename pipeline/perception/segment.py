@@ -9,6 +9,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.instruments import Workspace
 from pipeline.formats.depth.cloud import load_open3d
+from pipeline.formats.depth.intrinsics import Intrinsics
 
 # until undistorted pixels are exact to about 1e-9 of the focal length; OpenCV's own default stops
 # after five steps
@@ -18,33 +19,28 @@ NEIGHBOURS = 4  # points within LINK that a point on a surface has at least, its
 
 
 class ArmSegmenter:
-    """Cuts the arm out of the depth images of one fixed camera.
-
-    ``camera_matrix`` (3, 3) and ``distortion`` (k,) as OpenCV's; ``rotation`` (3, 3),
-    ``translation`` (3,) m: pose of the camera (x right, y down, z forward) in the arm's base;
-    ``shape`` (rows, columns). A pixel at depth d is at c + d·r in the plane. ConfigError where none
-    sees the arm.
+    """Cuts the arm out of the depth images of one ``camera`` (x right, y down, z forward) at
+    ``rotation`` (3, 3) and ``translation`` (3,) m in the arm's base: a pixel's depth d is the point
+    c + d·r of the plane. ConfigError where no pixel sees the arm.
     """
 
     def __init__(
         self,
         arm: Arm,
-        camera_matrix: np.ndarray,
-        distortion: np.ndarray,
+        camera: Intrinsics,
         rotation: np.ndarray,
         translation: np.ndarray,
-        shape: tuple[int, int],
         crop: Workspace,
     ) -> None:
-        self.crop, self.shape, self.origin = crop, tuple(shape), arm.chain.origin
+        self.crop, self.origin = crop, arm.chain.origin
         self.reach = float(arm.chain.lengths.sum()) + crop.girth
-        self.camera = arm.to_plane(np.asarray(translation, dtype=float))
+        self.camera, shape = arm.to_plane(translation), (camera.height, camera.width)
         grid = np.meshgrid(*(np.arange(size, dtype=float) for size in shape[::-1]))
         pixels = np.stack([each.ravel() for each in grid], axis=-1)[:, None]
         # where there is no distortion, OpenCV would still search for the pixel that it leads to
-        bend = np.asarray(distortion, dtype=float) if np.any(distortion) else None
-        matrix = np.asarray(camera_matrix, dtype=float)
-        ideal = cv2.undistortPoints(pixels, matrix, bend, None, None, None, UNDISTORTION)[:, 0]
+        bend = np.array(camera.distortion) if np.any(camera.distortion) else None
+        lens = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
+        ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)[:, 0]
         rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ rotation.T @ arm.rotation
         rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
         sees = np.zeros(shape, dtype=bool)
@@ -58,7 +54,7 @@ class ArmSegmenter:
             sees |= (depth > 0) & (distance <= self.reach)
         if not sees.any():
             message = "no pixel of the depth camera sees the arm: check the camera's pose, its"
-            raise ConfigError(f"{message} intrinsics and the crop", shape=shape)
+            raise ConfigError(f"{message} intrinsics and the crop", key="dataset.depth.camera")
         across, down = np.flatnonzero(sees.any(axis=0)), np.flatnonzero(sees.any(axis=1))
         self.window = (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
         self.across_plane = rays[1][self.window].copy()
@@ -91,36 +87,26 @@ class ArmSegmenter:
         return np.stack([x[kept], z[kept]], axis=-1)
 
 
-class CloudSegmenter:
-    """Cuts the arm out of point clouds by the rules of :class:`ArmSegmenter`; ``rotation`` (3, 3),
-    ``translation`` (3,) m of the clouds in the arm's base. Open3D decides by distances alone (crop,
-    radius outliers, DBSCAN): its sums over many points depend on their order.
+def cut_cloud(
+    arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Workspace, cloud: np.ndarray
+) -> np.ndarray:
+    """Return the points (I, 2) of the arm (x, z in the plane, m) in a ``cloud`` (N, 3) m at
+    ``rotation`` (3, 3) and ``translation`` (3,) m in the arm's base, in its order, by the rules of
+    :class:`ArmSegmenter`, without points with fewer than NEIGHBOURS others within LINK. Open3D
+    decides by distances alone: its sums over many points depend on their order.
     """
-
-    def __init__(
-        self, arm: Arm, rotation: np.ndarray, translation: np.ndarray, crop: Workspace
-    ) -> None:
-        self.arm, self.crop = arm, crop
-        self.pose = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
-        self.reach = float(arm.chain.lengths.sum()) + crop.girth
-
-    def __call__(self, cloud: np.ndarray) -> np.ndarray:
-        """Return points (I, 2) of the arm (x, z in the plane, m) in the order of the ``cloud`` (N,
-        3) m, without points with fewer than NEIGHBOURS others within LINK, and small clusters.
-        """
-        open3d = load_open3d()
-        crop, (rotation, translation) = self.crop, self.pose
-        plane = self.arm.to_plane(cloud @ rotation.T + translation)
-        points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(plane))
-        slab = np.array([np.inf, crop.half_depth, np.inf])
-        points = points.crop(open3d.geometry.AxisAlignedBoundingBox(-slab, slab))
-        x, _, z = np.asarray(points.points).T
-        arm = _near_arm(x, z, self.arm.chain.origin, self.reach, crop)
-        points = points.select_by_index(np.flatnonzero(arm))
-        points = points.remove_radius_outlier(NEIGHBOURS, LINK)[0]
-        cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
-        kept = np.asarray(points.points)[np.bincount(cluster)[cluster] >= crop.min_pixels]
-        return _thinned(kept[:, [0, 2]], crop)
+    open3d, reach = load_open3d(), float(arm.chain.lengths.sum()) + crop.girth
+    plane = arm.to_plane(cloud @ rotation.T + translation)
+    points = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(plane))
+    slab = np.array([np.inf, crop.half_depth, np.inf])
+    points = points.crop(open3d.geometry.AxisAlignedBoundingBox(-slab, slab))
+    x, _, z = np.asarray(points.points).T
+    near = _near_arm(x, z, arm.chain.origin, reach, crop)
+    points = points.select_by_index(np.flatnonzero(near))
+    points = points.remove_radius_outlier(NEIGHBOURS, LINK)[0]
+    cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
+    kept = np.asarray(points.points)[np.bincount(cluster)[cluster] >= crop.min_pixels]
+    return _thinned(kept[:, [0, 2]], crop)
 
 
 def _near_arm(

@@ -25,7 +25,7 @@ from pipeline.formats.depth import cloud, image, index
 from pipeline.formats.depth import messages as ros
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.format import is_bag
-from pipeline.perception.segment import ArmSegmenter, CloudSegmenter
+from pipeline.perception.segment import ArmSegmenter, cut_cloud
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
@@ -45,11 +45,9 @@ class DepthTake(NamedTuple):
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
     """Return take → folder or bag; RecordingError where none matches or two have one name."""
-    wanted = {"key": f"{KEY}.takes", "wanted": lambda path: path.is_dir() or is_bag(path)}
-    if paths := named_takes(raw, depth.takes, **wanted):
-        return paths
-    message = f"no folder of depth frames and no bag matches {depth.takes!r}"
-    raise RecordingError(message, file=raw)
+    what, key = "folder of depth frames and no bag", f"{KEY}.takes"
+    wanted = {"what": what, "wanted": lambda path: path.is_dir() or is_bag(path)}
+    return named_takes(raw, depth.takes, key=key, **wanted)
 
 
 def frame_rows(
@@ -89,15 +87,13 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
     encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
-    if (camera := take.camera) is None:
-        segment = CloudSegmenter(arm, *pose, depth.workspace)
-        if depth.encoding != "plain":
-            message = f"point clouds are not encoded in {depth.encoding}; their encoding is plain"
-            raise ConfigError(message, key=f"{KEY}.encoding")
+    if take.camera is not None:
+        segment = ArmSegmenter(arm, take.camera, *pose, depth.workspace)
+    elif depth.encoding != "plain":
+        message = f"point clouds are not encoded in {depth.encoding}; their encoding is plain"
+        raise ConfigError(message, key=f"{KEY}.encoding")
     else:
-        lens = [[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]]
-        size, distortion = (camera.height, camera.width), np.array(camera.distortion)
-        segment = ArmSegmenter(arm, np.array(lens), distortion, *pose, size, depth.workspace)
+        segment = partial(cut_cloud, arm, *pose, depth.workspace)
     for frame, where in take.frames:
         if isinstance(frame, cloud.PointCloud):
             share = len(frame.points) / (len(frame.points) + frame.missing)

@@ -36,22 +36,30 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
 
 
 def named_takes(
-    raw: Path, pattern: str, *, key: str, wanted: Callable[[Path], bool] = lambda path: True
+    raw: Path,
+    pattern: str,
+    *,
+    key: str,
+    what: str = "recording",
+    wanted: Callable[[Path], bool] = Path.exists,
 ) -> dict[str, Path]:
     """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order;
-    RecordingError for two of one name or a name that is not UTF-8; ConfigError for no pattern.
+    RecordingError where there is none, for two of one name or a name that is not UTF-8; ConfigError
+    for no pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
         if any("\udc80" <= letter <= "\udcff" for letter in str(path)):  # as Python names bytes
             message = "the name holds letters that are no UTF-8; rename it"
-            raise RecordingError(message, file=Path(ascii(str(path))[1:-1]))
+            raise RecordingError(message, file=Path(repr(str(path))[1:-1]))
         name = take_name(path, raw, pattern)
         if name in named:
             other = named[name].relative_to(raw).as_posix()
             message = f"two recordings are named {name!r}, the other is {other}: rename one of them"
             raise RecordingError(f"{message}, or narrow the pattern", file=path, key=key)
         named[name] = path
+    if not named:
+        raise RecordingError(f"no {what} matches {pattern!r}", file=raw, key=key)
     return named
 
 

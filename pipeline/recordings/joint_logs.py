@@ -104,10 +104,8 @@ def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str
 
 def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
     """Return name → path of the movements' logs; RecordingError where there are none."""
-    pattern = dataset.joint_log.movements
-    if movements := named_takes(raw, pattern, key=f"{OPTION}.movements"):
-        return movements
-    raise RecordingError(f"no folder or file of a movement matches {pattern!r}", file=raw)
+    pattern, what = dataset.joint_log.movements, "folder or file of a movement"
+    return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
 
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> movement.LoggedMovement:
@@ -207,9 +205,7 @@ def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[d
     )
     for part in ("training", "test"):
         pattern, key = getattr(options, part), f"dataset.encoders.{part}"
-        if not (files := named_takes(raw, pattern, key=key)):
-            raise RecordingError(f"no log matches {pattern!r}", file=raw, key=key)
-        for name, file in files.items():
+        for name, file in named_takes(raw, pattern, key=key, what="log").items():
             log = movement.read_log(file, read)
             movement.require_speeds(log.time, log.signals, joints, urdf, file=file)
             identity = {"take": name, "part": part, "t": log.time - options.start}

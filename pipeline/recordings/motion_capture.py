@@ -55,9 +55,7 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
     takes: dict[str, tuple[Path, str]] = {}
     for part in ("training", "test"):
         key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
-        files = named_takes(raw, pattern, key=key) if pattern else {}
-        if pattern and not files:
-            raise RecordingError(f"no {part} take matches {pattern!r}", file=raw, key=key)
+        files = named_takes(raw, pattern, key=key, what=f"{part} take") if pattern else {}
         for name in files.keys() & takes.keys():
             message = f"the training take {takes[name][0]} is named {name!r} too"
             raise RecordingError(message, file=files[name], key=key)

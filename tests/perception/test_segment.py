@@ -15,11 +15,13 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.instruments import Workspace
-from pipeline.perception.segment import ArmSegmenter, CloudSegmenter
+from pipeline.formats.depth.intrinsics import Intrinsics
+from pipeline.perception.segment import ArmSegmenter, cut_cloud
 
 SHAPE = (212, 256)
-CAMERA = np.array([[182.7, 0.0, 127.4], [0.0, 182.7, 102.7], [0.0, 0.0, 1.0]])
-DISTORTION = np.array([0.09, -0.27, 0.001, -0.002, 0.09])  # of the size of a Kinect v2's
+# distorted about as much as a Kinect v2
+DISTORTION = (0.09, -0.27, 0.001, -0.002, 0.09)
+CAMERA = Intrinsics(182.7, 182.7, 127.4, 102.7, SHAPE[1], SHAPE[0], DISTORTION)
 FRONT = -0.03  # m, y of the visible faces of the links
 WIDTH = 0.06  # m
 
@@ -42,22 +44,22 @@ def camera_pose(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
 
 
 @cache
-def ideal_pixels(distortion: tuple[float, ...]) -> np.ndarray:
+def ideal_pixels() -> np.ndarray:
     """(rows · columns, 3) rays in the camera's frame; the distortion inverted by a fixed point of
     the forward model.
     """
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]].reshape(2, -1)
-    target = (np.stack([u, v], axis=-1) - CAMERA[:2, 2]) / np.diag(CAMERA)[:2]
+    target = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy], axis=-1)
     still, ideal = np.zeros(3), np.c_[target, np.ones(len(target))]
     for _ in range(30):
-        seen, _ = cv2.projectPoints(ideal, still, still, np.eye(3), np.array(distortion))
+        seen, _ = cv2.projectPoints(ideal, still, still, np.eye(3), np.array(CAMERA.distortion))
         ideal[:, :2] += target - seen[:, 0]
     return ideal
 
 
 def rays(arm: Arm) -> np.ndarray:
     """(rows · columns, 3) rays in the plane's frame."""
-    return ideal_pixels(tuple(DISTORTION)) @ camera_pose(arm)[0].T @ arm.rotation
+    return ideal_pixels() @ camera_pose(arm)[0].T @ arm.rotation
 
 
 def on_arm(arm: Arm, points: np.ndarray) -> np.ndarray:
@@ -86,10 +88,8 @@ CROP = Workspace(0.05, 0.05, 0.0, -0.02, -1.0, min_pixels=20, max_points=100_000
 BASE = Workspace(0.05, 0.05, 0.05, 0.05, 0.12, min_pixels=1, max_points=100_000)
 
 
-def segmenter(
-    arm: Arm, crop: Workspace = CROP, distortion: np.ndarray = DISTORTION
-) -> ArmSegmenter:
-    return ArmSegmenter(arm, CAMERA, distortion, *camera_pose(arm), SHAPE, crop)
+def segmenter(arm: Arm, crop: Workspace = CROP, camera: Intrinsics = CAMERA) -> ArmSegmenter:
+    return ArmSegmenter(arm, camera, *camera_pose(arm), crop)
 
 
 def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is(arm: Arm) -> None:
@@ -100,7 +100,7 @@ def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is(arm: Arm) -> N
     assert len(points) > 500
     np.testing.assert_allclose(points, truth, atol=1e-7)
     # control: distortion that is ignored moves the points
-    moved = segmenter(arm, distortion=np.zeros(5))(depth)
+    moved = segmenter(arm, camera=replace(CAMERA, distortion=()))(depth)
     assert np.mean(on_arm(arm, moved)) < 0.999
     assert np.mean(on_arm(arm, points)) == 1.0
 
@@ -139,13 +139,13 @@ def test_a_camera_that_looks_away_is_refused(arm: Arm) -> None:
     rotation, translation = camera_pose(arm)
     away = rotation @ np.diag([-1.0, 1.0, -1.0])
     with pytest.raises(ConfigError, match="sees the arm"):
-        ArmSegmenter(arm, CAMERA, DISTORTION, away, translation, SHAPE, CROP)
+        ArmSegmenter(arm, CAMERA, away, translation, CROP)
 
 
 def scene_cloud(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
     """(N, 3) points of the scene in the camera's frame, m, and which are the arm's."""
     depth, hit = render(arm)
-    return ideal_pixels(tuple(DISTORTION)) * depth.reshape(-1, 1), hit.ravel()
+    return ideal_pixels() * depth.reshape(-1, 1), hit.ravel()
 
 
 def test_a_cloud_gives_the_points_of_the_image(arm: Arm) -> None:
@@ -155,9 +155,9 @@ def test_a_cloud_gives_the_points_of_the_image(arm: Arm) -> None:
     rotation, translation = camera_pose(arm)
     alone = arm.to_base(np.array([[-0.3, FRONT, 0.2]]))
     beside = (np.vstack([speck, alone]) - translation) @ rotation
-    segment = CloudSegmenter(arm, rotation, translation, CROP)
+    given = arm, rotation, translation, CROP
     expected = segmenter(arm)(render(arm)[0])
-    np.testing.assert_allclose(segment(np.vstack([cloud, beside])), expected, atol=1e-9)
+    np.testing.assert_allclose(cut_cloud(*given, np.vstack([cloud, beside])), expected, atol=1e-9)
     # clouds without points of the arm give none
     for empty in (np.empty((0, 3)), cloud[~hit]):
-        assert segment(empty).shape == (0, 2)
+        assert cut_cloud(*given, empty).shape == (0, 2)
