@@ -125,10 +125,10 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
             if greatest.max() > MOST_TURNS * TURN:
                 at = log.time[greatest.argmax()] - log.time[0]
-                message = f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from the"
-                message += (
-                    f" start is not a joint of an arm: is the angle_unit {options.angle_unit}?"
+                message = (
+                    f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start"
                 )
+                message += f" is not a joint of an arm: is the angle_unit {options.angle_unit}?"
                 raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
         if name in SIGNALS[:2]:
             where = {"circular": options.circular, "signal": name, "file": file}

@@ -187,16 +187,6 @@ def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(
     assert again.nodes.tobytes() == fitted.nodes[:10].tobytes()
 
 
-def test_the_second_term_takes_out_the_pull_of_uneven_density(sequence) -> None:
-    """The paper's reason for the term: without it the segments shift to where the points are
-    dense.
-    """
-    q, clouds = sequence
-    options = OPTIONS, made(Articulation, gamma2=0.0)
-    with_term, without = (np.abs((fit(clouds, q, o).q - q).mean(axis=0)) for o in options)
-    assert np.all(without[:2] > 2 * with_term[:2])
-
-
 def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_row(sequence) -> None:
     q, clouds = sequence
     thinned = [c[:10] if f in (0, 30, 31) else c for f, c in enumerate(clouds[:40])]

@@ -70,20 +70,6 @@ def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
     assert repaired.counts == {**reference.counts, "relabelled": 2 * 50 + 2 * 80 + 3 * 10}
 
 
-def test_unlabelled_markers_fill_missing_labels_and_strangers_do_not():
-    clean, stray = recording(), np.full((321, 4, 3), np.nan)
-    broken = clean.copy()
-    broken[100:160] = np.nan
-    broken[100:160, 0] = clean[100:160, 0]
-    stray[100:160, 2], stray[100:160, 0] = clean[100:160, 3], clean[100:160, 8]
-    stray[:, 3] = ARM.to_base(np.array([0.2, -0.04, 0.6]))
-    filled = track(broken, stray=stray)
-    np.testing.assert_allclose(filled.q, MOTION, atol=1e-10)
-    assert (filled.counts["missing"], filled.counts["adopted"]) == (60 * 8, 60 * 2)
-    with pytest.raises(RecordingError, match="longer than 10 frames"):
-        track(broken)
-
-
 def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decide():
     ghost = recording()
     ghost[200:205, 7] += 0.05

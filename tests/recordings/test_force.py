@@ -53,21 +53,6 @@ def test_a_record_gives_the_loaded_samples_without_their_bias(tmp_path, netft):
     assert not [row for row in quality if row["quantity"].startswith(("frozen", "saturated"))]
 
 
-def test_a_load_beyond_the_full_scale_is_counted_or_refused_before_the_bias_is_taken_out(tmp_path):
-    log, limits = record(), {"full_scale": [9.0, 9.0, 9.0]}
-    log.force[1000:1010, 2] = 9.0  # 2 N beside the bias, but all of the sensor's range
-    write_daqft(tmp_path / "log.csv", log)
-    _, quality = force_rows(tmp_path, "C1", options(**limits))
-    assert [row["value"] for row in quality if row["quantity"] == "saturated_samples"] == [10]
-    with pytest.raises(RecordingError, match="10 of 2500 samples are saturated") as caught:
-        force_rows(tmp_path, "C1", options(**limits, max_faulty=0.003))
-    assert caught.value.evidence["file"] == tmp_path / "log.csv"
-    log.force[1500:], log.torque[1500:] = log.force[1500], log.torque[1500]
-    write_daqft(tmp_path / "log.csv", log)
-    with pytest.raises(RecordingError, match="frozen, the first at 6 s"):
-        force_rows(tmp_path, "C1", options())
-
-
 def test_moments_are_about_the_stated_point_whatever_the_bias(tmp_path):
     """A force at the point makes no moment about it, whatever it makes about the origin."""
     point, log = np.array([0.02, -0.03, 0.05]), record()

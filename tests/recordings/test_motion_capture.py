@@ -106,26 +106,6 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, 
         read(file, markers=TEMPLATE | {"link1": {"x9": [0.0, 0.0, 0.0]}})
 
 
-def test_frames_that_are_skipped_or_repeat_the_one_before_are_missing_samples(
-    tmp_path, arm, joints
-):
-    file, markers = written(tmp_path, markers_of(arm, joints)), markers_of(arm, joints)
-    lines = file.read_bytes().splitlines(keepends=True)
-    file.write_bytes(b"".join(lines[:17] + lines[20:]))
-    rows, count = read(file)
-    assert (count("skipped_frames"), count("missing_samples")) == (3, 27)
-    assert set(rows.k[rows.x.isna()]) == {10, 11, 12}
-    require_angles(rows, arm, joints)
-    for points in markers.values():
-        points[11:14] = points[10]
-    rows, count = read(written(tmp_path, markers))
-    assert (count("frozen_frames"), count("missing_samples")) == (3, 27)
-    assert rows[rows.x.isna()].k.unique().tolist() == [11, 12, 13]
-    # the control: one marker that still moves
-    markers["a1"][12] += 1e-5
-    assert read(written(tmp_path, markers))[1]("frozen_frames") == 1
-
-
 def test_takes_of_another_rate_or_length_are_refused(tmp_path, arm, joints):
     markers = markers_of(arm, joints)
     with pytest.raises(RecordingError, match="at 120"):
