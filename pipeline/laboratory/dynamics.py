@@ -23,9 +23,7 @@ SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1
 
 
 def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
-    """Draw stationary normal paths of variance 1 along the last axis: white noise through LAGS
-    equal lags of first order, as a drive behind its servo loops passes it on.
-    """
+    """Draw stationary normal paths of variance 1 along the last axis: white noise after LAGS."""
     from scipy.signal import lfilter
 
     denominator, response = _lags(steps_per_lag)
@@ -54,9 +52,7 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
-    """Return the times (N,) of the servo's steps in s on the motion clock, a little before and
-    after the motion, so that early and late exposures see it too.
-    """
+    """Return the servo's times (N,) in s, from a little before the motion to a little after it."""
     dt = 1.0 / options.rate
     return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
@@ -75,10 +71,7 @@ def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
-    """Return the arm as it was built: the nominal chain with errors of link length along the way
-    from each joint to the next and from the last to the tip; ConfigError for the ``options`` of
-    another arm.
-    """
+    """Return the arm as built, with errors of length; ConfigError for another arm's options."""
     key, number, rows = "laboratory.dynamics", len(nominal.lower), ", ".join(nominal.task)
     if len(options.sway_std) != len(nominal.task):
         message = f"{key}.sway_std: must have an entry for each of {rows}"
@@ -132,9 +125,7 @@ class Swing(NamedTuple):
 def swing(
     chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
-    """Return the takes that ``chance`` makes of the commanded ``motion``, alike together and one by
-    one, of the true ``chain`` with encoder zeros ``offset`` (n,) rad. SingularJacobianError.
-    """
+    """Return the takes that ``chance`` makes of ``motion`` by the true ``chain``."""
     dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     gain = 1 + options.speed_error_std * chance.gain

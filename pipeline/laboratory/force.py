@@ -46,9 +46,7 @@ def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> 
 def wander(
     sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), exact at the
-    sampling instants, (samples, m); ``correlation_time`` in s, ``rate`` in Hz.
-    """
+    """Draw Ornstein–Uhlenbeck paths (samples, m) of ``sd`` (m,), exact at the sampling instants."""
     decay = np.exp(-1 / (rate * correlation_time))
     innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
     return _autoregressive(innovation, decay, rng.standard_normal(len(sd)) * sd)
@@ -109,9 +107,7 @@ def _angle_in_space(kappa: float) -> float:
 def record_force(
     cables: Cables, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
 ) -> RiggedForce:
-    """Return a record of ``tare`` seconds without load and ``duration`` seconds in which the robots
-    pull, one at each of the ``cables``; ConfigError for other numbers or times.
-    """
+    """Return a record of ``tare`` s without load and ``duration`` s in which robots pull."""
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
     if len({len(sd), len(tension), len(cables.direction)}) > 1 or tare < 0 or duration <= 0:
         message = (

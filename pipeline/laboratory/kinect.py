@@ -33,9 +33,7 @@ def _about(axis: int, angle: float) -> np.ndarray:
 
 
 class DepthCamera:
-    """A Kinect v2 on the −y side of the arm's plane, looking along its normal but for the errors of
-    its set-up; ``rotation`` (3, 3) and ``translation`` (3,) m: its pose in the arm's base frame.
-    """
+    """A Kinect v2 before the arm's plane; ``rotation``, ``translation`` (m) in the base."""
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
         self.options, self._bias, self._chain = options, bias, arm.chain
@@ -77,9 +75,7 @@ class DepthCamera:
         raise ConfigError(f"{message} away or aim it anew", distance=o.distance, aim=o.aim)
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return exact depth (height, width) in m, 0 where nothing is, and grazing angle in rad,
-        float32, at angles ``q`` (3,) in rad; ConfigError where the arm is not wholly in view.
-        """
+        """Return exact depth (h, w) in m, 0 for none, and grazing angle in rad, at ``q`` (3,)."""
         depth, grazing = (image.copy() for image in self._room)
         for solid in map(self._in_camera, arm_at(self._arm, self._chain, q)):
             self._draw(solid, self._window(solid), depth, grazing)

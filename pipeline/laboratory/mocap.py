@@ -56,9 +56,7 @@ def _exchange_labels(observed: np.ndarray, options: MocapOptions, rng: Generator
 def _lose_labels(
     observed: np.ndarray, options: MocapOptions, rng: Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Positions (N, 9, 3) with labels blanked during bursts, and the unlabeled columns that carry
-    them, one for each stretch as Motive numbers them.
-    """
+    """Positions (N, 9, 3) with labels blanked during bursts, and unlabeled columns with them."""
     rate, mean = options.lost_label_rate, options.lost_label_frames
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
@@ -122,9 +120,7 @@ def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """Return (K, 3) ``places`` of a link's frame in the frame of a body mounted on it at
-    ``position`` (3,), both in m, turned by ``rpy`` (rad, fixed axes x, y, z).
-    """
+    """Return (K, 3) ``places`` of a link in the frame of a body at ``position`` and ``rpy``."""
     return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
 
 

@@ -23,9 +23,7 @@ THROUGH = 1e-200
 
 
 def moved(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Return a prism with every point p at ``rotation @ p + translation``, without a library's
-    product, whose last bits follow the instruction set.
-    """
+    """Return a prism, every point p at ``rotation @ p + translation``, exactly rounded."""
     return (ends[..., None, :] * rotation).sum(axis=-1) + translation
 
 
@@ -42,9 +40,7 @@ def faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return the convex polygon ``outline`` (n, 2) in x and z, turning from x to z, extruded along
-    y from ``low`` to ``high`` (m); ConfigError for any other outline.
-    """
+    """Return the polygon ``outline`` (n, 2) in x, z, turning left, from y ``low`` to ``high``."""
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
     if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
@@ -100,9 +96,7 @@ def arm_at(
 
 
 def arccos(cosine: np.ndarray) -> np.ndarray:
-    """Return the angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations: the last bit
-    of the C library's follows the instruction set.
-    """
+    """Return the angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations."""
     tangent = np.sqrt((1 - cosine) / (1 + cosine))
     for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))

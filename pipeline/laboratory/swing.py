@@ -73,9 +73,7 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
-    """Return commanded joint angles (M+1, n) in rad on the motion grid; ConfigError for another
-    number of joints, or beyond their limits of angle or speed.
-    """
+    """Return commanded angles (M+1, n) in rad; ConfigError beyond the joints' limits."""
     key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
         raise ConfigError(f"{key}: folded and extended must have {len(chain.lower)} angles each")

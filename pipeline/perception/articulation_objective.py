@@ -131,9 +131,7 @@ def _to_segment(x: float, z: float, start: Node, end: Node) -> tuple[float, floa
 
 @inner
 def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tuple[float, float]:
-    """The greatest of the positive numbers and the size of the least of the negative ones, else 0;
-    ``signed`` is used up. Maxima of integers are taken of several at once, unlike of doubles.
-    """
+    """Greatest positive number and size of the least negative one; ``signed`` is used up."""
     above, under = np.int64(0), np.uint64(0)
     for i in range(signed.size):
         above = bits[i] if bits[i] > above else above

@@ -18,9 +18,7 @@ NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return depth camera minus motion capture, linear in between, at every depth frame during the
-    motion, from the tables ``angles`` and ``joints``: take, frame, t (s), family e (rad).
-    """
+    """Return depth camera minus motion capture (family e, rad) at every depth frame."""
     names, errors = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         truth = joints[joints["take"] == take]

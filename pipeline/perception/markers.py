@@ -99,9 +99,7 @@ def _solve(
 
 
 def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
-    """(N, n) rad, joint angles of a planar arm by the turn of each link's markers from their
-    template, interpolated where fewer than two are seen.
-    """
+    """(N, n) rad, joint angles of a planar arm by the turns of each link's markers."""
     frames, psi = np.arange(len(positions)), []
     for mine in points.of_links():
         measured, template = positions[:, mine], points.places[mine]

@@ -1,6 +1,4 @@
-"""Least-squares posture of any chain: the joint angles at which the points that its links carry
-(markers, points of rigid bodies) lie nearest to their measured places.
-"""
+"""Least-squares posture of any chain: joint angles at which its points lie as measured."""
 
 from __future__ import annotations
 
@@ -170,9 +168,7 @@ def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
 
 
 def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
-    """Return the points at ``template`` (3 links, 3, 3) m in the segment frames of a planar arm;
-    ConfigError unless the three of each link span a triangle.
-    """
+    """Return points at ``template`` (3, 3, 3) m in the segments' frames; ConfigError for a line."""
     key = "dataset.mocap.markers"
     if np.shape(template) != (3, 3, 3):
         message = "a planar arm needs three markers, each with its place x, y, z, on each of its"

@@ -20,9 +20,7 @@ MIN_CORRELATION = 0.9
 
 
 class Offset(NamedTuple):
-    """``value`` s to add to the first clock to read the second, in the middle of the take; multiple
-    correlation at the optimum; ``drift`` s/s by which the second clock gains; standard errors.
-    """
+    """Offset in the middle of a take, multiple correlation, drift, and standard errors."""
 
     value: float
     standard_error: float
@@ -121,9 +119,7 @@ def find_offset(
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Return the rows of the tables ``frames`` and ``markers`` of every take of the frames;
-    RecordingError for a take without motion capture.
-    """
+    """Return each take's rows of ``frames`` and ``markers``; RecordingError where it has none."""
     by_take = dict(list(markers.groupby("take")))
     takes = list(frames.groupby("take", sort=False))
     for take, rows in takes:

@@ -24,16 +24,12 @@ LEAST_TIMES = 3  # readings within the take; fewer decide nothing
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
-    """Return v = ẋᵈΔt (M, m), m and rad, of the table ``trajectory`` at ``rate`` (1/s); of a
-    redundant arm (M, m + n): v and the commanded joint steps.
-    """
+    """Return v = ẋᵈΔt (M, m), m and rad; of a redundant arm (M, m + n) with the joint steps."""
     return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:
-    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have at least STEADY of the
-    speed that only a tenth of them exceed.
-    """
+    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad are about the fastest."""
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
 
@@ -50,9 +46,7 @@ def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
 
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
-    """Raise RecordingError where the velocities of the table ``trajectory``, from ``file`` at
-    ``rate`` rows a second, do not lead along its positions.
-    """
+    """Raise RecordingError where the velocities do not lead along the positions."""
     x, v = values(trajectory, "x"), values(trajectory, "v")
     # a velocity may be that of the instant, or the mean over the step before or behind it
     gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
@@ -62,9 +56,7 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
 
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
-    """Raise RecordingError where the tip at the tracked angles ``q`` (M+1, n) rad is not on the
-    commanded path of the table ``trajectory``.
-    """
+    """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
     shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
     fault = "the tip that the motion capture tracked is not on the commanded path"
     suspects = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"

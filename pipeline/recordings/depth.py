@@ -1,7 +1,4 @@
-"""Depth takes as tables: the time of every frame on the camera's own clock, and the arm's points.
-
-Frames come from files with an index or with numbered names, or from the messages of a ROS bag.
-"""
+"""Depth takes as tables: the time of every frame on the camera's clock, and the arm's points."""
 
 from __future__ import annotations
 
@@ -81,9 +78,7 @@ def frame_rows(
 
 
 def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarray, float]]:
-    """Of every frame the points (I, 2) of the arm, m in its plane, and the share of the frame that
-    was measured.
-    """
+    """Points (I, 2) of the arm, m in its plane, and share that was measured, of every frame."""
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
     encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))

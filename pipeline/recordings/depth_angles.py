@@ -20,9 +20,7 @@ MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Pa
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
-    """Read the points (I, 2) of the arm, m in its plane, of a take's ``rows`` of the table
-    ``frames``, all in their order, from the file that ingest wrote into ``folder``.
-    """
+    """Read the arm's points (I, 2), m in its plane, of a take's ``rows`` of ``frames``."""
     take = rows["take"].iloc[0]
     return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
 

@@ -1,7 +1,4 @@
-"""Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force.
-
-Without a list of ``errors`` the first refusal is raised; with one, all are appended to it.
-"""
+"""Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force."""
 
 from __future__ import annotations
 

@@ -77,9 +77,7 @@ def listing(folder: Path) -> pd.DataFrame:
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """Return the rows of a :func:`listing` that each part of :data:`KEYS` may read: files that its
-    patterns match, and those that none matches, which any might read.
-    """
+    """Return the rows of a :func:`listing` that each part of KEYS reads, and what no part names."""
     raw, claims = Path(dataset.recordings), {}
     for part, keys in KEYS.items():
         # of an instrument that the dataset has

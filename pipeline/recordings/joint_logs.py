@@ -162,9 +162,7 @@ def _leave_out_disturbed(
     raw: Path,
     quality: list[dict],
 ) -> None:
-    """Delete the disturbed takes by the signals (K, joints) in their ``rows``; their distances go
-    to ``quality``. RecordingError where the option refuses disturbed ones.
-    """
+    """Delete disturbed takes from ``rows``, or refuse them; distances go to ``quality``."""
     if not rows:
         return
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
@@ -192,9 +190,7 @@ def _leave_out_disturbed(
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
-    """Return the rows of the table ``encoders`` of every log, training first, on the motion's
-    clock, and their quality; RecordingError where a pattern matches none.
-    """
+    """Return rows of the table ``encoders`` and quality of every log, training first."""
     options, joints, urdf, result = dataset.encoders, dataset.robot.joints, dataset.robot.urdf, []
     read = LogOptions(
         **{key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")},

@@ -49,9 +49,7 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
-    """Return name, file and part of every take below ``raw``; RecordingError where a pattern
-    matches none, or two takes have one name.
-    """
+    """Return name, file and part of every take; RecordingError for none or two of one name."""
     takes: dict[str, tuple[Path, str]] = {}
     for part in ("training", "test"):
         key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
@@ -64,9 +62,7 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """Read the take in ``file`` in whichever format it begins; ``unit`` of lengths where it does
-    not say it. RecordingError for a file of no format.
-    """
+    """Read the take in ``file`` in whichever format it begins; ``unit`` where it states none."""
     formats = formats_in(motion_formats, Kind.MOTION)
     if chosen := format_of(file, formats):
         return chosen.read(file, unit)

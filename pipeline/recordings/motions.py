@@ -44,9 +44,7 @@ class FoundMotion:
     deviation: float = np.nan  # rad, the greatest of a command from the first one's
 
     def rest(self, rate: float) -> int:
-        """Steps at rest to keep on either side, at ``rate`` steps a second: KEPT, or half of the
-        shortest pause without the rows that ends may be off.
-        """
+        """Steps at rest to keep on either side: KEPT, or half of the shortest pause."""
         if self.pause is None:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
@@ -143,9 +141,7 @@ def _compare(
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the steps of every motion in the controller's logs of ``dataset``, most repetitions
-    first, without disturbed ones; empty for a command that neither rests nor repeats.
-    """
+    """Return the steps of every motion in the logs, most repetitions first, none disturbed."""
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
     movements = {
         name: read_logged_movement(name, place, log, rate, circular_joints(robot.urdf, log.joints))

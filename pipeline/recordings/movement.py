@@ -71,9 +71,7 @@ def read_movement(
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
-    """Return the median root mean square third derivative of ``angles`` (N, joints) over the
-    ``time`` (N,) s, divided by the one over the rows at ``rate``.
-    """
+    """Return the roughness of ``angles`` (N, joints) over the ``time`` (N,) s over that by rows."""
     roughness = []
     for clock in (time, np.arange(len(time)) / rate):
         derivative = angles
@@ -125,9 +123,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
             if greatest.max() > MOST_TURNS * TURN:
                 at = log.time[greatest.argmax()] - log.time[0]
-                message = (
-                    f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start"
-                )
+                message = f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start"
                 message += f" is not a joint of an arm: is the angle_unit {options.angle_unit}?"
                 raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
         if name in SIGNALS[:2]:
@@ -145,9 +141,7 @@ def require_speeds(
     urdf: str,
     **evidence: object,
 ) -> None:
-    """Raise RecordingError where ``angles`` (N, joints) rad, or m, of a signal step faster in
-    ``time`` (N,) s than the velocity limit of their joint in ``urdf``; a limit of 0 is none.
-    """
+    """Raise RecordingError where ``angles`` (N, joints) step beyond a speed limit of ``urdf``."""
     known = named_joints(urdf, names)
     limits = [((joint and joint.limits) or {}).get("velocity", 0.0) or np.inf for joint in known]
     for signal, rows in angles.items():

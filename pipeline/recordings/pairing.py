@@ -62,9 +62,7 @@ def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """Return the pairing of ``actual`` and ``target`` (N, n) in rad, at ``rate`` rows a second,
-    that leaves the least error; the plain one where no other leaves clearly less.
-    """
+    """Return the pairing of least error, the plain one where no other leaves clearly less."""
     best = _plain(actual.shape[1])
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return best
@@ -118,9 +116,7 @@ def require_pair(
 def suspects(
     pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
 ) -> Iterator[tuple[str, str, str, float]]:
-    """Yield each change in a ``pairing``: in words, its option, the option's value, and the share
-    of the motion that is left without it.
-    """
+    """Yield each change of a ``pairing``: words, option, value, and the error left without it."""
     plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
     same = len(set(factor.tolist())) == 1
     unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")

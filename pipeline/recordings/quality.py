@@ -33,9 +33,7 @@ def quality_row(
 
 
 def summarised(quality: pd.DataFrame) -> pd.DataFrame:
-    """Sum up the table ``quality`` by instrument, quantity and unit: ``total`` of counts or
-    ``mean`` of the rest, least, greatest.
-    """
+    """Sum up ``quality`` by instrument and quantity: total of counts, mean of others, extremes."""
     summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
     table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
     counted = table["unit"] == "count"
@@ -105,9 +103,7 @@ def require_enough(takes: pd.DataFrame) -> None:
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return a row per step and recording: ``found``, ``kept``, and what is ``left_out`` in words.
-    ``files`` of each part, as of :func:`pipeline.recordings.inventory.by_part`; the tables.
-    """
+    """Return a row per step and recording: found, kept, and what is left out in words."""
     names = [set(table["file"]) for table in files]
     present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
     places = Counter(name.partition("/")[0] for name in other)

@@ -1,6 +1,4 @@
-"""Repetitions of one commanded motion in a robot's log, found by what was commanded; those that
-stand out from the others, as after a push.
-"""
+"""Repetitions of one commanded motion in a robot's log, and disturbed ones among them."""
 
 from __future__ import annotations
 
@@ -47,9 +45,7 @@ class Excursion(NamedTuple):
 
 
 class Repetitions(NamedTuple):
-    """Whole repetitions of one motion in a log, and the first rows of other excursions by reason:
-    cut_off, other_motion, too_little_rest; overlapping in passing.
-    """
+    """Whole repetitions of one motion in a log, and first rows of other excursions by reason."""
 
     runs: list[Excursion]
     left_out: dict[str, list[int]]
@@ -64,9 +60,7 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Find every motion in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N, joints)
-    rad/s: at rest at most ``rest_speed``, while the angle may creep.
-    """
+    """Find every motion in a log of commanded ``angles`` (N, joints) rad, ``speeds`` rad/s."""
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
         for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
@@ -75,9 +69,7 @@ def excursions(
 
 
 def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
-    """Return speeds (N, joints) in rad/s for a controller that logs none: steps of commanded
-    ``angles`` (N, joints) at ``rate`` (1/s), 0 outside :func:`excursions`.
-    """
+    """Return (N, joints) rad/s, the steps of commanded ``angles``, 0 outside :func:`excursions`."""
     steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
     speeds = np.zeros_like(steps)
     for run in excursions(angles, steps, rest_speed):
@@ -127,9 +119,7 @@ def _passes(
     steps: int,
     circular: np.ndarray | bool,
 ) -> Repetitions:
-    """Stretches of ``steps`` steps in which commanded ``angles`` (N, joints) that never rest pass
-    the ``ends`` within 0.01 rad; those that begin before the end of the one before are left out.
-    """
+    """Stretches of ``steps`` steps in which ``angles`` pass the ``ends`` within 0.01 rad."""
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
         return Repetitions(runs, left_out)
@@ -146,9 +136,7 @@ def _passes(
 
 
 def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
-    """Return the place between rows near ``first`` from which ``angles`` (N, joints) follow
-    ``reference`` (K, joints) in rad by least squares: a period is seldom whole rows.
-    """
+    """Return the place between rows from which ``angles`` follow ``reference`` by least squares."""
     place = float(first)
     for _ in range(PHASE_ROUNDS):
         late = lag(reference, stretch(angles, place, len(reference)), 1.0)
@@ -190,9 +178,7 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
 
 
 def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Return the time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones at
-    ``rate`` (1/s), by least squares to first order; NaN of a command that moves no joint.
-    """
+    """Return the s by which ``measured`` angles trail the ``commanded``; NaN without a motion."""
     if not np.ptp(commanded, axis=0).max() > REACH:
         return np.nan
     velocity = np.gradient(commanded, axis=0) * rate
@@ -222,9 +208,7 @@ def _beside(signal: np.ndarray) -> np.ndarray:
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
-    """(takes,) greatest mean over a window and of a joint of ``signal`` beside its median, over the
-    usual one: the median in this window, or of the joint, or a quarter of all joints' median.
-    """
+    """(takes,) greatest mean over a window of a joint beside the median, over the usual one."""
     beside, length = _beside(signal), signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
