@@ -46,7 +46,6 @@ def test_exact_points_give_exact_angles(measured):
     result = tracked(measured)
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.residual.max() < 1e-10 and not any(result.counts.values())
-    assert result.samples == 9 * FRAMES
     # single markers on many links do as well
     single = {"shoulder": {"s": [0.05, 0.06, 0.0]}, "upper_arm": {"a": [-0.2, 0.06, 0.05]}}
     single |= {"forearm": {"d": [-0.3, 0.05, 0.05]}, "wrist_2": {"w": [0.03, 0.02, 0.05]}}
@@ -191,17 +190,11 @@ def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_neve
         tracked(np.full_like(measured, np.nan))
 
 
-@pytest.mark.parametrize(
-    ("markers", "posture", "words"),
-    [
-        ({"forearm": {"a": [0, 0]}}, None, "forearm needs markers|at least 3 items"),
-        ({"forearm": {}}, None, "forearm needs markers|at least 3 items"),
-        (MARKERS, [0.0] * 7, "7 angles for an arm of 6 joints"),
-    ],
-)
-def test_options_that_are_not_of_the_arm_are_refused(markers, posture, words):
-    with pytest.raises(ConfigError, match=words):
-        points_in_space(UR5, mocap(markers, posture=posture))
+def test_points_and_postures_that_are_not_of_the_arm_are_refused():
+    with pytest.raises(ConfigError, match="forearm needs markers"):
+        points_in_space(UR5, mocap({"forearm": {}}))
+    with pytest.raises(ConfigError, match="7 angles for an arm of 6 joints"):
+        points_in_space(UR5, mocap(posture=[0.0] * 7))
 
 
 def placements(count: int, rng: np.random.Generator) -> np.ndarray:

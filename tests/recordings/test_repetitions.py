@@ -132,16 +132,6 @@ def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
     assert np.isfinite(lag(*(creep + np.linspace(0, 0.02, 300)[:, None]), RATE))
 
 
-def test_motions_are_found_by_the_steps_of_the_commanded_angles_where_no_speed_is_logged():
-    angles, speeds = log(*WHOLE)
-    stepped = commanded_speeds(angles, RATE)
-    # the last step of each motion ends on the first row that stands
-    assert [(run.first, run.steps) for run in excursions(angles, stepped)] == [
-        (run.first, run.steps + 1) for run in excursions(angles, speeds)
-    ]
-    assert [run.first for run in find(angles, stepped, steps=STEPS + 1).runs] == [50, 350, 650]
-
-
 def periodic(rows: int, period: float) -> np.ndarray:
     """A command (rows, 2) in rad without rest that repeats after ``period`` rows."""
     phase = 2 * np.pi * np.arange(rows) / period
