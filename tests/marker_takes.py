@@ -88,7 +88,7 @@ def written(folder: Path, markers: dict, bodies: dict | None = None, **stated) -
 def tracked(rows, arm) -> JointTrack:
     labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
     xyz = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
-    return track(xyz, points_in_plane(arm, PLACES), gate=0.012, max_gap=20)
+    return track(xyz, points_in_plane(arm, PLACES, 0.012), max_gap=20)
 
 
 def quantity(quality: list[dict], name: str) -> float:

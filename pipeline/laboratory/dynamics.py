@@ -134,9 +134,8 @@ def swing(
     servo[..., 0, :] = goal[0] + options.start_std * chance.start
     for i in range(t.size - 1):
         now = servo[..., i, :]
-        servo[..., i + 1, :] = now + dt * gain[..., i, :] * (
-            speed[i] + options.servo_gain * (goal[i] - now)
-        )
+        wanted = speed[i] + options.servo_gain * (goal[i] - now)
+        servo[..., i + 1, :] = now + dt * gain[..., i, :] * wanted
     sway = chance.sway * options.sway_std
     sway *= sway_share(chain, speed, options)[:, None]
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")

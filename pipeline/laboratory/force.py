@@ -110,9 +110,8 @@ def record_force(
     """Return a record of ``tare`` s without load and ``duration`` s in which robots pull."""
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
     if len({len(sd), len(tension), len(cables.direction)}) > 1 or tare < 0 or duration <= 0:
-        message = (
-            f"{len(sd)} robots, {len(tension)} tensions and {len(cables.direction)} directions"
-        )
+        numbers = len(sd), len(tension), len(cables.direction)
+        message = "{} robots, {} tensions and {} directions".format(*numbers)
         message += f" of which one each is needed, or {tare} s of tare and {duration} s of load,"
         raise ConfigError(f"{message} make no record", key="laboratory.force")
     rate = transducer.rate

@@ -113,11 +113,7 @@ def deviations(
 
 
 def read_depth(
-    depth: np.ndarray,
-    grazing: np.ndarray,
-    bias: np.ndarray,
-    options: KinectOptions,
-    rng: Generator,
+    depth: np.ndarray, grazing: np.ndarray, bias: np.ndarray, options: KinectOptions, rng: Generator
 ) -> np.ndarray:
     """Return the sensor's image (h, w) in mm, uint16, 0 without depth, of exact ``depth`` (h, w) in
     m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``.

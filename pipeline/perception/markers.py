@@ -38,7 +38,7 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
     """Return the function of a take's rows of the table ``markers`` and its name ``take``."""
     if robot.plane:
         template = np.array([list(link.values()) for link in mocap.markers.values()])
-        points = points_in_plane(arm_of(robot), template)
+        points = points_in_plane(arm_of(robot), template, mocap.gate)
     else:
         points = points_in_space(robot, mocap)
 
@@ -49,53 +49,36 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
             part[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
             for part in (positions[positions["link"] > 0], positions[positions["link"] == 0])
         )
-        options = {"gate": mocap.gate, "max_gap": mocap.max_gap, "take": take}
-        return track(labelled, points, stray=stray, **options)
+        both = np.concatenate([labelled, stray], axis=1)
+        return track(both, points, max_gap=mocap.max_gap, take=take)
 
     return follow
 
 
-def track(
-    positions: np.ndarray,
-    points: Carried,
-    *,
-    gate: float,
-    max_gap: int,
-    stray: np.ndarray | None = None,
-    take: str = "",
-) -> JointTrack:
-    """Return the joint angles of one ``take`` from the ``positions`` (N, P, 3) m of its ``points``
-    in the base frame, NaN where missing, and further ones ``stray`` (N, U, 3).
+def track(positions: np.ndarray, points: Carried, *, max_gap: int, take: str = "") -> JointTrack:
+    """Return the joint angles of one ``take`` from the ``positions`` (N, P + U, 3) m of its P
+    ``points``, and of U unlabelled ones, in the base frame, NaN where missing.
 
-    Samples beyond the ``gate`` (m) are relabelled or left out; runs of at most ``max_gap`` frames
-    are filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from the unlabelled,
+    Samples beyond the gate are relabelled or left out; runs of at most ``max_gap`` frames are
+    filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from the unlabelled,
     ``rejected``; ``two_marker_fits``; frames ``interpolated`` and ``held``. Raises RecordingError
     for longer gaps, for markers that never fit and for points that leave the posture open.
     """
     if not len(positions):
         raise RecordingError("the take has no frame", take=take)
+    labelled = positions[:, : len(points.owner)]
     if points.arm is None:
-        q, residual = _in_blocks(positions, points, gate, take)
+        q, residual = _in_blocks(labelled, points, take)
     else:
-        q, residual = _solve(positions, _by_headings(positions, points), points, gate)
-    missing, extra = np.isnan(positions[..., 0]), np.empty((len(positions), 0, 3))
-    extra = extra if stray is None else stray
-    markers, moved = _correct_labels(positions, extra, q, residual, points, gate, take)
+        q, residual = points.fit(labelled, _by_headings(labelled, points))
+    missing = np.isnan(labelled[..., 0])
+    markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
     pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.of_links())
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": int(missing.sum())} | moved | {"two_marker_fits": int(pairs)} | filled
     return JointTrack(q, residual, counts, missing.size)
-
-
-def _solve(
-    markers: np.ndarray, starts: np.ndarray, points: Carried, gate: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles (S, n) and residuals (S,), NaN of frames without a posture within the gate."""
-    solution = points.solve_all(markers, starts)
-    fits = solution.decided & (solution.distances <= gate).all(axis=-1)
-    return solution.q, np.where(fits, solution.residual, np.nan)
 
 
 def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
@@ -116,30 +99,26 @@ def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
     return points.arm.chain.joints_from_segments(np.stack(psi, axis=-1))
 
 
-def _in_blocks(
-    positions: np.ndarray, points: Carried, gate: float, take: str
-) -> tuple[np.ndarray, np.ndarray]:
+def _in_blocks(positions: np.ndarray, points: Carried, take: str) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles (N, n) and residuals (N,) of an arm in space, both ways from one frame."""
     frames = len(positions)
-    first, start = _first(positions, points, gate, take)
+    first, start = _first(positions, points, take)
     q, residual = np.full((frames, len(start)), np.nan), np.full(frames, np.nan)
     for way in (np.arange(first, frames), np.arange(first)[::-1]):
         last = start
         for begin in range(0, len(way), BLOCK):
             block = way[begin : begin + BLOCK]
             starts = np.broadcast_to(last, (len(block), len(start)))
-            q[block], residual[block] = _solve(positions[block], starts, points, gate)
+            q[block], residual[block] = points.fit(positions[block], starts)
             last = next((q[k] for k in block[::-1] if np.isfinite(residual[k])), last)
     return q, residual
 
 
-def _first(
-    positions: np.ndarray, points: Carried, gate: float, take: str
-) -> tuple[int, np.ndarray]:
+def _first(positions: np.ndarray, points: Carried, take: str) -> tuple[int, np.ndarray]:
     """The first frame that one posture alone fits, and that posture (n,), or RecordingError."""
     several, undecided, key = 0, None, "markers"
     for k in np.flatnonzero(np.isfinite(positions[..., 0]).any(axis=1)):
-        postures = points.postures(positions[k], gate)
+        postures = points.postures(positions[k])
         decided = [one for one in postures if one.decided]
         if len(decided) == len(postures) == 1:
             return k, decided[0].q
@@ -155,53 +134,45 @@ def _first(
         message = f"{several} postures of the arm fit the markers and bodies: follow another link,"
         message += " or say about which one a take starts"
     else:
-        message = f"no posture of the arm has all markers and bodies of a frame within {gate:g} m:"
-        message += " check their places and mounts, the base, and the gate"
+        message = "no posture of the arm has all markers and bodies of a frame within"
+        message += f" {points.gate:g} m: check their places and mounts, the base, and the gate"
     raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
 def _correct_labels(
-    positions: np.ndarray,
-    extra: np.ndarray,
-    q: np.ndarray,
-    residual: np.ndarray,
-    points: Carried,
-    gate: float,
-    take: str,
+    positions: np.ndarray, q: np.ndarray, residual: np.ndarray, points: Carried, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Markers (N, P, 3) with the right labels, and the counts moved; ``q`` and ``residual`` of the
     frames that do not fit, or miss samples beside unlabelled ones, are solved anew. There every
-    position goes to the label whose place, predicted from the nearest solved frames, it fits best:
-    an optimal assignment.
+    position goes to the label whose place, predicted from the nearest solved frames, it fits best.
     """
     from scipy.optimize import linear_sum_assignment
 
     labels, moved = len(points.owner), {"relabelled": 0, "adopted": 0, "rejected": 0}
-    strays = np.isfinite(extra).all(axis=-1)
-    incomplete = np.isnan(positions[..., 0]).any(axis=-1) & strays.any(axis=-1)
+    there, markers = np.isfinite(positions).all(axis=-1), positions[:, :labels].copy()
+    incomplete = ~there[:, :labels].all(axis=-1) & there[:, labels:].any(axis=-1)
     doubtful = np.isnan(residual) | incomplete
     if not doubtful.any():
-        return positions, moved
+        return markers, moved
     if np.isnan(residual).all():
         message = "no frame has markers that fit the arm: check the template, the labels, the base"
         raise RecordingError(f"{message} frame, the units and the gate", take=take)
-    markers, start = positions.copy(), int(np.argmax(np.isfinite(residual)))
+    start, most = int(np.argmax(np.isfinite(residual))), points.gate**2
     # outwards from the first pose that is sure, so that each frame has a solved neighbour
     for k in [*np.flatnonzero(doubtful[start:]) + start, *np.flatnonzero(doubtful[:start])[::-1]]:
         expected = _predict(q, np.flatnonzero(np.isfinite(residual)), k)[None]
-        candidates = np.concatenate([markers[k], extra[k][strays[k]]])
-        square = ((points.carry(expected)[0][:, None] - candidates) ** 2).sum(axis=-1)
+        square = ((points.carry(expected)[0][:, None] - positions[k]) ** 2).sum(axis=-1)
         square[np.isnan(square)] = np.inf
-        label, sample = linear_sum_assignment(np.minimum(square, gate**2))
-        close = square[label, sample] <= gate**2
+        label, sample = linear_sum_assignment(np.minimum(square, most))
+        close = square[label, sample] <= most
         label, sample = label[close], sample[close]
-        present, own = int(np.isfinite(markers[k]).all(axis=-1).sum()), sample < labels
+        own = sample < labels
         markers[k] = np.nan
-        markers[k, label] = candidates[sample]
-        q[k : k + 1], residual[k : k + 1] = _solve(markers[k : k + 1], expected, points, gate)
+        markers[k, label] = positions[k, sample]
+        q[k : k + 1], residual[k : k + 1] = points.fit(markers[k : k + 1], expected)
         moved["relabelled"] += int((own & (sample != label)).sum())
         moved["adopted"] += int((~own).sum())
-        moved["rejected"] += present - int(own.sum())
+        moved["rejected"] += int(there[k, :labels].sum()) - int(own.sum())
     return markers, moved
 
 

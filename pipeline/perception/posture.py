@@ -45,6 +45,7 @@ class Carried:
     upper: np.ndarray  # (n,)
     owner: np.ndarray  # (P,) the link of each point
     places: np.ndarray  # (P, 3) m, in the link's frame
+    gate: float  # m, beyond which no point is from its measured place
     posture: np.ndarray | None = None  # (n,) about where a take starts
     joints: tuple[str, ...] = ()  # names of the n joints of an arm in space
     arm: Arm | None = None  # of a planar arm
@@ -66,6 +67,12 @@ class Carried:
         pose = self.chains[link].pose(q[:, : len(self.chains[link].lower)])
         turn = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
         return pose[:, :3], self.places[self.owner == link] @ turn
+
+    def fit(self, measured: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return joint angles (S, n) and residuals (S,), NaN where none is within the gate."""
+        solution = self.solve_all(measured, starts)
+        fits = solution.decided & (solution.distances <= self.gate).all(axis=-1)
+        return solution.q, np.where(fits, solution.residual, np.nan)
 
     def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
         """Return the joint angles of least squares near each of the ``starts`` (S, n) for
@@ -120,9 +127,9 @@ class Carried:
             distances[:, mine] = np.linalg.norm(way, axis=-1)
         return normal, gradient, distances
 
-    def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
+    def postures(self, measured: np.ndarray) -> list[Solution]:
         """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
-        is within ``gate`` (m): as far as starts all over the limits find them, or about the stated
+        is within the gate: as far as starts all over the limits find them, or about the stated
         one; of whole turns the nearest to it or to mid-range.
         """
         from scipy.stats import qmc
@@ -140,7 +147,7 @@ class Carried:
         for one in (Solution(*each) for each in zip(*solutions, strict=True)):
             turns = np.round((one.q - centre) / (2 * np.pi))
             q = one.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
-            fits = one.distances.max() <= gate
+            fits = one.distances.max() <= self.gate
             fits &= np.all((q >= self.lower - ALIKE) & (q <= self.upper + ALIKE))
             if fits and all(np.abs(q - other.q).max() > ALIKE for other in result):
                 result.append(one._replace(q=q))
@@ -163,11 +170,11 @@ def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
         raise ConfigError(message, key="dataset.mocap.posture")
     owner = np.repeat(np.arange(len(places)), [len(own) for own in places])
     limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
-    points = owner, np.concatenate(places), posture, tuple(robot.joints)
+    points = owner, np.concatenate(places), mocap.gate, posture, tuple(robot.joints)
     return Carried([*chains.values()], *limits, *points)
 
 
-def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
+def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> Carried:
     """Return points at ``template`` (3, 3, 3) m in the segments' frames; ConfigError for a line."""
     key = "dataset.mocap.markers"
     if np.shape(template) != (3, 3, 3):
@@ -194,4 +201,4 @@ def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))
     owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
-    return Carried(chains, none, chain.lower, chain.upper, owner, places, arm=arm)
+    return Carried(chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm)

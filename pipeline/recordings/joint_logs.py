@@ -68,22 +68,19 @@ def joint_log_rows(
         require_pair(take["actual"], take["target"], rate, **evidence)
     if len(rows) < 2:
         message = (
-            f"{len(rows)} repetition(s) of a motion of {steps} steps from {list(options.start)}"
+            f"{len(rows)} repetition(s) of a motion of {steps} steps from {[*options.start]} to"
         )
         message += (
-            f" to {list(options.end)} rad between {rest} at rest, where the fits need two; the"
+            f" {[*options.end]} rad between {rest} at rest, where the fits need two; there are"
         )
-        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
+        message += f" {'; '.join(sorted(set(observed))) or 'no motions'}"
         raise RecordingError(message, file=raw, key=OPTION)
-    measured, commanded = (
-        np.stack([take[key] for take in rows.values()]) for key in ("actual", "target")
-    )
+    both = ("actual", "target")
+    measured, commanded = (np.stack([take[key] for take in rows.values()]) for key in both)
     command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
-        message = (
-            f"the command is {deviations.max():.2g} rad off its mean over the takes, more than"
-        )
+        message = f"the command is {deviations.max():.2g} rad off its mean over the takes, above"
         message += f" {options.tolerance:g}: another motion?"
         take = [*rows][int(deviations.argmax())]
         raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
@@ -129,9 +126,8 @@ def find_takes(
         target, circular = read.target, read.circular[columns]
         sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
         ends = options.start, options.end
-        found = repetitions.find_repetitions(
-            target, read.speed, columns, ends, **sought, circular=circular
-        )
+        sought["circular"] = circular
+        found = repetitions.find_repetitions(target, read.speed, columns, ends, **sought)
         signals = {RESIDUALS: read.actual - target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"

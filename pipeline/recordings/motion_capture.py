@@ -140,9 +140,8 @@ def _tracks(
         if absent[kind]:
             message = f"no {kind} named {', '.join(sorted(absent[kind]))} in the take; it has"
             key = "dataset.mocap.markers" if kind == "marker" else "dataset.mocap.bodies"
-            raise RecordingError(
-                f"{message} {', '.join(sorted(held)) or 'none'}", file=file, key=key
-            )
+            message += f" {', '.join(sorted(held)) or 'none'}"
+            raise RecordingError(message, file=file, key=key)
     others = [] if mocap.bodies else [name for name in take.markers if name not in used]
     return tracks, [take.markers[name] for name in others]
 

@@ -114,10 +114,7 @@ def find_repetitions(
 
 
 def _passes(
-    angles: np.ndarray,
-    ends: Sequence[Sequence[float]],
-    steps: int,
-    circular: np.ndarray | bool,
+    angles: np.ndarray, ends: Sequence[Sequence[float]], steps: int, circular: np.ndarray | bool
 ) -> Repetitions:
     """Stretches of ``steps`` steps in which ``angles`` pass the ``ends`` within 0.01 rad."""
     runs, left_out = [], {"overlapping": []}
@@ -214,9 +211,7 @@ def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
     sums = np.cumsum(np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1)
     means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
-    here, of_joint, of_all = (
-        np.median(means, axis=axes, keepdims=True) for axes in (0, (0, 1), (0, 1, 2))
-    )
+    here, of_joint, of_all = (np.median(means, axes, keepdims=True) for axes in (0, (0, 1), None))
     usual = np.maximum(here, np.maximum(of_joint, LEAST_SPREAD * of_all))
     ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
     return ratios.max(axis=(1, 2))

@@ -38,9 +38,8 @@ def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
     return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
 
 
-def track(positions: np.ndarray, template: np.ndarray = TEMPLATE, **options) -> JointTrack:
-    options = {"gate": 0.01, "max_gap": 10} | options
-    return markers.track(positions, points_in_plane(ARM, template), **options)
+def track(positions: np.ndarray, template: np.ndarray = TEMPLATE, take: str = "") -> JointTrack:
+    return markers.track(positions, points_in_plane(ARM, template, 0.01), max_gap=10, take=take)
 
 
 def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():

@@ -19,7 +19,6 @@ from pipeline.perception.markers import track
 from pipeline.perception.posture import Carried, points_in_plane, points_in_space
 
 FRAMES, NOISE = 120, 5e-5  # m
-OPTIONS = {"gate": 0.005, "max_gap": 20}
 UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
@@ -30,7 +29,7 @@ def measured() -> np.ndarray:
 
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
-    return track(positions, points_in_space(robot, mocap(markers, **options)), **OPTIONS, take="t")
+    return track(positions, points_in_space(robot, mocap(markers, **options)), max_gap=20, take="t")
 
 
 def solved(carried: Carried, frame: np.ndarray, start: np.ndarray):
@@ -88,7 +87,7 @@ def of_youbot(q: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("plane", [True, False])
 def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     if plane:
-        solver, carry, q = points_in_plane(ARM, PLACES), of_youbot, BENT[0]
+        solver, carry, q = points_in_plane(ARM, PLACES, 0.005), of_youbot, BENT[0]
     else:
         solver, q = points_in_space(UR5, mocap()), motion(FRAMES)[60]
 
@@ -211,7 +210,7 @@ def random_arm(n: int, rng: np.random.Generator, points: int = 3) -> Carried:
         limits = np.full(j + 1, -2.0), np.full(j + 1, 2.0), np.ones(j + 1)
         chains.append(SerialChain(SPACE, 1.0, to_link, sliding[: j + 1], *limits))
     owner, places = np.repeat(np.arange(n), points), rng.uniform(-0.1, 0.1, (n * points, 3))
-    return Carried(chains, sliding, chains[-1].lower, chains[-1].upper, owner, places)
+    return Carried(chains, sliding, chains[-1].lower, chains[-1].upper, owner, places, 0.005)
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 8])
