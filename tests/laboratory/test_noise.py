@@ -203,30 +203,3 @@ def test_the_noise_does_not_wander_off_and_the_models_do(recorded, modelled):
     assert np.all(wandering(recorded.noise) < 0.05)
     for _, drawn in modelled.values():
         assert np.all(np.abs(wandering(drawn) - 1) < 4 * np.sqrt(2 / len(drawn)))
-
-
-def test_the_noise_grows_with_the_speed_neither_not_at_all_nor_in_proportion(
-    arm, trajectory, dynamics, recorded, modelled
-):
-    q, v, noise, *_ = recorded
-    pace = np.linalg.norm(v, axis=1) / np.linalg.norm(v, axis=1).max()
-    slow, fast = (pace > 0.3) & (pace < 0.6), pace > 0.95
-    middle = q[:, :-1].mean(axis=0)
-
-    def growth(std: np.ndarray) -> np.ndarray:
-        """Std of each joint over speed, slow against fast: 1 where they are in proportion."""
-        per_speed = std / pace[:, None].clip(1e-9)
-        return per_speed[slow].mean(axis=0) / per_speed[fast].mean(axis=0)
-
-    models = {
-        name: growth(np.sqrt(np.diagonal(model.covariance(arm.chain, middle, v), axis1=1, axis2=2)))
-        for name, (model, _) in modelled.items()
-    }
-    assert np.all(models["additive"] > 1.5)
-    for model in ("wishart", "gaussian"):
-        assert np.all(models[model] > 0.8)
-    assert np.all(growth(noise.std(axis=0)) < 0.7)
-    # control: a laboratory whose sway grows in proportion to the speed, or not at all, is seen
-    for exponent, least in ((1.0, 0.8), (0.0, 1.5)):
-        other = replace(dynamics, speed_exponent=exponent)
-        assert np.all(growth(perform(arm, trajectory, other, 25, 14).noise.std(axis=0)) > least)

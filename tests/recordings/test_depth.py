@@ -131,16 +131,6 @@ def test_a_take_without_its_index_a_frame_or_its_camera_is_refused(tmp_path, mis
     assert refused.value.evidence["file"] == tmp_path / missing
 
 
-def test_two_takes_of_one_name_are_refused(tmp_path):
-    _, depth = record(tmp_path, ARM)
-    bag = write_bag(tmp_path / "kinect", "ros1", {"/depth": [(5.0, image(ONES, 5.0))]})
-    bag.rename(tmp_path / "kinect/test_001.bag")
-    with pytest.raises(RecordingError, match="are named 'test_001'"):
-        take_paths(tmp_path, depth)
-    with pytest.raises(RecordingError, match="no bag matches"):
-        take_paths(tmp_path, replace(depth, takes="elsewhere/*"))
-
-
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     take, depth = record(tmp_path, ARM)
