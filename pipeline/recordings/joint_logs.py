@@ -68,12 +68,10 @@ def joint_log_rows(
         require_pair(take["actual"], take["target"], rate, **evidence)
     if len(rows) < 2:
         message = (
-            f"{len(rows)} repetition(s) of a motion of {steps} steps from {[*options.start]} to"
+            f"{len(rows)} repetition(s), where the fits need two, of a motion of {steps} steps"
         )
-        message += (
-            f" {[*options.end]} rad between {rest} at rest, where the fits need two; there are"
-        )
-        message += f" {'; '.join(sorted(set(observed))) or 'no motions'}"
+        message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
+        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
     both = ("actual", "target")
     measured, commanded = (np.stack([take[key] for take in rows.values()]) for key in both)
