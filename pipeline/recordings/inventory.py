@@ -41,7 +41,7 @@ def named_takes(
     *,
     key: str,
     what: str = "recording",
-    wanted: Callable[[Path], bool] = Path.exists,
+    wanted: Callable[[Path], bool] = lambda path: True,
 ) -> dict[str, Path]:
     """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order;
     RecordingError where there is none, for two of one name or a name that is not UTF-8; ConfigError
