@@ -28,7 +28,7 @@ SPREAD = 0.15
 # an objective of more than so many times the least of the take: not the arm; noise alone varies it
 # by less
 LOST = 2.0
-POSES = 12  # directions of the first two segments that a lost arm is looked for in
+POSES = 24  # directions of the first segment that a lost arm is looked for in
 
 
 @compiled
@@ -104,9 +104,9 @@ def fit_sequence(
 
     ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m as
     commanded; ``q_start`` (3,) rad. The first fit starts around it, each later one from the fit
-    before carried along with the command, or, where that leads to no arm, from poses anywhere.
-    Raises RecordingError (take, frame) for too many frames with few points and for an EE out of
-    reach, SolverError for a search that does not end.
+    before carried along with the command, or, where that leads to no arm, from all poses that join
+    O1 and EE. Raises RecordingError (take, frame) for too many frames with few points and for an EE
+    out of reach, SolverError for a search that does not end.
     """
     end, gammas = options.end_point, (options.gamma1, options.gamma2)
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
@@ -129,7 +129,7 @@ def fit_sequence(
         fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
             lost += 1
-            poses = _poses_anywhere(o1, goal, chain.lengths)
+            poses = _joining_poses(o1, goal, chain.lengths)
             fits += [_fit(problem, end, start) for start in poses]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
@@ -147,13 +147,20 @@ def fit_sequence(
     return FittedSequence(nodes, q, values, lost)
 
 
-def _poses_anywhere(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(P, 3, 2) O2, O3 and EE with the first two segments in all directions."""
+def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, O3 on either side."""
     psi = np.arange(POSES) * (2 * np.pi / POSES)
-    turn = np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    o2, o3 = lengths[0] * turn[:, None], lengths[0] * turn[:, None] + lengths[1] * turn
-    nodes = np.broadcast_arrays(o1 + o2, o1 + o3, ee)
-    return np.stack(nodes, axis=2).reshape(-1, 3, 2)
+    o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    reach = np.linalg.norm(ee - o2, axis=1)
+    along = (reach**2 + lengths[1] ** 2 - lengths[2] ** 2) / (2 * reach)
+    joins = np.abs(along) <= lengths[1]
+    o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
+    towards = (ee - o2) / reach
+    aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
+    ends = np.broadcast_to(ee, o2.shape)
+    return np.concatenate(
+        [np.stack([o2, o2 + along * towards + side, ends], axis=1) for side in (aside, -aside)]
+    )
 
 
 def articulate_rows(
