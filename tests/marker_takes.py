@@ -13,7 +13,7 @@ from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Mocap, Pose
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
-from pipeline.perception.markers import JointTrack, track_plane
+from pipeline.perception.markers import JointTrack, track
 from pipeline.perception.posture import points_in_plane
 
 STEPS = 40
@@ -88,7 +88,7 @@ def written(folder: Path, markers: dict, bodies: dict | None = None, **stated) -
 def tracked(rows, arm) -> JointTrack:
     labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
     xyz = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
-    return track_plane(xyz, arm, points_in_plane(arm, PLACES), gate=0.012, max_gap=20)
+    return track(xyz, points_in_plane(arm, PLACES, 0.012), max_gap=20)
 
 
 def quantity(quality: list[dict], name: str) -> float:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
@@ -21,12 +22,8 @@ LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear'
 SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1e-9 of it
 
 
-def lagged_noise(
-    shape: tuple[int, ...], steps_per_lag: float, rng: np.random.Generator
-) -> np.ndarray:
-    """Draw stationary normal paths of variance 1 along the last axis: white noise through LAGS
-    equal lags of first order, as a drive behind its servo loops passes it on.
-    """
+def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
+    """Draw stationary normal paths of variance 1 along the last axis: white noise after LAGS."""
     from scipy.signal import lfilter
 
     denominator, response = _lags(steps_per_lag)
@@ -55,9 +52,7 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
-    """Return the times (N,) of the servo's steps in s on the motion clock, a little before and
-    after the motion, so that early and late exposures see it too.
-    """
+    """Return the servo's times (N,) in s, from a little before the motion to a little after it."""
     dt = 1.0 / options.rate
     return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
@@ -75,21 +70,15 @@ def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
     return np.minimum(1.0, pace**options.speed_exponent)
 
 
-def require_fitting(chain: Chain, options: DynamicsOptions) -> None:
-    """Raise ConfigError where ``options`` are those of another arm."""
-    key, number = "laboratory.dynamics", len(chain.lower)
-    if len(options.sway_std) != len(chain.task):
-        message = f"{key}.sway_std: must have an entry for each of {', '.join(chain.task)}"
+def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
+    """Return the arm as built, with errors of length; ConfigError for another arm's options."""
+    key, number, rows = "laboratory.dynamics", len(nominal.lower), ", ".join(nominal.task)
+    if len(options.sway_std) != len(nominal.task):
+        message = f"{key}.sway_std: must have an entry for each of {rows}"
         raise ConfigError(message, value=options.sway_std)
-    if not 1 <= options.play_joint <= number:
+    if options.play_joint > number:
         message = f"{key}.play_joint: must lie between 1 and {number}"
         raise ConfigError(message, value=options.play_joint)
-
-
-def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generator) -> Chain:
-    """Return the arm as it was built: the nominal chain with errors of link length along the way
-    from each joint to the next and from the last to the tip.
-    """
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
     lengths = nominal.lengths if planar else np.linalg.norm(links, axis=1)
@@ -103,11 +92,6 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: np.random.Generato
     return replace(nominal, placements=placements)
 
 
-def session_offset(options: DynamicsOptions, joints: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw the encoders' zero errors (joints,) in rad, constant through a session."""
-    return options.encoder_offset_std * rng.standard_normal(joints)
-
-
 class Chance(NamedTuple):
     """Random numbers of a take, or of many along leading axes; paths are :func:`lagged_noise`."""
 
@@ -118,9 +102,7 @@ class Chance(NamedTuple):
     play: np.ndarray  # (..., N) of the joint with play
 
 
-def draw(
-    chain: Chain, motion: Commanded, options: DynamicsOptions, rng: np.random.Generator
-) -> Chance:
+def draw(chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator) -> Chance:
     """Draw the numbers of one take; of ``motion`` they depend on its duration alone."""
     n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
@@ -143,9 +125,7 @@ class Swing(NamedTuple):
 def swing(
     chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
-    """Return the takes that ``chance`` makes of the commanded ``motion``, alike together and one by
-    one, of the true ``chain`` with encoder zeros ``offset`` (n,) rad. SingularJacobianError.
-    """
+    """Return the takes that ``chance`` makes of ``motion`` by the true ``chain``."""
     dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     gain = 1 + options.speed_error_std * chance.gain
@@ -154,9 +134,8 @@ def swing(
     servo[..., 0, :] = goal[0] + options.start_std * chance.start
     for i in range(t.size - 1):
         now = servo[..., i, :]
-        servo[..., i + 1, :] = now + dt * gain[..., i, :] * (
-            speed[i] + options.servo_gain * (goal[i] - now)
-        )
+        wanted = speed[i] + options.servo_gain * (goal[i] - now)
+        servo[..., i + 1, :] = now + dt * gain[..., i, :] * wanted
     sway = chance.sway * options.sway_std
     sway *= sway_share(chain, speed, options)[:, None]
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
@@ -167,18 +146,14 @@ def swing(
 
 
 def simulate_take(
-    chain: Chain,
-    offset: np.ndarray,
-    motion: Commanded,
-    options: DynamicsOptions,
-    rng: np.random.Generator,
+    chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, rng: Generator
 ) -> Swing:
     """Return one take with numbers of ``rng``, see :func:`swing`."""
     return swing(chain, offset, motion, options, draw(chain, motion, options, rng))
 
 
 def expose(
-    t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: np.random.Generator
+    t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: Generator
 ) -> np.ndarray:
     """Return true joint angles (K, n) rad at ``at`` (K,) s, missed by the jitter."""
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])

@@ -1,7 +1,6 @@
 """The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
 space. Slips arrive at random, take an exponential amount off the tension and recover; directions
-wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated
-in time; of a normal law they have the first two moments alone.
+wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 from scipy.special import dawsn, i0e, i1e
 
 from pipeline.core.errors import ConfigError
@@ -34,29 +34,26 @@ class RiggedForce(NamedTuple):
     torque: np.ndarray  # (N, 3) N·m, likewise
     tension: np.ndarray  # (N, m) N, true; 0 in the tare interval
     direction: np.ndarray  # (N, m, 3) unit vectors from the platform along the cables, true
-    slack: int  # samples of a loaded cable whose tension would have been negative
 
 
 def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> np.ndarray:
-    """x_k = decay·x_{k−1} + innovation_k, from x_{−1} = ``start`` (m,); all (N, m)."""
+    """(N, m) x_k = decay·x_{k−1} + innovation_k, from x_{−1} = ``start`` (m,)."""
     from scipy.signal import lfilter
 
     return lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=decay * start[None])[0]
 
 
 def wander(
-    sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: np.random.Generator
+    sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw stationary Ornstein–Uhlenbeck paths of standard deviation ``sd`` (m,), exact at the
-    sampling instants, (samples, m); ``correlation_time`` in s, ``rate`` in Hz.
-    """
+    """Draw Ornstein–Uhlenbeck paths (samples, m) of ``sd`` (m,), exact at the sampling instants."""
     decay = np.exp(-1 / (rate * correlation_time))
     innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
     return _autoregressive(innovation, decay, rng.standard_normal(len(sd)) * sd)
 
 
 def slipping(
-    sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: np.random.Generator
+    sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
     """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m), of standard
     deviation ``sd`` (m,): shot noise, exact at the instants of ``rate`` (Hz), of stationary law
@@ -73,21 +70,17 @@ def slipping(
 
 
 def directions(
-    cables: Cables,
-    concentration: np.ndarray,
-    wander_time: float,
-    samples: int,
-    rate: float,
-    rng: np.random.Generator,
+    cables: Cables, robots: Robots, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
     """Draw unit vectors (samples, m, 3) that wander about the means of ``cables``, with the mean
-    resultant length of the von Mises–Fisher law of ``concentration`` κ (m,).
+    resultant length of the von Mises–Fisher law of the robots' concentration κ.
 
     In a plane an angle of variance s² has exp(−s²/2), set to I₁(κ)/I₀(κ). In space two angles turn
     the cable along and across: their size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2), D Dawson's
     function, set to coth κ − 1/κ.
     """
-    azimuth = np.asarray(cables.direction, dtype=float)
+    azimuth, wander_time = np.asarray(cables.direction, dtype=float), robots.wander_time
+    concentration = np.asarray(robots.concentration)
     if cables.elevation is None:
         sd = np.sqrt(-2 * np.log(i1e(concentration) / i0e(concentration)))
         angle = azimuth + wander(sd, wander_time, samples, rate, rng)
@@ -107,38 +100,26 @@ def _angle_in_space(kappa: float) -> float:
     """s in rad of the two angles whose direction has the mean resultant length of ``kappa``."""
     from scipy.optimize import brentq
 
-    def excess(s: float) -> float:
-        return 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - (1 / np.tanh(kappa) - 1 / kappa)
-
-    return brentq(excess, 1e-9, 1.5)
+    length = 1 / np.tanh(kappa) - 1 / kappa
+    return brentq(lambda s: 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length, 1e-9, 1.5)
 
 
 def record_force(
-    cables: Cables,
-    robots: Robots,
-    transducer: Transducer,
-    tare: float,
-    duration: float,
-    rng: np.random.Generator,
+    cables: Cables, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
 ) -> RiggedForce:
-    """Return a record of ``tare`` seconds without load and ``duration`` seconds in which the robots
-    pull, one at each of the ``cables``; ConfigError for other numbers or times.
-    """
+    """Return a record of ``tare`` s without load and ``duration`` s in which robots pull."""
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
-    counts = len(sd), len(tension), len(cables.direction)
-    message = "{} robots, {} tensions and {} directions; one each is needed".format(*counts)
-    if tare < 0 or duration <= 0:
-        message = f"a tare interval of {tare} s and a load of {duration} s make no record"
-    if len({*counts}) > 1 or tare < 0 or duration <= 0:
-        raise ConfigError(f"laboratory.force: {message}", key="laboratory.force")
+    if len({len(sd), len(tension), len(cables.direction)}) > 1 or tare < 0 or duration <= 0:
+        numbers = len(sd), len(tension), len(cables.direction)
+        message = "{} robots, {} tensions and {} directions".format(*numbers)
+        message += f" of which one each is needed, or {tare} s of tare and {duration} s of load,"
+        raise ConfigError(f"{message} make no record", key="laboratory.force")
     rate = transducer.rate
     samples = round((tare + duration) * rate)
-    time, kappa = np.arange(samples) / rate, np.asarray(robots.concentration)
-    e = directions(cables, kappa, robots.wander_time, samples, rate, rng)
+    time, e = np.arange(samples) / rate, directions(cables, robots, samples, rate, rng)
     pull = tension + slipping(sd, robots, samples, rate, rng)
     pull[time < tare] = 0.0
-    slack = int(np.sum(pull < 0))
-    pull = np.maximum(pull, 0.0)
+    pull = np.maximum(pull, 0.0)  # a cable never pushes
     pulls = pull[..., None] * e
     force = np.sum(pulls, axis=1)
     torque = np.cross(transducer.lever, force)
@@ -153,4 +134,4 @@ def record_force(
         + rng.normal(0.0, transducer.noise[i], true.shape)
         for i, true in enumerate((force, torque))
     ]
-    return RiggedForce(time, *measured, pull, e, slack)
+    return RiggedForce(time, *measured, pull, e)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
@@ -32,15 +33,11 @@ def _about(axis: int, angle: float) -> np.ndarray:
 
 
 class DepthCamera:
-    """A Kinect v2 on the −y side of the arm's plane, looking along its normal but for the errors of
-    its set-up; ``bias`` from :func:`draw_bias`; ``rotation`` (3, 3) and
-    ``translation`` (3,) m: its pose in the arm's base frame.
-    """
+    """A Kinect v2 before the arm's plane; ``rotation``, ``translation`` (m) in the base."""
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
         self.options, self._bias, self._chain = options, bias, arm.chain
-        # columns: the camera's axes in the plane's frame, x along x, y down, z along the normal,
-        # then yaw, pitch and roll
+        # columns: the camera's axes in the plane's frame
         facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         turn = _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
         self._rotation = facing @ turn
@@ -78,21 +75,19 @@ class DepthCamera:
         raise ConfigError(f"{message} away or aim it anew", distance=o.distance, aim=o.aim)
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return exact depth (height, width) in m, 0 where nothing is, and grazing angle in rad,
-        float32, at angles ``q`` (3,) in rad; ConfigError where the arm is not wholly in view.
-        """
+        """Return exact depth (h, w) in m, 0 for none, and grazing angle in rad, at ``q`` (3,)."""
         depth, grazing = (image.copy() for image in self._room)
         for solid in map(self._in_camera, arm_at(self._arm, self._chain, q)):
             self._draw(solid, self._window(solid), depth, grazing)
         depth[np.isinf(depth)] = 0.0
         return depth, grazing
 
-    def observe(self, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def observe(self, q: np.ndarray, rng: Generator) -> np.ndarray:
         """Return the depth image (height, width) in mm, uint16, at angles ``q`` (3,) rad."""
         return read_depth(*self.render(q), self._bias, self.options, rng)
 
 
-def draw_bias(options: KinectOptions, rng: np.random.Generator) -> np.ndarray:
+def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
     """Draw the session's systematic error of depth (K,) in m at depths 0, 1 mm, 2 mm …."""
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
@@ -102,36 +97,26 @@ def draw_bias(options: KinectOptions, rng: np.random.Generator) -> np.ndarray:
     return np.round(bias, 7).astype(np.float32)
 
 
-def _grazing_term(grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
-    """θ/(π/2 − θ) up to the grazing limit, past which no pixel has a depth."""
+def deviations(
+    depth: np.ndarray, grazing: np.ndarray, options: KinectOptions
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return σ_z in m (Fankhauser et al. 2015) and σ_L in px, each axis (Nguyen et al. 2012), at
+    depth z (m) and grazing angle θ (rad): in θ/(π/2 − θ) up to the grazing limit, past which no
+    pixel has a depth.
+    """
     angle = np.minimum(grazing, np.float32(options.grazing_limit))
-    return angle / (np.float32(np.pi / 2) - angle)
-
-
-def axial_std(depth: np.ndarray, grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
-    """Return σ_z in m at depth z (m) and grazing angle θ (rad); Fankhauser et al. (2015)."""
+    term = angle / (np.float32(np.pi / 2) - angle)
     a, b, c, d = (np.float32(value) for value in options.axial)
-    term = _grazing_term(grazing, options) ** 2
-    return a + depth * (b + c * depth) + d * depth * np.sqrt(depth) * term
-
-
-def lateral_std(grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
-    """Return σ_L in px, each axis, at grazing angle θ (rad); Nguyen et al. (2012)."""
+    axial = a + depth * (b + c * depth) + d * depth * np.sqrt(depth) * term**2
     a, b = (np.float32(value) for value in options.lateral)
-    return a + b * _grazing_term(grazing, options)
+    return axial, a + b * term
 
 
 def read_depth(
-    depth: np.ndarray,
-    grazing: np.ndarray,
-    bias: np.ndarray,
-    options: KinectOptions,
-    rng: np.random.Generator,
+    depth: np.ndarray, grazing: np.ndarray, bias: np.ndarray, options: KinectOptions, rng: Generator
 ) -> np.ndarray:
     """Return the sensor's image (h, w) in mm, uint16, 0 without depth, of exact ``depth`` (h, w) in
-    m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``: lateral noise
-    moves edges; systematic and axial error; loss and mixing at edges; loss beyond range and grazing
-    limit; rounding to 1 mm.
+    m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``.
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
     around = {"kernel": np.ones((3, 3), np.uint8), "borderType": cv2.BORDER_REPLICATE}
@@ -139,12 +124,17 @@ def read_depth(
     edge = far > near * np.float32(1 + options.edge_ratio)
     window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
-    shown = _lateral(band, grazing, options, rng)
+    # the pixels that those of the band show by lateral noise
+    lateral = deviations(depth.ravel()[band], grazing.ravel()[band], options)[1]
+    shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
+    shift = shift.clip(-REACH, REACH).astype(np.intp)
+    places = np.stack(np.unravel_index(band, grazing.shape)) + shift
+    shown = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
 
     visible = (depth > 0) & (depth <= options.range[1]) & (grazing <= options.grazing_limit)
     seen = np.where(visible, depth, np.float32(0))
     mean = seen + bias[(seen * np.float32(1 / BIAS_STEP)).astype(np.intp)]
-    parts = [mean, axial_std(seen, grazing, options), visible]
+    parts = [mean, deviations(seen, grazing, options)[0], visible]
     for part in parts:
         part.ravel()[band] = part.ravel()[shown]
     mean, measured, visible = parts
@@ -162,14 +152,3 @@ def read_depth(
     visible.ravel()[border[lost]] = False
     visible &= (measured >= options.range[0]) & (measured <= options.range[1])
     return np.rint(np.where(visible, measured, 0) * np.float32(1000)).astype(np.uint16)
-
-
-def _lateral(
-    band: np.ndarray, grazing: np.ndarray, options: KinectOptions, rng: np.random.Generator
-) -> np.ndarray:
-    """The pixels (B,) that those of the ``band`` (B,) show by lateral noise."""
-    std = lateral_std(grazing.ravel()[band], options)
-    shift = np.rint(std * rng.standard_normal((2, band.size), dtype=np.float32))
-    shift = shift.clip(-REACH, REACH).astype(np.intp)
-    places = np.stack(np.unravel_index(band, grazing.shape)) + shift
-    return np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")

@@ -9,12 +9,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.frames import rigid_motion, segment_frames
 from pipeline.arm.model import Arm
 from pipeline.arm.serial import SerialChain
-from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import MocapOptions
 
 LABELS = "abc"
@@ -22,26 +22,15 @@ PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
 
 
-class Capture(NamedTuple):
-    """Name → positions (N, 3) m in the world, NaN where missing, labelled first; and the faults."""
-
-    markers: dict[str, np.ndarray]
-    occluded: int  # marker-frames not seen at all
-    swapped: int  # link-frames in which two labels of the link were exchanged
-    unlabeled: int  # marker-frames whose position stands in an unlabeled column
-
-
-def place_markers(
-    template: np.ndarray, options: MocapOptions, rng: np.random.Generator
-) -> np.ndarray:
+def place_markers(template: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
     """Draw the places (..., 3) where a session's markers at ``template`` (..., 3) really sit, m."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
 def bursts(
-    frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: np.random.Generator
+    frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw starts of bursts and frames in which one is under way, both (frames, *shape)."""
+    """Draw starts of bursts and frames in which one lasts, both (frames, *shape)."""
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
@@ -51,9 +40,7 @@ def bursts(
     return starts, np.cumsum(change[:-1], axis=0) > 0
 
 
-def _exchange_labels(
-    observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
-) -> tuple[np.ndarray, int]:
+def _exchange_labels(observed: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
     """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
     frames = observed.shape[0]
     starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
@@ -63,15 +50,13 @@ def _exchange_labels(
     pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
     carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
     np.put_along_axis(carrier, pair, np.where(swapped[..., None], pair[..., ::-1], pair), axis=-1)
-    return np.take_along_axis(observed, carrier[..., None], axis=2), int(swapped.sum())
+    return np.take_along_axis(observed, carrier[..., None], axis=2)
 
 
 def _lose_labels(
-    observed: np.ndarray, options: MocapOptions, rng: np.random.Generator
-) -> tuple[np.ndarray, dict[str, np.ndarray], int]:
-    """Positions (N, 9, 3) with labels blanked during bursts, the unlabeled columns that carry them,
-    one for each stretch as Motive numbers them, and the marker-frames.
-    """
+    observed: np.ndarray, options: MocapOptions, rng: Generator
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Positions (N, 9, 3) with labels blanked during bursts, and unlabeled columns with them."""
     rate, mean = options.lost_label_rate, options.lost_label_frames
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
@@ -83,7 +68,7 @@ def _lose_labels(
         column = np.full((len(observed), 3), np.nan)
         column[first[i] : last[i]] = observed[first[i] : last[i], marker[i]]
         columns[f"Unlabeled {FIRST_UNLABELED + number}"] = column
-    return np.where(lost[..., None], np.nan, observed), columns, int(lost.sum())
+    return np.where(lost[..., None], np.nan, observed), columns
 
 
 def capture(
@@ -93,34 +78,29 @@ def capture(
     rotation: np.ndarray,
     translation: np.ndarray,
     options: MocapOptions,
-    rng: np.random.Generator,
-) -> Capture:
-    """Capture markers at places ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m)
-    on an arm at true angles ``q`` (N, 3); ``rotation`` (3, 3) and ``translation`` (3,) m: pose of
-    its base in the world. Names: ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards.
+    rng: Generator,
+) -> dict[str, np.ndarray]:
+    """Return by name the positions (N, 3) m in the world, NaN where missing, of markers at places
+    ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q``
+    (N, 3): ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards; ``rotation`` (3, 3) and
+    ``translation`` (3,) m: pose of its base in the world.
     """
-    if q.shape[1:] != (3,) or markers.shape != (3, 3, 3):
-        message = "laboratory.mocap: joint angles must be (N, 3) and marker places (3, 3, 3)"
-        raise ConfigError(message, q=q.shape, markers=markers.shape)
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
-    observed, hidden = _seen(arm.to_base(plane) @ rotation.T + translation, options, rng)
-    observed, swapped = _exchange_labels(observed, options, rng)
-    labelled, unlabeled, lost = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
+    observed = _seen(arm.to_base(plane) @ rotation.T + translation, options, rng)
+    observed = _exchange_labels(observed, options, rng)
+    labelled, unlabeled = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
-    columns = {name: labelled[:, i] for i, name in enumerate(names)}
-    return Capture(columns | unlabeled, hidden, swapped, lost)
+    return {name: labelled[:, i] for i, name in enumerate(names)} | unlabeled
 
 
-def _seen(
-    world: np.ndarray, options: MocapOptions, rng: np.random.Generator
-) -> tuple[np.ndarray, int]:
-    """Positions ``world`` (N, ..., 3) with noise, NaN where occluded, and the number of those."""
+def _seen(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
+    """Positions ``world`` (N, ..., 3) with noise, NaN where occluded."""
     observed = world + options.noise_std * rng.standard_normal(world.shape)
     rate, mean = options.occlusion_rate, options.occlusion_frames
     _, hidden = bursts(len(world), world.shape[1:-1], rate, mean, rng)
     observed[hidden] = np.nan
-    return observed, int(hidden.sum())
+    return observed
 
 
 class MarkerCluster(NamedTuple):
@@ -135,15 +115,12 @@ class MarkerCluster(NamedTuple):
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
     """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints."""
-    placements = link.placements.copy()
-    placements[:-1] = arm.placements[: len(placements) - 1]
-    return replace(link, placements=placements)
+    placements = [*arm.placements[: len(link.placements) - 1], link.placements[-1]]
+    return replace(link, placements=np.array(placements))
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """Return (K, 3) ``places`` of a link's frame in the frame of a body mounted on it at
-    ``position`` (3,), both in m, turned by ``rpy`` (rad, fixed axes x, y, z).
-    """
+    """Return (K, 3) ``places`` of a link in the frame of a body at ``position`` and ``rpy``."""
     return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
 
 
@@ -152,18 +129,18 @@ def capture_bodies(
     q: np.ndarray,
     base: tuple[np.ndarray, np.ndarray],
     options: MocapOptions,
-    rng: np.random.Generator,
+    rng: Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies
     on an arm at true angles ``q`` (N, n) rad, NaN where lost; ``base``: rotation (3, 3) and place
-    (3,) m of the arm. Noise of s m in K markers makes s/√K m of the position.
+    (3,) m of the arm.
     """
     result = {}
     for name, cluster in clusters.items():
         pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
         turn = pose[:, 3:].reshape(-1, 3, 3)
         places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
-        observed, _ = _seen(places @ base[0].T + base[1], options, rng)
+        observed = _seen(places @ base[0].T + base[1], options, rng)
         rotation, position = rigid_motion(cluster.shape, observed)
         quaternion = np.full((len(q), 4), np.nan)
         tracked = np.isfinite(position).all(axis=-1)

@@ -68,13 +68,6 @@ class DynamicsOptions:
     speed_exponent: NotNegative = 2.0  # 1, sway and rattling over speed; loads of inertia
     jitter_std: NotNegative = 5e-4  # s, exposure against motion clock; trigger and USB latency
 
-    @model_validator(mode="after")
-    def _settles(self) -> Self:
-        if self.servo_gain >= self.rate:
-            message = f"servo_gain must be below rate ({self.rate}), or the servo does not settle"
-            raise Fault("servo_gain", f"{message}, got {self.servo_gain}")
-        return self
-
 
 @options(frozen=True)
 class EncoderOptions:
@@ -158,14 +151,6 @@ class KinectOptions:
     bias_wiggle: float = 2e-3  # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
     bias_period: float = 0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
     scene: SceneOptions = field(default_factory=SceneOptions)
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.range[0] >= self.range[1]:
-            raise Fault("range", f"range must be two growing depths, got {self.range}")
-        if self.edge_lost + self.edge_mixed > 1:
-            raise Fault("edge_mixed", "edge_lost and edge_mixed must sum to 1 at most")
-        return self
 
 
 @options(frozen=True)

@@ -3,8 +3,7 @@ left seen from outside the first.
 
 Along a ray (x, y, 1) the plane of a face lies at an inverse depth linear in x and y, and the ray is
 inside between the least of the faces turned to the camera and the greatest of those turned away:
-exactly rounded operations decide which face is met. Ray casters in single precision decide by
-approximate reciprocals, which differ between processors; these images do not.
+exactly rounded operations decide which face is met, on every processor alike.
 """
 
 from __future__ import annotations
@@ -21,13 +20,10 @@ ARC = 16  # facets of half a circle
 # m, stands for the distance zero of a plane that passes through the camera: nothing of its face is
 # seen, and it bounds the other faces as a plane does from behind
 THROUGH = 1e-200
-AFTER, BEFORE = [1, 2, 0], [2, 0, 1]  # of each axis the others
 
 
 def moved(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Return a prism with every point p at ``rotation @ p + translation``, by no library's product,
-    whose last bits follow the instruction set.
-    """
+    """Return a prism, every point p at ``rotation @ p + translation``, exactly rounded."""
     return (ends[..., None, :] * rotation).sum(axis=-1) + translation
 
 
@@ -36,28 +32,20 @@ def faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     first, second = ends
     n = len(first)
     # corners far apart, for a normal that their rounding does not turn
-    end = _cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
-    sides = _cross(second - first, np.roll(first, -1, axis=0) - first)
+    end = np.cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
+    sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
     normal = np.concatenate([sides, [end, -end]])
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     return normal, (normal * np.concatenate([first, ends[:, 0]])).sum(axis=-1)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b (..., 3); NumPy's own takes ten times as long for as few."""
-    return a[..., AFTER] * b[..., BEFORE] - a[..., BEFORE] * b[..., AFTER]
-
-
 def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return the convex polygon ``outline`` (n, 2) in x and z, turning from x to z, extruded along
-    y from ``low`` to ``high`` (m); ConfigError for any other outline.
-    """
+    """Return the polygon ``outline`` (n, 2) in x, z, turning left, from y ``low`` to ``high``."""
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
     if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
-        message = "laboratory.kinect.scene: a solid has no room for its width in its length, or no"
-        size = {"width": float(np.ptp(outline[:, 0])), "depth": high - low}
-        raise ConfigError(f"{message} extent; make it longer or more slender", **size)
+        message = "laboratory.kinect.scene: a solid is wider than long, or has no extent; make it"
+        raise ConfigError(f"{message} longer or more slender")
     return np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)])
 
 
@@ -89,19 +77,14 @@ def room_prisms(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
 
 def arm_prisms(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np.ndarray]]:
     """Return the solids of the three links: index of the link, and solid in its segment frame."""
-    (first, second, third), width = chain.lengths, options.link_width
-    hand, finger = options.hand_share * third, options.finger_width / 2
-    depths = (*options.link_depths, options.finger_depth)
-    outlines = (
-        _rounded(0.0, first, width),
-        _rounded(0.0, second, width),
-        _rounded(0.0, hand - options.tool_width / 2, options.tool_width),
-        _rectangle(-finger, finger, 0.0, third),
+    o, (first, second, third), finger = options, chain.lengths, options.finger_width / 2
+    solids = (
+        (0, _rounded(0.0, first, o.link_width), o.link_depths[0]),
+        (1, _rounded(0.0, second, o.link_width), o.link_depths[1]),
+        (2, _rounded(0.0, o.hand_share * third - o.tool_width / 2, o.tool_width), o.link_depths[2]),
+        (2, _rectangle(-finger, finger, 0.0, third), o.finger_depth),
     )
-    return [
-        (link, prism(outline, -depth / 2, depth / 2))
-        for link, outline, depth in zip((0, 1, 2, 2), outlines, depths, strict=True)
-    ]
+    return [(link, prism(outline, -depth / 2, depth / 2)) for link, outline, depth in solids]
 
 
 def arm_at(
@@ -113,9 +96,7 @@ def arm_at(
 
 
 def arccos(cosine: np.ndarray) -> np.ndarray:
-    """Return the angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations: the last bit
-    of the C library's follows the instruction set.
-    """
+    """Return the angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations."""
     tangent = np.sqrt((1 - cosine) / (1 + cosine))
     for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
@@ -145,9 +126,9 @@ def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
 
 @compiled
 def _pass(slope, distance, x, y, enter, leave, entered):
-    """Inverse depths (1/m) at which rays ``enter`` and ``leave`` (h, w) the faces of one solid, row
-    by row, which stays in the cache, and distance of the face ``entered``. A face is at the inverse
-    depth (x, y, 1) · ``slope`` (F, 3), at ``distance`` (F,), negative if turned to the camera.
+    """Inverse depths (1/m) at which rays ``enter`` and ``leave`` (h, w) the faces of one solid, and
+    distance of the face ``entered``. A face is at the inverse depth (x, y, 1) · ``slope`` (F, 3),
+    at ``distance`` (F,), negative if turned to the camera.
     """
     for row in range(y.size):
         nearest, farthest, of_face = enter[row], leave[row], entered[row]

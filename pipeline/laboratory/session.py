@@ -5,15 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from pipeline.arm.interface import Chain
 from pipeline.laboratory import dynamics as arm
-from pipeline.laboratory.options import (
-    ClockOptions,
-    DynamicsOptions,
-    EncoderOptions,
-    TrajectoryOptions,
-)
+from pipeline.laboratory import options
 from pipeline.laboratory.swing import desired_joints
 
 
@@ -25,11 +21,11 @@ class Session(NamedTuple):
     encoder: np.ndarray  # (n,) rad
 
 
-def open_session(nominal: Chain, dynamics: DynamicsOptions, rng: np.random.Generator) -> Session:
+def open_session(nominal: Chain, dynamics: options.DynamicsOptions, rng: Generator) -> Session:
     """Draw what a session has of its own; ConfigError for the options of another arm."""
-    arm.require_fitting(nominal, dynamics)
     built = arm.true_chain(nominal, dynamics, rng)
-    return Session(nominal, built, arm.session_offset(dynamics, len(nominal.lower), rng))
+    zeros = dynamics.encoder_offset_std * rng.standard_normal(len(nominal.lower))
+    return Session(nominal, built, zeros)
 
 
 class PerformedMotion(NamedTuple):
@@ -42,9 +38,9 @@ class PerformedMotion(NamedTuple):
 
 def perform(
     session: Session,
-    trajectory: TrajectoryOptions,
-    dynamics: DynamicsOptions,
-    rng: np.random.Generator,
+    trajectory: options.TrajectoryOptions,
+    dynamics: options.DynamicsOptions,
+    rng: Generator,
 ) -> PerformedMotion:
     """Let the arm track the trajectory once, watched by the motion capture."""
     swing = arm.simulate_take(session.chain, session.encoder, trajectory, dynamics, rng)
@@ -63,7 +59,7 @@ class DepthFrames(NamedTuple):
 
 
 def depth_frames(
-    swing: arm.Swing, duration: float, clock: ClockOptions, rng: np.random.Generator
+    swing: arm.Swing, duration: float, clock: options.ClockOptions, rng: Generator
 ) -> DepthFrames:
     """Draw the frames of a take of ``duration`` s."""
     frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
@@ -74,13 +70,13 @@ def depth_frames(
 
 
 def log_joints(
-    swing: arm.Swing, trajectory: TrajectoryOptions, options: EncoderOptions
+    swing: arm.Swing, trajectory: options.TrajectoryOptions, encoders: options.EncoderOptions
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return times (N,) in s on the motion clock and the signals ``target`` and ``actual``, each
     (N, n) in rad: encoders sit at the motors and read what the servo makes of the command, to their
     resolution, not the zeros' errors and what happens behind the gears.
     """
-    t = np.arange(int(trajectory.duration * options.rate) + 1) / options.rate
+    t = np.arange(int(trajectory.duration * encoders.rate) + 1) / encoders.rate
     felt = arm.joints_at(t, swing.t, swing.servo)
-    actual = np.round(felt / options.resolution) * options.resolution
+    actual = np.round(felt / encoders.resolution) * encoders.resolution
     return t, {"target": desired_joints(t, trajectory)[0], "actual": actual}

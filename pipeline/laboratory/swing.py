@@ -40,20 +40,14 @@ class JointPath:
 
     def require_followable(self, chain: Chain) -> None:
         """ConfigError, with the first step, where the path is beyond the limits of ``chain``."""
-        path = np.asarray(self.joints)
-        if path.ndim != 2 or path.shape[1] != len(chain.lower) or len(path) < 2:
-            message = f"a joint path has {len(chain.lower)} angles a pose, and two poses or more"
-            raise ConfigError(message, shape=path.shape)
-        inside = chain.within_limits(path)
-        speed = np.abs(np.diff(path, axis=0)) * self.rate
+        speed, inside = np.abs(np.diff(self.joints, axis=0)) * self.rate, chain.within_limits
         slow = np.all(speed <= (1 + ROUNDING) * chain.max_speed, axis=1)
-        if not np.all(inside):
-            step, message = int(np.argmin(inside)), "the joint path leaves the joint limits"
-            raise ConfigError(message, step=step, q=path[step].tolist())
-        if not np.all(slow):
-            step, limit = int(np.argmin(slow)), chain.max_speed.round(3).tolist()
-            message = "the joint path is faster than the joints; give it more time"
-            raise ConfigError(message, step=step, speed=speed[step].round(3).tolist(), limit=limit)
+        for fits, fault in (
+            (inside(self.joints), "leaves the joint limits"),
+            (slow, "is faster than the joints; give it more time"),
+        ):
+            if not fits.all():
+                raise ConfigError(f"the joint path {fault}", step=int(np.argmin(fits)))
 
 
 Commanded = TrajectoryOptions | JointPath
@@ -79,22 +73,19 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
-    """Return commanded joint angles (M+1, n) in rad on the motion grid; ConfigError for another
-    number of joints, or beyond their limits of angle or speed.
-    """
+    """Return commanded angles (M+1, n) in rad; ConfigError beyond the joints' limits."""
     key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
-        message = f"{key}: folded and extended must have {len(chain.lower)} angles each"
-        raise ConfigError(message, folded=options.folded)
+        raise ConfigError(f"{key}: folded and extended must have {len(chain.lower)} angles each")
     grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
     q, speed = desired_joints(grid, options)
     if not np.all(chain.within_limits(q)):
         message = f"{key}: the motion leaves the joint limits"
         raise ConfigError(message, lower=chain.lower, upper=chain.upper)
     if np.any(np.abs(speed) > chain.max_speed):
-        message = f"{key}: the motion is faster than the joints; lengthen it or bring its ends"
+        message = f"{key}: the motion is faster than the joints; give it more time or a shorter way"
         peak, limit = (v.round(3).tolist() for v in (np.abs(speed).max(axis=0), chain.max_speed))
-        raise ConfigError(f"{message} together", peak=peak, limit=limit)
+        raise ConfigError(message, peak=peak, limit=limit)
     return q
 
 

@@ -18,7 +18,8 @@ from pipeline.core.columns import spread
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import RecordingError, SolverError
 from pipeline.core.options.analysis import ArticulationSection
-from pipeline.perception.articulation_objective import ENDS, INFEASIBLE, End, Frame, frame_of, rank
+from pipeline.perception import articulation_objective as objective
+from pipeline.perception.articulation_objective import INFEASIBLE, Frame, rank
 
 MAX_STEPS = 2000  # of the simplex
 # rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its
@@ -27,8 +28,7 @@ SPREAD = 0.15
 # an objective of more than so many times the least of the take: not the arm; noise alone varies it
 # by less
 LOST = 2.0
-POSES = 24  # directions of the first segment that an arm which was lost is looked for in
-NODES = ("2", "3", "e")
+POSES = 24  # directions of the first segment that a lost arm is looked for in
 
 
 @compiled
@@ -105,20 +105,15 @@ def _sort(corners, values):
             i -= 1
 
 
-def fit_frame(frame: Frame, end: End, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """Return (O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2)
-    ended.
-
-    With the commanded end more runs lower the objective by about 0.1 mm and the error of the angles
-    not at all; nor does a first run that goes on to the last extent, in 1.7 times the time.
-    """
-    first = end.variables(frame, start)
+def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
+    """(O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2) ended."""
+    first, ended = objective.variables(frame, start, end), False
     corners, values = np.empty((first.size + 1, first.size)), np.empty(first.size + 1)
     scratch = np.empty((3, first.size))
-    corners[0], ended = first, False
-    for step, extent in end.runs:
+    corners[0] = first
+    for step, extent in objective.RUNS[end]:
         ended = _simplex(frame, step, extent, corners, values, scratch)
-    return end.nodes(frame, corners[0]), float(values[0]), ended
+    return objective.nodes_of(frame, corners[0]), float(values[0]), ended
 
 
 class FittedSequence(NamedTuple):
@@ -127,8 +122,6 @@ class FittedSequence(NamedTuple):
     nodes: np.ndarray  # (F, 4, 2) O1, O2, O3, EE in the plane, m
     q: np.ndarray  # (F, 3) joint angles from the headings of the fitted segments, rad
     objective: np.ndarray  # (F,) value of Eq. (KinObj), m
-    points: np.ndarray  # (F,) points a frame
-    gaps: int  # frames without a fit
     lost: int  # frames for which the fit before was no start
 
 
@@ -150,49 +143,43 @@ def fit_sequence(
     O1 and EE. Raises RecordingError (take, frame) for too many frames with few points and for an EE
     out of reach, SolverError for a search that does not end.
     """
-    if len(clouds) != len(ee):
-        message = f"{len(ee)} end-effector positions for {len(clouds)} point clouds"
-        raise RecordingError(message, take=take)
-    end, gammas = ENDS[options.end_point], (options.gamma1, options.gamma2)
-    nodes, objective = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
-    number = np.array([len(cloud) for cloud in clouds], dtype=int)
+    end, gammas = options.end_point, (options.gamma1, options.gamma2)
+    bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
+    nodes, values = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
     turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
     starts, last, gap, least, lost = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf, 0
-    for frame, cloud in enumerate(clouds):
-        message, where = "", {"take": take, "frame": frame}
-        gap = gap + 1 if number[frame] < max(options.minimum_points, 1) else 0
-        if not np.isfinite(ee[frame]).all():
-            message = "the end-effector's position is not finite"
-        elif gap > options.max_gap:
+    for frame, (cloud, goal) in enumerate(zip(clouds, ee, strict=True)):
+        where = {"take": take, "frame": frame}
+        gap = gap + 1 if len(cloud) < max(options.minimum_points, 1) else 0
+        if gap > options.max_gap:
             message = f"more than {options.max_gap} depth frames in a row have fewer than"
-            message += f" {options.minimum_points} points of the arm"
-        elif not gap and not np.isfinite(cloud).all():
-            message = "a point of the arm is not finite"
-        if message:
-            raise RecordingError(message, **where)
+            raise RecordingError(f"{message} {options.minimum_points} points of the arm", **where)
         if gap:
             continue
-        starts = starts + np.array([[0.0], [1.0], [1.0]]) * (ee[frame] - ee[last])
-        problem = frame_of(cloud.T, o1, ee[frame], chain.lengths, options.length_range, gammas)
-        fits = [fit_frame(problem, end, start) for start in starts]
+        if not (np.isfinite(goal).all() and np.isfinite(cloud).all()):
+            message = "the end-effector's position or a point of the arm is not finite"
+            raise RecordingError(message, **where)
+        starts = starts + np.array([[0.0], [1.0], [1.0]]) * (goal - ee[last])
+        problem = objective.frame_of(cloud.T, o1, goal, bounds, gammas)
+        fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
             lost += 1
-            poses = _joining_poses(o1, ee[frame], chain.lengths)
-            fits += [fit_frame(problem, end, start) for start in poses]
+            poses = _joining_poses(o1, goal, chain.lengths)
+            fits += [_fit(problem, end, start) for start in poses]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
             message = "no pose of the arm within the range of lengths joins O1 and EE: check the"
-            where["distance"] = round(float(np.hypot(*(ee[frame] - o1))), 4)
+            where["distance"] = round(float(np.hypot(*(goal - o1))), 4)
             raise RecordingError(f"{message} trajectory and the clock offset", **where)
         if not ended:
             message = "the articulation's simplex search did not end"
             raise SolverError(message, **where, step=MAX_STEPS)
-        nodes[frame], objective[frame] = np.vstack([o1, best]), value
+        nodes[frame], values[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
     steps = np.diff(nodes, axis=1)
     q = chain.joints_from_segments(np.arctan2(steps[..., 0], steps[..., 1]))
-    return FittedSequence(nodes, q, objective, number, int(np.isnan(objective).sum()), lost)
+    return FittedSequence(nodes, q, values, lost)
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -220,18 +207,14 @@ def articulate_rows(
     options: ArticulationSection,
     start: np.ndarray,
 ) -> pd.DataFrame:
-    """Return the rows of the table ``angles`` of one take, without frames of too few points: of
-    ``rows`` of the table ``frames`` with the arm's points ``clouds`` (I, 2) in m, EE as the table
-    ``trajectory`` commands it; ``start`` (3,) rad of the first frame.
+    """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps:
+    ``rows`` of the table ``frames``, the table ``trajectory`` and the first frame's ``start`` (3,).
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
     given = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
     fitted = fit_sequence(clouds, *given, take=rows["take"].iloc[0])
-    nodes = {
-        f"{axis}{name}": fitted.nodes[:, node, i]
-        for node, name in enumerate(NODES, 1)
-        for i, axis in enumerate("xz")
-    }
-    fit = nodes | {"points": fitted.points, "objective": fitted.objective}
+    names = [f"{axis}{node}" for node in ("2", "3", "e") for axis in "xz"]
+    fit = dict(zip(names, fitted.nodes[:, 1:].reshape(-1, 6).T, strict=True))
+    fit |= {"points": [len(cloud) for cloud in clouds], "objective": fitted.objective}
     table = rows[["take", "part", "frame", "t"]].assign(**spread("q", joints, fitted.q), **fit)
     return table[np.isfinite(fitted.objective)]

@@ -1,13 +1,11 @@
 """The paper's objective of an articulation, Eq. (KinObj), of one point cloud; compiled.
 
 The tool ends at the commanded end-effector, as in the paper, or where the points say (fitted): with
-its nominal length, as a free one would grow to its bound, and, since one asymmetry says how far
-aside the tool lies but not where it points, with an asymmetry of each half.
+its nominal length, as a free one would grow to its bound, and with an asymmetry of each half.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -39,65 +37,44 @@ class Frame(NamedTuple):
 
 
 def frame_of(
-    points: np.ndarray,
-    o1: np.ndarray,
-    ee: np.ndarray,
-    lengths: np.ndarray,
-    length_range: float,
-    gammas: tuple[float, float],
+    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
 ) -> Frame:
-    """Return a frame of ``points`` (2, I), first joint ``o1`` (2,) and commanded end ``ee`` (2,),
-    m; each of the nominal ``lengths`` (3,) m is free within ± the share ``length_range``.
-    """
+    """Return the frame with its buffers; weights ``gammas`` of mean distance and asymmetry."""
     signed, distance = np.empty((4, points.shape[1])), np.empty(points.shape[1])
-    bounds = lengths[:, None] * np.array([1 - length_range, 1 + length_range])
     arrays = (np.array(array, order="C") for array in (points, o1, ee, bounds))
     return Frame(*arrays, *gammas, distance, signed, signed.view(np.int64), signed.view(np.uint64))
 
 
 @inner
-def at_commanded(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj) at v = (O2, O3), m; outside the bounds on the lengths INFEASIBLE and the excess,
-    so that poses within rank first (feasibility rules, Deb 2000).
+def rank(frame: Frame, v: np.ndarray) -> float:
+    """Eq. (KinObj), m, at v = (O2, O3), m, of the commanded end; outside the bounds on the lengths
+    INFEASIBLE and the excess, so that poses within rank first (feasibility rules, Deb 2000).
+
+    Of the fitted end v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
+    two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975).
     """
-    o1, ee = (frame.o1[0], frame.o1[1]), (frame.ee[0], frame.ee[1])
-    nodes, violation = (o1, (v[0], v[1]), (v[2], v[3]), ee), 0.0
+    o1 = (frame.o1[0], frame.o1[1])
+    if v.size == 5:
+        o2 = _end(o1, frame.bounds[0], v[0], v[2])
+        o3 = _end(o2, frame.bounds[1], v[1], v[3])
+        return value(frame, (o1, o2, o3, _end(o3, frame.bounds[2], 0.0, v[4])), 4)
+    nodes, violation = (o1, (v[0], v[1]), (v[2], v[3]), (frame.ee[0], frame.ee[1])), 0.0
     for j in range(3):
         start, end = nodes[j], nodes[j + 1]
         length = np.sqrt((end[0] - start[0]) ** 2 + (end[1] - start[1]) ** 2)
         short, long = frame.bounds[j, 0] - length, length - frame.bounds[j, 1]
         violation += short if short > 0.0 else (long if long > 0.0 else 0.0)
-    if not violation == 0.0:
-        return INFEASIBLE + violation
-    return value(frame, nodes, 3)
+    return value(frame, nodes, 3) if violation == 0.0 else INFEASIBLE + violation
 
 
 @inner
-def at_fitted(frame: Frame, v: np.ndarray) -> float:
-    """The value, m, at v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
-    two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975).
-    """
-    o1 = (frame.o1[0], frame.o1[1])
-    o2 = _beyond(o1, frame.bounds[0, 0], frame.bounds[0, 1], v[0], v[2])
-    o3 = _beyond(o2, frame.bounds[1, 0], frame.bounds[1, 1], v[1], v[3])
-    ee = _beyond(o3, frame.bounds[2, 0], frame.bounds[2, 1], 0.0, v[4])
-    return value(frame, (o1, o2, o3, ee), 4)
-
-
-@inner
-def _beyond(start: Node, short: float, long: float, stretch: float, arc: float) -> Node:
-    """End of a segment from ``start``, its length between ``short`` and ``long``."""
-    middle, half = 0.5 * (short + long), 0.5 * (long - short)
+def _end(start: Node, bounds: np.ndarray, stretch: float, arc: float) -> Node:
+    """End of a segment from ``start``, its length within ``bounds`` (2,)."""
+    middle, half = 0.5 * (bounds[0] + bounds[1]), 0.5 * (bounds[1] - bounds[0])
     stretched, _ = sine_cosine(STRETCH * stretch)
     sine, cosine = sine_cosine(arc / middle)
     length = middle + half * stretched
     return start[0] + length * sine, start[1] + length * cosine
-
-
-@inner
-def rank(frame: Frame, v: np.ndarray) -> float:
-    """Value, m, of the pose ``v``: five variables of the fitted end, four of the commanded one."""
-    return at_fitted(frame, v) if v.size == 5 else at_commanded(frame, v)
 
 
 @inner
@@ -108,8 +85,12 @@ def value(frame: Frame, nodes: tuple, pieces: int) -> float:
     """
     x, z, signed = frame.points[0], frame.points[1], frame.signed
     _assign(x, z, nodes, frame.distance, signed[0], signed[1], signed[2])
-    if pieces == 4:
-        _halve(x, z, nodes[2], nodes[3], signed[2], signed[3])
+    if pieces == 4:  # points beyond the middle of the tool
+        (ax, az), (bx, bz) = nodes[2], nodes[3]
+        for i in range(x.size):
+            aside = (x[i] - 0.5 * (ax + bx)) * (bx - ax) + (z[i] - 0.5 * (az + bz)) * (bz - az)
+            signed[3, i] = signed[2, i] if aside > 0.0 else 0.0
+            signed[2, i] = 0.0 if aside > 0.0 else signed[2, i]
     asymmetry = 0.0
     for j in range(pieces):
         above, under = _greatest(signed[j], frame.bits[j], frame.unsigned[j])
@@ -129,20 +110,12 @@ def _assign(x, z, nodes, distance, first, second, third):
         nearest = to_first if to_first < to_second else to_second
         nearest = nearest if nearest < to_third else to_third
         distance[i] = np.sqrt(nearest)
-        first[i] = _signed(nearest if to_first == nearest else 0.0, side_first)
-        second[i] = _signed(nearest if to_second == nearest else 0.0, side_second)
-        third[i] = _signed(nearest if to_third == nearest else 0.0, side_third)
-
-
-@inner
-def _halve(x: np.ndarray, z: np.ndarray, start: Node, end: Node, near: np.ndarray, far: np.ndarray):
-    """Move the values in ``near`` of points beyond the middle of the segment to ``far``."""
-    ux, uz = end[0] - start[0], end[1] - start[1]
-    mx, mz = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
-    for i in range(x.size):
-        beyond = (x[i] - mx) * ux + (z[i] - mz) * uz > 0.0
-        far[i] = near[i] if beyond else 0.0
-        near[i] = 0.0 if beyond else near[i]
+        own = nearest if to_first == nearest else 0.0
+        first[i] = own if side_first > 0.0 else -own
+        own = nearest if to_second == nearest else 0.0
+        second[i] = own if side_second > 0.0 else -own
+        own = nearest if to_third == nearest else 0.0
+        third[i] = own if side_third > 0.0 else -own
 
 
 @inner
@@ -157,16 +130,8 @@ def _to_segment(x: float, z: float, start: Node, end: Node) -> tuple[float, floa
 
 
 @inner
-def _signed(square: float, side: float) -> float:
-    return square if side > 0.0 else -square
-
-
-@inner
 def _greatest(signed: np.ndarray, bits: np.ndarray, unsigned: np.ndarray) -> tuple[float, float]:
-    """The greatest of the positive numbers and the size of the least of the negative ones, else 0;
-    ``signed`` is used up. Read as integers, with a sign (``bits``) and without (``unsigned``), so
-    that the maximum is taken of several at once, unlike one of doubles, which looks out for NaN.
-    """
+    """Greatest positive number and size of the least negative one; ``signed`` is used up."""
     above, under = np.int64(0), np.uint64(0)
     for i in range(signed.size):
         above = bits[i] if bits[i] > above else above
@@ -189,47 +154,31 @@ def _sum(values: np.ndarray) -> float:
     return (a + b) + (c + d)
 
 
-class End(NamedTuple):
-    """One end of the last segment: variables v (n,) of a search, all in m, of O2, O3 and EE."""
-
-    variables: Callable[[Frame, np.ndarray], np.ndarray]  # frame, nodes (3, 2) → v
-    nodes: Callable[[Frame, np.ndarray], np.ndarray]  # frame, v → nodes (3, 2)
-    # the first extent of each run of the simplex, and the extent at which it has ended, m
-    runs: tuple[tuple[float, float], ...]
-
-
-def _middle_and_half(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) middle and half the width of the range of every length, m."""
-    short, long = frame.bounds.T
-    return (short + long) / 2, (long - short) / 2
+# The first extent of each run of the simplex, and the extent at which it has ended, m: 1e-5 m are
+# 1e-4 rad on a link. The fitted end has minima beside the least, which a wider simplex leaves.
+RUNS = {
+    "commanded": ((STEP, 1e-3), (-STEP / 2, 1e-5)),
+    "fitted": ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),
+}
 
 
-def _fitted_variables(frame: Frame, nodes: np.ndarray) -> np.ndarray:
+def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
+    """Return the pose v of :func:`rank` of ``nodes`` (3, 2) O2, O3, EE, m, with the ``end``."""
+    if end == "commanded":
+        return nodes[:2].ravel()
     x, z = np.diff(np.vstack([frame.o1, nodes]), axis=0).T
-    middle, half = _middle_and_half(frame)
-    share = np.clip((np.hypot(x, z) - middle)[:-1] / half[:-1], -1.0, 1.0)
+    (short, long), last = frame.bounds.T, slice(-1)
+    middle, half = (short + long) / 2, (long - short) / 2
+    share = np.clip((np.hypot(x, z) - middle)[last] / half[last], -1.0, 1.0)
     return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
 
 
-def _fitted_nodes(frame: Frame, v: np.ndarray) -> np.ndarray:
-    middle, half = _middle_and_half(frame)
-    lengths = middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
-    psi = v[2:] / middle
+def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
+    """Return the nodes (3, 2) O2, O3 and EE, m, of a pose ``v`` of :func:`rank`."""
+    if v.size == 4:
+        return np.vstack([v.reshape(2, 2), frame.ee])
+    short, long = frame.bounds.T
+    middle, half = (short + long) / 2, (long - short) / 2
+    psi, lengths = v[2:] / middle, middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
     steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     return frame.o1 + np.cumsum(steps, axis=0)
-
-
-# 1e-5 m are 1e-4 rad on a link, a hundredth of the errors of the sensor. The fitted end has one
-# unknown more, and minima beside the least: a wider simplex leaves the one of the frame before,
-# which would take back a share of the arm's motion since. Its angles scatter too widely for the
-# last digit to be worth its evaluations.
-ENDS = {
-    "commanded": End(
-        lambda frame, nodes: nodes[:2].ravel(),
-        lambda frame, v: np.vstack([v.reshape(2, 2), frame.ee]),
-        ((STEP, 1e-3), (-STEP / 2, 1e-5)),
-    ),
-    "fitted": End(
-        _fitted_variables, _fitted_nodes, ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4))
-    ),
-}

@@ -18,9 +18,7 @@ NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return depth camera minus motion capture, linear in between, at every depth frame during the
-    motion, from the tables ``angles`` and ``joints``: take, frame, t (s), family e (rad).
-    """
+    """Return depth camera minus motion capture (family e, rad) at every depth frame."""
     names, errors = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         truth = joints[joints["take"] == take]
@@ -59,10 +57,9 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         # a covariance of fewer samples than this is singular
         if len(frames) == 0 or freedom.min() < n + 1:
             message = "too few test takes to estimate the depth camera's noise from the others;"
-            where = {"take": left_out, "samples": int(freedom.min()) if len(frames) else 0}
-            raise RecordingError(
-                f"{message} record more, or widen articulation.noise_window", **where
-            )
+            message += " record more, or widen articulation.noise_window"
+            samples = int(freedom.min()) if len(frames) else 0
+            raise RecordingError(message, take=left_out, samples=samples)
         covariance = np.tensordot(near, scatter, axes=1) / freedom[:, None, None]
         table = {"take": left_out, "frame": frames, "t": time.to_numpy()}
         table |= spread("b", names, mean.to_numpy()) | triangle("r", names, covariance)
@@ -103,7 +100,8 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
         for joint, d, e, own in zip(names, *errors, noise, strict=True):
             slope, standard_error = _slope(d, e, part["take"], own)
             row = {"frames": frames, "joint": joint, "number": len(part), "slope": slope}
-            row |= {"standard_error": standard_error, "deviation": _rms(d), "scatter": _rms(e)}
+            rms = [float(np.sqrt(np.mean(s**2))) if len(s) else np.nan for s in (d, e)]
+            row |= {"standard_error": standard_error, "deviation": rms[0], "scatter": rms[1]}
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -114,10 +112,6 @@ def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
     names = "depth_error_slope_" + rows["joint"]
     scores = dict(zip(names, rows["slope"], strict=True))
     return scores | dict(zip(names + "_standard_error", rows["standard_error"], strict=True))
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
 
 
 def _slope(d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float) -> tuple[float, float]:

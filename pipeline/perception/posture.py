@@ -1,10 +1,7 @@
-"""Least-squares posture of any chain: the joint angles at which the points that its links carry
-(markers in a plane or in space, points of rigid bodies) lie nearest to their measured places.
-"""
+"""Least-squares posture of any chain: joint angles at which its points lie as measured."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,7 +22,6 @@ SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step
 LEAST_LEVER = 0.01
 STARTS = 64  # postures from which one that fits is looked for
 ALIKE = 0.05  # rad, or m: postures no farther apart are one
-BODY = 6  # numbers that a rigid body's pose holds, however many points it carries
 MIN_LEVER = 0.01  # m; two markers of a planar arm's link are at least so far apart in its plane
 
 
@@ -34,19 +30,9 @@ class Solution(NamedTuple):
 
     q: np.ndarray  # (n,) rad, or m
     distances: np.ndarray  # (P,) m, from the points where the arm carries them; 0 of missing ones
-    seen: np.ndarray  # (P,) whether a point was used
+    residual: np.ndarray  # m, rms distance of the points that are not missing
     normal: np.ndarray  # (n, n) JᵀJ of the points
     decided: np.ndarray  # whether the points decide every joint
-
-    @property
-    def residual(self) -> np.ndarray:
-        """m, rms distance of the points that were used."""
-        number = np.maximum(self.seen.sum(axis=-1), 1)
-        return np.sqrt((self.distances**2).sum(axis=-1) / number)
-
-    def each(self) -> Iterator[Solution]:
-        """Solutions of a batch, one by one."""
-        return (Solution(*one) for one in zip(*self, strict=True))
 
 
 @dataclass(frozen=True)
@@ -59,8 +45,10 @@ class Carried:
     upper: np.ndarray  # (n,)
     owner: np.ndarray  # (P,) the link of each point
     places: np.ndarray  # (P, 3) m, in the link's frame
-    bodies: np.ndarray  # (L,) whether a link's points are those that a rigid body carries
-    posture: np.ndarray | None  # (n,) about where a take starts
+    gate: float  # m, beyond which no point is from its measured place
+    posture: np.ndarray | None = None  # (n,) about where a take starts
+    joints: tuple[str, ...] = ()  # names of the n joints of an arm in space
+    arm: Arm | None = None  # of a planar arm
 
     def of_links(self) -> list[np.ndarray]:
         """Return the mask (P,) of the points of each link."""
@@ -80,16 +68,18 @@ class Carried:
         turn = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
         return pose[:, :3], self.places[self.owner == link] @ turn
 
-    def solve(self, measured: np.ndarray, start: np.ndarray) -> Solution:
-        """Return the joint angles near ``start`` (n,) for ``measured`` (P, 3) m, NaN if missing."""
-        return next(self.solve_all(measured[None], np.asarray(start, dtype=float)[None]).each())
+    def fit(self, measured: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return joint angles (S, n) and residuals (S,), NaN where none is within the gate."""
+        solution = self.solve_all(measured, starts)
+        fits = solution.decided & (solution.distances <= self.gate).all(axis=-1)
+        return solution.q, np.where(fits, solution.residual, np.nan)
 
     def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
         """Return the joint angles of least squares near each of the ``starts`` (S, n) for
         ``measured`` (S, P, 3) by Levenberg and Marquardt, with steps from the eigenvalues of JᵀJ:
         along directions that the points do not decide the angles stay about where they were.
         """
-        q, seen = np.array(starts, dtype=float), ~np.isnan(measured[..., 0])
+        q = np.array(starts, dtype=float)
         normal, gradient, distances = self._equations(q, measured)
         damping, moving = np.zeros(len(q)), np.arange(len(q))
         for _ in range(STEPS):
@@ -110,7 +100,9 @@ class Carried:
             less = np.where(now > 1e-9 * greatest, 0.1 * now, 0.0)
             damping[moving] = np.where(better, less, np.maximum(10.0 * now, 1e-3 * greatest))
         decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
-        return Solution(q, distances, seen, normal, decided)
+        number = np.maximum((~np.isnan(measured[..., 0])).sum(axis=-1), 1)
+        residual = np.sqrt((distances**2).sum(axis=-1) / number)
+        return Solution(q, distances, residual, normal, decided)
 
     def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
         """JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r to ``measured`` (S, P, 3)."""
@@ -135,9 +127,9 @@ class Carried:
             distances[:, mine] = np.linalg.norm(way, axis=-1)
         return normal, gradient, distances
 
-    def postures(self, measured: np.ndarray, gate: float) -> list[Solution]:
+    def postures(self, measured: np.ndarray) -> list[Solution]:
         """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
-        is within ``gate`` (m): as far as starts all over the limits find them, or about the stated
+        is within the gate: as far as starts all over the limits find them, or about the stated
         one; of whole turns the nearest to it or to mid-range.
         """
         from scipy.stats import qmc
@@ -150,88 +142,63 @@ class Carried:
             starts = centre + (2 * shares - 1) * reach
         else:
             centre, starts = self.posture, [self.posture]
-        result: list[Solution] = []
-        points = np.broadcast_to(measured, (len(starts), *measured.shape))
-        for solution in self.solve_all(points, np.array(starts)).each():
-            if solution.distances.max() > gate:
-                continue
-            turns = np.round((solution.q - centre) / (2 * np.pi))
-            q = solution.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
-            inside = (q >= self.lower - ALIKE) & (q <= self.upper + ALIKE)
-            if inside.all() and all(np.abs(q - other.q).max() > ALIKE for other in result):
-                result.append(solution._replace(q=q))
+        points, result = np.broadcast_to(measured, (len(starts), *measured.shape)), []
+        solutions = self.solve_all(points, np.array(starts))
+        for one in (Solution(*each) for each in zip(*solutions, strict=True)):
+            turns = np.round((one.q - centre) / (2 * np.pi))
+            q = one.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
+            fits = one.distances.max() <= self.gate
+            fits &= np.all((q >= self.lower - ALIKE) & (q <= self.upper + ALIKE))
+            if fits and all(np.abs(q - other.q).max() > ALIKE for other in result):
+                result.append(one._replace(q=q))
         return result
-
-    def without_a_link(
-        self, measured: np.ndarray, start: np.ndarray, gate: float
-    ) -> Solution | None:
-        """Return the best of the solutions near ``start`` (n,) that leave out one link, decide the
-        joints and have every other point within ``gate`` (m); None where there is none.
-        """
-        solutions = [
-            self.solve(np.where((self.owner == link)[:, None], np.nan, measured), start)
-            for link in np.unique(self.owner[~np.isnan(measured[:, 0])])
-        ]
-        fitting = [one for one in solutions if one.decided and one.distances.max() <= gate]
-        return min(fitting, key=lambda one: one.residual, default=None)
-
-    def errors(self, solution: Solution) -> np.ndarray:
-        """(n,) standard errors of the joint angles by JᵀJ and residuals; NaN without redundancy."""
-        links, counts = np.unique(self.owner[solution.seen], return_counts=True)
-        held = np.where(self.bodies[links], np.minimum(BODY, 3 * counts), 3 * counts).sum()
-        if (free := held - len(solution.q)) <= 0:
-            return np.full(len(solution.q), np.nan)
-        square = (solution.distances**2).sum()
-        return np.sqrt(square / free * np.diag(np.linalg.inv(solution.normal)))
 
 
 def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
     """Return the points of ``mocap`` on the links of ``robot``; ConfigError for links that it does
-    not have or move, or without points.
+    not have or move, or without points, and for a posture of another number of joints.
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
-    places = {link: np.array([*m.values()], dtype=float) for link, m in mocap.markers.items()}
-    for link, points in places.items():
-        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+    places = [np.array([*own.values()], dtype=float) for own in mocap.markers.values()]
+    for link, own in zip(mocap.markers, places, strict=True):
+        if own.ndim != 2:
             raise ConfigError(f"{link} needs markers, each with its place x, y, z", key=key)
     posture = None if mocap.posture is None else np.array(mocap.posture)
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    owner = np.repeat(np.arange(len(places)), [len(points) for points in places.values()])
-    bodies, sliding = [link in mocap.bodies for link in places], np.asarray(chain.sliding, bool)
-    points = owner, np.concatenate([*places.values()]), np.array(bodies), posture
-    return Carried([*chains.values()], sliding, chain.lower, chain.upper, *points)
+    owner = np.repeat(np.arange(len(places)), [len(own) for own in places])
+    limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
+    points = owner, np.concatenate(places), mocap.gate, posture, tuple(robot.joints)
+    return Carried([*chains.values()], *limits, *points)
 
 
-def points_in_plane(arm: Arm, template: np.ndarray) -> Carried:
-    """Return the points at ``template`` (3 links, 3, 3) m in the segment frames of a planar arm;
-    ConfigError unless the three of each link span a triangle.
-    """
-    if np.shape(template) != (3, 3, 3) or not np.isfinite(template).all():
+def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> Carried:
+    """Return points at ``template`` (3, 3, 3) m in the segments' frames; ConfigError for a line."""
+    key = "dataset.mocap.markers"
+    if np.shape(template) != (3, 3, 3):
         message = "a planar arm needs three markers, each with its place x, y, z, on each of its"
-        where = {"key": "dataset.mocap.markers", "shape": np.shape(template)}
-        raise ConfigError(f"{message} three segments", **where)
+        raise ConfigError(f"{message} three segments", key=key, shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
         spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
         sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
         if spread < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
             message = "the markers of a link are in line, or two of them are too close in the plane"
-            raise ConfigError(f"{message} of the arm", link=link)
+            raise ConfigError(f"{message} of the arm", key=key, link=link)
     chain, links = arm.chain, len(template)
     # the frame of a joint that turns about ± the plane's normal y: z along its axis, x the plane's
     frames = np.array([[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs])
     ends = np.swapaxes(frames, -1, -2) @ segment_frames(chain, np.zeros(links))[0]
     origin = arm.to_base(np.array([chain.origin[0], 0.0, chain.origin[1]]))
     placements, chains = [np.append(arm.rotation @ frames[0], origin)], []
+    none, limits = np.zeros(links, dtype=bool), (chain.lower, chain.upper, chain.max_speed)
     for j in range(links):
         to_link = np.array([*placements, np.append(ends[j], np.zeros(3))])
-        limits = (each[: j + 1] for each in (chain.lower, chain.upper, chain.max_speed))
-        chains.append(SerialChain(SPACE, 1.0, to_link, np.zeros(j + 1, dtype=bool), *limits))
+        own = (each[: j + 1] for each in (none, *limits))
+        chains.append(SerialChain(SPACE, 1.0, to_link, *own))
         if j + 1 < links:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))
-    owner, none = np.repeat(np.arange(links), template.shape[1]), np.zeros(links, dtype=bool)
-    limits = chain.lower, chain.upper
-    return Carried(chains, none, *limits, owner, template.reshape(-1, 3), none, None)
+    owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
+    return Carried(chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,12 +15,12 @@ from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 GRID = 0.005  # s, step of the coarse search: fine against any motion of an arm
 MIN_OVERLAP = 0.5  # share of the first signal that has to fall inside the second
+MIN_SAMPLES = 10  # of a signal
+MIN_CORRELATION = 0.9
 
 
 class Offset(NamedTuple):
-    """``value`` s to add to the first clock to read the second, in the middle of the take; multiple
-    correlation at the optimum; ``drift`` s/s by which the second clock gains; standard errors.
-    """
+    """Offset in the middle of a take, multiple correlation, drift, and standard errors."""
 
     value: float
     standard_error: float
@@ -35,13 +36,11 @@ def find_offset(
     b: np.ndarray,
     *,
     search: tuple[float, float] = (-0.5, 0.5),
-    min_correlation: float = 0.9,
     take: str = "",
 ) -> Offset:
     """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
     which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments
-    see different points of the moving body. Its standard error takes the residuals' variance in
-    each component and their lag-one correlation.
+    see different points of the moving body.
 
     ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
     any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
@@ -50,27 +49,24 @@ def find_offset(
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
 
-    def refused(message: str, **evidence: object) -> RecordingError:
-        return RecordingError(message, take=take, **evidence)
-
-    signals = []
+    refused, signals = partial(RecordingError, take=take), []
     for t, signal in ((t_a, a), (t_b, b)):
-        t, signal = np.asarray(t, dtype=float), np.asarray(signal, dtype=float)
-        if len(t) != len(signal):
-            raise refused(f"{len(t)} times for {len(signal)} samples")
-        signal = signal.reshape(len(signal), -1)
+        signal = np.asarray(signal, dtype=float).reshape(len(t), -1)
         finite = np.isfinite(t) & np.isfinite(signal).all(axis=1)
         signals += [t[finite], signal[finite]]
-        if finite.sum() < 10 or np.any(np.diff(t[finite]) <= 0):
-            message = "a signal with fewer than 10 samples, or whose times do not increase"
-            raise refused(f"{message}, gives no clock offset")
+        if finite.sum() < MIN_SAMPLES or np.any(np.diff(t[finite]) <= 0):
+            message = f"a signal with fewer than {MIN_SAMPLES} samples, or whose times do not"
+            raise refused(f"{message} increase, gives no clock offset")
+        if not np.ptp(signal[finite], axis=0).any():
+            raise refused("no motion to compare the clocks by: one of the signals is constant")
     t_a, a, t_b, b = signals
     spline = CubicSpline(t_b, b)
 
     def inside(tau: float) -> np.ndarray:
         return (t_a + tau >= t_b[0]) & (t_a + tau <= t_b[-1])
 
-    def residuals(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def fitted(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residuals, regressors and the affine map."""
         use = inside(tau)
         regressors = np.column_stack([spline(t_a[use] + tau) - b.mean(axis=0), np.ones(use.sum())])
         affine = np.linalg.lstsq(regressors, a[use], rcond=None)[0]
@@ -78,11 +74,9 @@ def find_offset(
 
     def unexplained(tau: float) -> float:
         """Share of the variance of ``a`` that is left: the samples inside change with τ."""
-        left, use = residuals(tau)[0], inside(tau)
+        left, use = fitted(tau)[0], inside(tau)
         return float((left**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
 
-    if not (np.ptp(a, axis=0).any() and np.ptp(b, axis=0).any()):
-        raise refused("no motion to compare the clocks by: one of the signals is constant")
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
     least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
     grid = grid[[inside(tau).sum() >= least for tau in grid]]
@@ -96,45 +90,36 @@ def find_offset(
     bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
     tau = float(minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x)
     correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
-    if correlation < min_correlation:
+    if correlation < MIN_CORRELATION:
         message = "the signals of the two instruments are not alike at any clock offset: no motion"
         raise refused(f"{message}, or not the same take", correlation=round(correlation, 3))
-    residual, regressors, affine = residuals(tau)
+    residual, regressors, affine = fitted(tau)
     time = t_a[inside(tau)]
     slope = spline.derivative()(time + tau) @ affine[:-1]
-
-    def beyond(sensitivity: np.ndarray) -> np.ndarray:
-        """Part of a derivative that B and c do not take up."""
-        return sensitivity - regressors @ np.linalg.lstsq(regressors, sensitivity, rcond=None)[0]
-
-    late = beyond(slope)
-    drifting = beyond((time - time.mean())[:, None] * slope)
+    # parts of the derivatives by offset and drift that B and c do not take up
+    late, drifting = (
+        each - regressors @ np.linalg.lstsq(regressors, each, rcond=None)[0]
+        for each in (slope, (time - time.mean())[:, None] * slope)
+    )
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
-    errors = [_standard_error(residual, each, regressors.shape[1]) for each in (late, drifting)]
+    # the variance of a mean of AR(1) noise is larger; a negative correlation is not taken as a gain
+    square = (residual**2).sum()
+    lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
+    inflation = (1 + lag) / (1 - lag)
+    freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
+    variance, errors = (residual**2).sum(axis=0) / freedom, []
+    for each in (late, drifting):
+        information = (each**2).sum(axis=0)
+        error = np.sqrt(inflation * (variance * information).sum()) / information.sum()
+        errors.append(float(error))
     return Offset(tau, errors[0], correlation, drift, errors[1])
-
-
-def _standard_error(residual: np.ndarray, slope: np.ndarray, parameters: int) -> float:
-    """Standard error of a parameter from residuals (F, d) and the part of their derivative by it
-    (F, d) that other parameters do not take up.
-    """
-    freedom = len(residual) - parameters - 1 / residual.shape[1]
-    information, square = (slope**2).sum(axis=0), (residual**2).sum()
-    variance = (residual**2).sum(axis=0) / freedom
-    lag = (residual[1:] * residual[:-1]).sum() / square if square else 0.0
-    # the variance of a mean of AR(1) noise is larger by this factor; a negative correlation is not
-    # taken as a gain
-    inflation = (1 + max(lag, 0.0)) / (1 - max(lag, 0.0))
-    return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
 
 
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Return the rows of the tables ``frames`` and ``markers`` of every take of the frames;
-    RecordingError for a take without motion capture.
-    """
+    """Return each take's rows of ``frames`` and ``markers``; RecordingError where it has none."""
     by_take = dict(list(markers.groupby("take")))
     takes = list(frames.groupby("take", sort=False))
     for take, rows in takes:
@@ -148,8 +133,8 @@ def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
-    clock, and the quality of the offset: the stated one, else by the centroids in the plane of the
-    arm's points and of its labelled markers. Raises RecordingError where none can be found.
+    clock, and the quality of the offset: stated, else by the centroids in the plane of the arm's
+    points and of its labelled markers. Raises RecordingError where none can be found.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []

@@ -24,16 +24,12 @@ LEAST_TIMES = 3  # readings within the take; fewer decide nothing
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
-    """Return v = ẋᵈΔt (M, m), m and rad, of the table ``trajectory`` at ``rate`` (1/s); of a
-    redundant arm (M, m + n): v and the commanded joint steps.
-    """
+    """Return v = ẋᵈΔt (M, m), m and rad; of a redundant arm (M, m + n) with the joint steps."""
     return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:
-    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad have at least STEADY of the
-    speed that only a tenth of them exceed.
-    """
+    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad are about the fastest."""
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
 
@@ -50,21 +46,17 @@ def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
 
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
-    """Raise RecordingError where the velocities of the table ``trajectory``, from ``file`` at
-    ``rate`` rows a second, do not lead along its positions.
-    """
+    """Raise RecordingError where the velocities do not lead along the positions."""
     x, v = values(trajectory, "x"), values(trajectory, "v")
     # a velocity may be that of the instant, or the mean over the step before or behind it
     gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
     fault = "the commanded velocities do not lead along the commanded positions"
-    suspects, shares = "their unit, the order of their columns, and t", missed(x[1:] - x[0], gone)
-    _require(shares, members(trajectory, "x"), fault, suspects, VELOCITY, file=file)
+    suspects, names = "their unit, the order of their columns, and t", members(trajectory, "x")
+    _require(missed(x[1:] - x[0], gone), names, fault, suspects, VELOCITY, file=file)
 
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
-    """Raise RecordingError where the tip at the tracked angles ``q`` (M+1, n) rad is not on the
-    commanded path of the table ``trajectory``.
-    """
+    """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
     shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
     fault = "the tip that the motion capture tracked is not on the commanded path"
     suspects = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"
@@ -91,25 +83,18 @@ def require_encoders(
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()
-    for joint, turns in zip(joints, whole_turns(read, tracked, circular), strict=True):
-        if turns:
-            message = (
-                f"the encoders read {joint} {turns:+g} turns (2π = 6.283 rad each) beside the "
-                "angle that the motion capture tracked: log the angle that the arm's URDF has"
-            )
-            raise RecordingError(message, **where)
+    turns = whole_turns(read, tracked, circular)
+    for joint, own in zip(np.array(joints)[turns != 0], turns[turns != 0], strict=True):
+        message = f"the encoders read {joint} {own:+g} turns (2π = 6.283 rad each) beside the angle"
+        message += " that the motion capture tracked: log the angle that the arm's URDF has"
+        raise RecordingError(message, **where)
     fault = "the encoders do not read what the motion capture tracked"
     suspects = "their angle_unit, the order of their columns (actual), and when their log starts"
     _require(missed(read, tracked), joints, fault, f"{suspects} (start)", MOST, **where)
 
 
 def _require(
-    shares: np.ndarray,
-    names: Sequence[str],
-    fault: str,
-    suspects: str,
-    most: float,
-    **where: object,
+    shares: np.ndarray, names: Sequence[str], fault: str, suspects: str, most: float, **where
 ) -> None:
     worst = int(shares.argmax())
     if shares[worst] > most:

@@ -20,9 +20,7 @@ MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Pa
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
-    """Read the points (I, 2) of the arm, m in its plane, of a take's ``rows`` of the table
-    ``frames``, all in their order, from the file that ingest wrote into ``folder``.
-    """
+    """Read the arm's points (I, 2), m in its plane, of a take's ``rows`` of ``frames``."""
     take = rows["take"].iloc[0]
     return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
 
@@ -45,8 +43,8 @@ def articulated(
     first = joints[(joints.part == "training") & (joints.k == 0)]
     start = first[columns("q", robot.joints)].mean().to_numpy()
     given = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
-    fit = partial(_fit, given=given)
-    return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
+    angles = run_trials(partial(_fit, given=given), takes, compute=compute, label=label)
+    return pd.concat(angles, ignore_index=True)
 
 
 def _fit(rows: pd.DataFrame, given: tuple) -> pd.DataFrame:

@@ -61,8 +61,8 @@ def remove_bias(
     record that ends with it.
     """
     if not (finite := np.isfinite(wrench).all(axis=1)).all():
-        message, step = "the force record has values that are not finite", int(finite.argmin())
-        raise RecordingError(message, step=step)
+        message = "the force record has values that are not finite"
+        raise RecordingError(message, step=int(finite.argmin()))
     if tare_seconds == 0:
         return time, wrench, np.zeros(wrench.shape[1])
     unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path, PurePosixPath
 
 import pandas as pd
@@ -36,53 +36,55 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
 
 
 def named_takes(
-    raw: Path, pattern: str, *, key: str, wanted: Callable[[Path], bool] = lambda path: True
+    raw: Path,
+    pattern: str,
+    *,
+    key: str,
+    what: str = "recording",
+    wanted: Callable[[Path], bool] = lambda path: True,
 ) -> dict[str, Path]:
     """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order;
-    RecordingError for two of one name or a name that is not UTF-8; ConfigError for no pattern.
+    RecordingError where there is none, for two of one name or a name that is not UTF-8; ConfigError
+    for no pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
-        try:
-            str(path).encode()
-        except UnicodeEncodeError:
+        if any("\udc80" <= letter <= "\udcff" for letter in str(path)):  # as Python names bytes
             message = "the name holds letters that are no UTF-8; rename it"
-            raise RecordingError(message, file=Path(repr(str(path))[1:-1])) from None
+            raise RecordingError(message, file=Path(repr(str(path))[1:-1]))
         name = take_name(path, raw, pattern)
         if name in named:
             other = named[name].relative_to(raw).as_posix()
             message = f"two recordings are named {name!r}, the other is {other}: rename one of them"
             raise RecordingError(f"{message}, or narrow the pattern", file=path, key=key)
         named[name] = path
+    if not named:
+        raise RecordingError(f"no {what} matches {pattern!r}", file=raw, key=key)
     return named
 
 
 def listing(folder: Path) -> pd.DataFrame:
     """Return path, bytes and SHA-256 of every file below ``folder``; RecordingError if none."""
-    files = [
-        (*Path(place).relative_to(folder).parts, name)
-        for place, _, names in os.walk(folder)
-        for name in names
-        if Path(place, name).is_file()
-    ]
-    if not files:
+    rows = []
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+        with file.open("rb") as data:
+            digest = hashlib.file_digest(data, "sha256").hexdigest()
+        rows.append((file.relative_to(folder).as_posix(), file.stat().st_size, digest))
+    if not rows:
         message = "there are no recordings in this folder, or it does not exist; see the dataset's"
         raise RecordingError(f"{message} datasheet for how to get them", file=folder)
-    rows = []
-    for parts in sorted(files):  # as paths are sorted: folder by folder
-        with open(os.path.join(folder, *parts), "rb") as data:
-            digest = hashlib.file_digest(data, "sha256").hexdigest()
-            rows.append(("/".join(parts), data.tell(), digest))
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """Return the rows of a :func:`listing` that each part of :data:`KEYS` may read: files that its
-    patterns match, and those that none matches, which any might read.
-    """
+    """Return the rows of a :func:`listing` that each part of KEYS reads, and what no part names."""
     raw, claims = Path(dataset.recordings), {}
     for part, keys in KEYS.items():
-        named = [(key, _option(dataset, key)) for key in keys.split()]
+        # of an instrument that the dataset has
+        stated = [
+            key for key in keys.split() if getattr(dataset, key.partition(".")[0]) is not None
+        ]
+        named = [(key, attrgetter(key)(dataset)) for key in stated]
         if part == "force" and dataset.force is not None:
             each = dataset.force.configurations.values()
             named += [("force.configurations", configuration.file) for configuration in each]
@@ -98,9 +100,3 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
         ]
     claimed = pd.DataFrame(claims, index=files.index)
     return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in KEYS}
-
-
-def _option(section: object, key: str) -> str | None:
-    for name in key.split("."):
-        section = None if section is None else getattr(section, name)
-    return section

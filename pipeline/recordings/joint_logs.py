@@ -13,26 +13,16 @@ import pandas as pd
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.interface import Chain
 from pipeline.core.columns import spread
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.instruments import JointLogSection
-from pipeline.formats.joints.log import LogOptions
-from pipeline.recordings import repetitions
+from pipeline.formats.joints.log import OPTION, LogOptions
+from pipeline.recordings import movement, repetitions
 from pipeline.recordings.commands import circular_joints
-from pipeline.recordings.disturbances import beside_others, disturbances, smallest_push
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.movement import (
-    UNITS,
-    LoggedMovement,
-    beside,
-    read_log,
-    read_logged_movement,
-    require_speeds,
-)
 from pipeline.recordings.pairing import require_pair
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 
-KEY, RESIDUALS = "dataset.joint_log", "residuals"
+RESIDUALS = "residuals"
 
 
 class LoggedTake(NamedTuple):
@@ -42,6 +32,7 @@ class LoggedTake(NamedTuple):
     first: int
     actual: np.ndarray  # (N, n) rad, measured angles of the chain
     target: np.ndarray  # (N, n) rad, commanded
+    circular: np.ndarray  # (n,) whether a joint turns
     signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
@@ -53,52 +44,44 @@ def joint_log_rows(
 
     The desired pose is the mean command, held before and after the motion, as a controller at rest
     logs the measured angle for it. Repetitions without rest are brought in phase between the rows.
+    Raises RecordingError for fewer than two repetitions, and for commands that differ.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
     rest, length = options.rest, dataset.motion.steps + 1
     steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(raw, dataset, steps)
-    note, rows = partial(_note, quality), {}
-    if takes:
-        first = next(iter(takes.values()))
-        reference, place = (
-            first.target[first.first :][: steps + 1],
-            repetitions.align if rest else repetitions.in_phase,
-        )
-        circular = circular_joints(dataset.robot.urdf, joints)
-        for name, take in takes.items():
-            pair = beside(take.actual, take.target, take.first, reference[0], circular)
-            start = place(pair[1], take.first, reference) - rest
-            logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
-            rows[name] = {
-                key: repetitions.stretch(each, start, length) for key, each in logged.items()
-            }
-            if start != round(start):
-                note(name, "resampled_rows", length)
-        for name in _disturbed(takes, rows, options, rate, raw, quality):
-            del rows[name]
-        for name, take in rows.items():
-            evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
-            require_pair(take["actual"], take["target"], rate, **evidence)
+    note, rows, reference = partial(_note, quality), {}, None
+    for name, take in takes.items():
+        if reference is None:
+            reference = take.target[take.first :][: steps + 1]
+        angles = take.actual, take.target, take.first, reference, take.circular
+        start, *pair = repetitions.matched(*angles, passing=not rest)
+        logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
+        rows[name] = {
+            key: repetitions.stretch(each, start - rest, length) for key, each in logged.items()
+        }
+        if start != round(start):
+            note(name, "resampled_rows", length)
+    _leave_out_disturbed(rows, takes, dataset, raw, quality)
+    for name, take in rows.items():
+        evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
+        require_pair(take["actual"], take["target"], rate, **evidence)
     if len(rows) < 2:
         message = (
-            f"{len(rows)} repetition(s) of a motion of {steps} steps from {list(options.start)} "
-            f"to {list(options.end)} rad between {rest} at rest, where the fits need two; the "
-            f"movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
+            f"{len(rows)} repetition(s), where the fits need two, of a motion of {steps} steps"
         )
-        raise RecordingError(message, file=raw, key=KEY)
-    measured, commanded = (
-        np.stack([take[key] for take in rows.values()]) for key in ("actual", "target")
-    )
+        message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
+        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
+        raise RecordingError(message, file=raw, key=OPTION)
+    both = ("actual", "target")
+    measured, commanded = (np.stack([take[key] for take in rows.values()]) for key in both)
     command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
-        message = (
-            f"the command is {deviations.max():.2g} rad off its mean over the takes, more than "
-            f"{options.tolerance:g}: another motion?"
-        )
+        message = f"the command is {deviations.max():.2g} rad off its mean over the takes, above"
+        message += f" {options.tolerance:g}: another motion?"
         take = [*rows][int(deviations.argmax())]
-        raise RecordingError(message, file=raw, take=take, key=f"{KEY}.tolerance")
+        raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
         note(take, "command_deviation", deviation, "rad")
         note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
@@ -116,21 +99,18 @@ def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str
 
 def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
     """Return name → path of the movements' logs; RecordingError where there are none."""
-    pattern = dataset.joint_log.movements
-    if movements := named_takes(raw, pattern, key=f"{KEY}.movements"):
-        return movements
-    raise RecordingError(f"no folder or file of a movement matches {pattern!r}", file=raw)
+    pattern, what = dataset.joint_log.movements, "folder or file of a movement"
+    return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
 
 
-def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
+def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> movement.LoggedMovement:
     """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
     options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
     circular = circular_joints(urdf, options.joints)
-    movement = read_logged_movement(name, place, options, rate, circular)
-    angles = {"actual": movement.actual, "target": movement.target}
-    clock = np.arange(len(movement.actual)) / rate
-    require_speeds(clock, angles, options.joints, urdf, file=place)
-    return movement
+    read = movement.read_logged_movement(name, place, options, rate, circular)
+    angles, clock = {"actual": read.actual, "target": read.target}, np.arange(len(read.actual))
+    movement.require_speeds(clock / rate, angles, options.joints, urdf, file=place)
+    return read
 
 
 def find_takes(
@@ -140,32 +120,28 @@ def find_takes(
     takes, observed, quality, options = {}, [], [], dataset.joint_log
     columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
     for name, place in find_movements(raw, dataset).items():
-        movement = read_dataset_movement(name, place, dataset)
-        target, residuals = movement.target, movement.actual - movement.target
-        circular = np.broadcast_to(movement.circular, len(movement.joints))[columns]
+        read = read_dataset_movement(name, place, dataset)
+        target, circular = read.target, read.circular[columns]
+        sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
         ends = options.start, options.end
-        if rest:
-            sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
-            sought |= {"circular": circular}
-            found = repetitions.find_repetitions(target, movement.speed, columns, *ends, **sought)
-        else:
-            found = repetitions.find_passes(target[:, columns], *ends, steps, circular)
+        sought["circular"] = circular
+        found = repetitions.find_repetitions(target, read.speed, columns, ends, **sought)
+        signals = {RESIDUALS: read.actual - target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
-            movement.require_held(rows, dataset.robot.locked, file=place, take=take)
-            angles = movement.actual[:, columns], target[:, columns]
-            signals = {RESIDUALS: residuals} | movement.others
-            takes[take] = LoggedTake(name, run.first, *angles, signals)
-        for run in repetitions.excursions(target, movement.speed, options.rest_speed):
+            read.require_held(rows, dataset.robot.locked, file=place, take=take)
+            angles = read.actual[:, columns], target[:, columns]
+            takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
+        for run in repetitions.excursions(target, read.speed, options.rest_speed):
             if not (words := run.lack(len(target))):
                 start, end = target[[run.first - 1, run.last]][:, columns].round(2).tolist()
                 words = f"{start} to {end} in {run.steps} steps"
             observed.append(words)
-        counts = dict(movement.counts) | {REPETITIONS: len(found.runs)}
+        counts = dict(read.counts) | {REPETITIONS: len(found.runs)}
         counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
         for key, value in counts.items():
-            _note(quality, name, key, value, UNITS.get(key, "count"))
+            _note(quality, name, key, value, movement.UNITS.get(key, "count"))
         # a motion that was left out is named by the row it starts at
         for reason, rows in found.left_out.items():
             for row in rows:
@@ -173,23 +149,25 @@ def find_takes(
     return takes, observed, quality
 
 
-def _disturbed(
+def _leave_out_disturbed(
+    rows: dict[str, Mapping[str, np.ndarray]],
     takes: Mapping[str, LoggedTake],
-    rows: Mapping[str, Mapping[str, np.ndarray]],
-    options: JointLogSection,
-    rate: float,
+    dataset: Dataset,
     raw: Path,
     quality: list[dict],
-) -> set[str]:
-    """Names of the disturbed takes by the signals (K, joints) in their ``rows``; their distances go
-    to ``quality``. RecordingError where the option refuses disturbed ones.
-    """
+) -> None:
+    """Delete disturbed takes from ``rows``, or refuse them; distances go to ``quality``."""
+    if not rows:
+        return
+    options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
     limit = np.inf if options.residual_limit is None else options.residual_limit
-    note, result = partial(_note, quality), set()
-    scores = disturbances(residuals, others, rate)
-    distances, greatest = beside_others(residuals), np.abs(residuals).max(axis=(1, 2))
+    scores, distances = (
+        repetitions.disturbances(residuals, others, rate),
+        repetitions.beside_others(residuals),
+    )
+    greatest = np.abs(residuals).max(axis=(1, 2))
     for name, distance, score, largest in zip(takes, distances, scores, greatest, strict=True):
         note(name, "residual_beside_others", distance, "rad")
         note(name, "disturbance", score, "robust standard deviations")
@@ -198,45 +176,28 @@ def _disturbed(
             continue
         row = takes[name].first
         if options.disturbed == "refuse":
-            message = (
-                f"the repetition from row {row} was disturbed: its residual, or another "
-                f"signal, is {score:.3g} robust standard deviations from the median over the "
-                f"repetitions; the residual is at most {largest:.3g} rad"
-            )
-            raise RecordingError(message, file=raw, take=name, key=f"{KEY}.disturbed")
-        result.add(name)
+            message = f"the repetition from row {row} was disturbed: {score:.3g} robust standard"
+            message += f" deviations from the others, its residual at most {largest:.3g} rad"
+            raise RecordingError(message, file=raw, take=name, key=f"{OPTION}.disturbed")
+        del rows[name]
         note(takes[name].movement, "disturbed_from_row", row, "row")
-    sound = [name not in result for name in takes]
-    push = smallest_push(residuals[sound], options.disturbed_beyond, rate)
-    for name in dict.fromkeys(take.movement for take in takes.values()):
-        if np.isfinite(push):
-            note(name, "smallest_push_found", push, "rad")
-    return result
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
-    """Return rows of the table ``encoders`` and quality of every log of encoders below ``raw``;
-    RecordingError where none matches or is read, ConfigError for another number of joints.
-    """
-    options, joints, result = dataset.encoders, dataset.robot.joints, []
-    if len(options.actual) != len(joints):
-        message = f"{len(options.actual)} columns for the {len(joints)} joints {', '.join(joints)}"
-        raise ConfigError(message, key="dataset.encoders.actual")
+    """Return rows of the table ``encoders`` and quality of every log, training first."""
+    options, joints, urdf, result = dataset.encoders, dataset.robot.joints, dataset.robot.urdf, []
     read = LogOptions(
         **{key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")},
         joints=len(joints),
         names=joints,
         signals={"actual": options.actual},
-        circular=circular_joints(dataset.robot.urdf, joints),
+        circular=circular_joints(urdf, joints),
     )
     for part in ("training", "test"):
         pattern, key = getattr(options, part), f"dataset.encoders.{part}"
-        files = named_takes(raw, pattern, key=key)
-        if not files:
-            raise RecordingError(f"no log matches {pattern!r}", file=raw, key=key)
-        for name, file in files.items():
-            log = read_log(file, read)
-            require_speeds(log.time, log.signals, joints, dataset.robot.urdf, file=file)
+        for name, file in named_takes(raw, pattern, key=key, what="log").items():
+            log = movement.read_log(file, read)
+            movement.require_speeds(log.time, log.signals, joints, urdf, file=file)
             identity = {"take": name, "part": part, "t": log.time - options.start}
             rows = pd.DataFrame(identity | spread("q", joints, log.signals["actual"]))
             counts = {"rows": len(rows)} | log.counts

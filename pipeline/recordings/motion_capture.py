@@ -13,10 +13,10 @@ from pipeline.arm.model import chain_of
 from pipeline.core.columns import columns, members
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.instruments import Body, Mocap
+from pipeline.core.options.instruments import Mocap, Pose
 from pipeline.formats import motion as motion_formats
 from pipeline.formats.format import Kind, format_of, formats_in
-from pipeline.formats.motion.take import MotionTake
+from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import read_trajectory
 from pipeline.recordings.commands import require_velocities
 from pipeline.recordings.inventory import named_takes
@@ -27,40 +27,33 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
     """Return the table ``trajectory`` from its file; RecordingError where it is not on the motion's
     grid, has other joints than the arm, or leaves open what joints do beside the task.
     """
-    motion, table = dataset.motion, read_trajectory(file)
+    motion, table, joints = dataset.motion, read_trajectory(file), dataset.robot.joints
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
     if len(table) != motion.steps + 1 or not np.isclose(step, 1 / motion.rate, rtol=1e-6):
         message = f"the trajectory has {len(table)} rows; dataset.motion requires"
         raise RecordingError(f"{message} {motion.steps + 1} at {motion.rate} per second", file=file)
-    chain, names, joints = chain_of(dataset.robot), members(table, "q"), dataset.robot.joints
-    task = members(table, "x")
+    chain, names, task = chain_of(dataset.robot), members(table, "q"), members(table, "x")
     if chain.task == task:
         table.insert(0, "k", np.arange(len(table)))
         require_velocities(table, motion.rate, file)
         return table.drop(columns=columns("q", names))
     if not names:
-        message = (
-            f"the trajectory commands {', '.join(task)}, which is not the task of the arm; export "
-            "the commanded joints, t and q:JOINT of each"
-        )
+        message = f"the trajectory commands {', '.join(task)}, which is not the task of the arm;"
+        message += " export the commanded joints, t and q:JOINT of each"
         raise RecordingError(message, file=file, key="dataset.robot.task")
     if sorted(names) != sorted(joints):
         message = f"the trajectory has the joints {', '.join(names)}; the arm's are"
-        where = {"file": file, "key": "dataset.robot.joints"}
-        raise RecordingError(f"{message} {', '.join(joints)}", **where)
+        message += f" {', '.join(joints)}"
+        raise RecordingError(message, file=file, key="dataset.robot.joints")
     return trajectory_table(chain, table[columns("q", joints)].to_numpy(), motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
-    """Return name, file and part of every take below ``raw``; RecordingError where a pattern
-    matches none, or two takes have one name.
-    """
+    """Return name, file and part of every take; RecordingError for none or two of one name."""
     takes: dict[str, tuple[Path, str]] = {}
-    for part, pattern in (("training", mocap.training), ("test", mocap.test)):
-        key = f"dataset.mocap.{part}"
-        files = named_takes(raw, pattern, key=key) if pattern else {}
-        if pattern and not files:
-            raise RecordingError(f"no {part} take matches {pattern!r}", file=raw)
+    for part in ("training", "test"):
+        key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
+        files = named_takes(raw, pattern, key=key, what=f"{part} take") if pattern else {}
         for name in files.keys() & takes.keys():
             message = f"the training take {takes[name][0]} is named {name!r} too"
             raise RecordingError(message, file=files[name], key=key)
@@ -69,9 +62,7 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """Read the take in ``file`` in whichever format it begins; ``unit`` of lengths where it does
-    not say it. RecordingError for a file of no format.
-    """
+    """Read the take in ``file`` in whichever format it begins; ``unit`` where it states none."""
     formats = formats_in(motion_formats, Kind.MOTION)
     if chosen := format_of(file, formats):
         return chosen.read(file, unit)
@@ -83,7 +74,7 @@ def marker_rows(
     name: str, file: Path, part: str, dataset: Dataset
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the markers of the take ``name`` in the arm's base frame, those of the template by
-    link, others as unlabelled (link 0; none where bodies stand for links), and its quality.
+    link, others as unlabelled (link 0; none where bodies carry the links), and its quality.
 
     Skipped frames, and ``frozen_frames`` that repeat every position of the frame before, are
     missing samples. Raises RecordingError for a take of another rate or length, or without a marker
@@ -91,13 +82,10 @@ def marker_rows(
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
-    frames, message = take.frame - take.frame[0], ""
-    if not np.isclose(take.rate, motion.rate):
-        message = f"the take is exported at {take.rate} Hz; dataset.motion requires {motion.rate}"
-    elif frames[-1] != motion.steps:
-        message = f"the take spans {frames[-1] + 1} frames; the motion has {motion.steps + 1}:"
-        message += " export it whole"
-    if message:
+    frames = take.frame - take.frame[0]
+    if not np.isclose(take.rate, motion.rate) or frames[-1] != motion.steps:
+        message = f"the take spans {frames[-1] + 1} frames at {take.rate} Hz; the motion has"
+        message += f" {motion.steps + 1} at {motion.rate} Hz (dataset.motion): export it whole"
         raise RecordingError(message, file=file)
     tracks, stray = _tracks(take, mocap, file)
     positions = np.stack([*tracks.values(), *stray], axis=1)
@@ -131,39 +119,38 @@ def _tracks(
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
-    tracks, used, absent = {}, set(), []
+    tracks, used, absent = {}, set(), {"marker": [], "rigid body": []}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
-        positions = []
-        if link in mocap.bodies:
-            positions = _carried(take, mocap.bodies[link], np.array([*places.values()]), file)
-        for name in places if link not in mocap.bodies else ():
+        body, positions = mocap.bodies.get(link), []
+        if body is not None and body.name not in take.bodies:
+            absent["rigid body"].append(body.name)
+        elif body is not None:
+            positions = _carried(take.bodies[body.name], body.mount, np.array([*places.values()]))
+        for name in places if body is None else ():
             named = [other for other in take.markers if other.rsplit(":", 1)[-1] == name]
             fitting = [name] if name in take.markers else named
             if len(fitting) > 1:
                 message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
                 raise RecordingError(message, file=file, key="dataset.mocap.markers")
             used.update(fitting)
-            absent += [] if fitting else [name]
+            absent["marker"] += [] if fitting else [name]
             positions += [take.markers[full] for full in fitting]
         tracks |= {(number, i): track for i, track in enumerate(positions, 1)}
-    if absent:
-        having = ", ".join(sorted(take.markers)) or "none"
-        message = f"no marker named {', '.join(sorted(absent))} in the take; it has {having}"
-        raise RecordingError(message, file=file, key="dataset.mocap.markers")
+    for kind, held in (("marker", take.markers), ("rigid body", take.bodies)):
+        if absent[kind]:
+            message = f"no {kind} named {', '.join(sorted(absent[kind]))} in the take; it has"
+            key = "dataset.mocap.markers" if kind == "marker" else "dataset.mocap.bodies"
+            message += f" {', '.join(sorted(held)) or 'none'}"
+            raise RecordingError(message, file=file, key=key)
     others = [] if mocap.bodies else [name for name in take.markers if name not in used]
     return tracks, [take.markers[name] for name in others]
 
 
-def _carried(take: MotionTake, body: Body, places: np.ndarray, file: Path) -> np.ndarray:
-    """(P, N, 3) m in the world frame of the ``places`` (P, 3) m of a link that carries a body."""
-    if body.name not in take.bodies:
-        having = ", ".join(sorted(take.bodies)) or "none"
-        message = f"no rigid body named {body.name} in the take; it has {having}"
-        raise RecordingError(message, file=file, key="dataset.mocap.bodies")
-    pose = take.bodies[body.name]
+def _carried(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
+    """(P, N, 3) m in the world frame of the ``places`` (P, 3) m of a link with a body on it."""
     tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
-    mount = Rotation.from_euler("xyz", body.mount.rpy).as_matrix()
-    local = (places - np.array(body.mount.position)) @ mount
+    mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
+    local = (places - np.array(mounted.position)) @ mount
     carried = np.full((len(places), len(tracked), 3), np.nan)
     if tracked.any():
         turn = Rotation.from_quat(pose.quaternion[tracked]).as_matrix()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,10 +17,9 @@ from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
-from pipeline.recordings.disturbances import disturbances
-from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.movement import LoggedMovement, beside, read_logged_movement
-from pipeline.recordings.repetitions import REACH, SLACK, excursions, find_passes, stretch
+from pipeline.recordings.joint_logs import find_movements
+from pipeline.recordings.movement import LoggedMovement, read_logged_movement
+from pipeline.recordings.repetitions import REACH, SLACK
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
@@ -44,12 +44,15 @@ class FoundMotion:
     deviation: float = np.nan  # rad, the greatest of a command from the first one's
 
     def rest(self, rate: float) -> int:
-        """Steps at rest to keep on either side, at ``rate`` steps a second: KEPT, or half of the
-        shortest pause without the rows that ends may be off.
-        """
+        """Steps at rest to keep on either side: KEPT, or half of the shortest pause."""
         if self.pause is None:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
+
+    def like(self, ends: tuple, steps: int, circular: np.ndarray, reach: float, slack: int) -> bool:
+        """Return True for a motion of ``steps`` between ``ends`` within ``slack`` and ``reach``."""
+        off = apart(np.stack([self.start, self.end]), np.stack(ends), circular)
+        return bool(np.abs(off).max() <= reach and abs(self.steps - steps) <= slack)
 
 
 def motions(
@@ -62,39 +65,36 @@ def motions(
     chain, circular = chain_of(robot), circular_joints(robot.urdf, robot.joints)
     paths, listed = {}, []
 
-    def known(start: np.ndarray, end: np.ndarray, steps: int) -> FoundMotion | None:
-        for motion in listed:
-            ends = np.stack([motion.start, motion.end]), np.stack([start, end])
-            near = np.abs(apart(*ends, circular)).max() <= REACH
-            if near and abs(motion.steps - steps) <= SLACK:
-                return motion
-        return None
+    def known(ends: tuple[np.ndarray, np.ndarray], steps: int) -> FoundMotion | None:
+        return next((one for one in listed if one.like(ends, steps, circular, REACH, SLACK)), None)
 
     for name, movement in movements.items():
         columns = [movement.joints.index(joint) for joint in robot.joints]
-        paths[name] = movement.actual[:, columns], movement.target[:, columns]
-    for name, movement in movements.items():
-        target, runs = paths[name][1], excursions(movement.target, movement.speed)
+        target = movement.target[:, columns]
+        paths[name] = movement.actual[:, columns], target
+        runs = repetitions.excursions(movement.target, movement.speed)
         edges = [0, *(edge for run in runs for edge in (run.first, run.last)), len(target)]
         for run, before, after in zip(runs, edges[::2], edges[3::2], strict=False):
             rows = target[max(run.first - 1, 0) : run.last + 1]
             # other motions are of joints alone that the robot does not have
             if run.whole and np.ptp(rows, axis=0).max() > REACH:
                 pause, ends = min(run.first - before, after - run.last), (rows[0], rows[-1])
-                if not (motion := known(*ends, run.steps)):
+                if not (motion := known(ends, run.steps)):
                     listed.append(motion := FoundMotion(*ends, run.steps, pause))
                 motion.pause = min(motion.pause, pause)
                 motion.places.append((name, run.first))
     for _, target in paths.values() if not listed else ():
         for first, last in _stretches(target, chain):
-            ends = target[first], target[last], last - first
-            if not known(*ends):
+            ends, steps = (target[first], target[last]), last - first
+            if not known(ends, steps):
+                sought = {"ends": ends, "steps": steps, "rest": 0, "circular": circular}
+                find = partial(repetitions.find_repetitions, columns=slice(None), **sought)
                 places = [
                     (name, run.first)
                     for name, (_, other) in paths.items()
-                    for run in find_passes(other, *ends, circular).runs
+                    for run in find(other, other).runs
                 ]
-                listed += [FoundMotion(*ends, None, places)] if len(places) > 1 else []
+                listed += [FoundMotion(*ends, steps, None, places)] if len(places) > 1 else []
     for motion in listed:
         _compare(motion, paths, chain, rate, circular)
     return sorted(listed, key=lambda motion: -len(motion.places))
@@ -125,54 +125,44 @@ def _compare(
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
-    place = repetitions.in_phase if motion.pause is None else repetitions.align
     residuals, deviations, whole = [], [], []
     for name, row in motion.places:
-        if not SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
-            continue
-        path = beside(*paths[name], row, reference[0], circular)
-        start = place(path[1], row, reference)
-        actual, target = (stretch(q, start, len(reference)) for q in path)
-        residuals.append(actual - target)
-        deviations.append(np.abs(target - reference).max())
-        whole.append((name, row))
+        if SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
+            place = (*paths[name], row, reference, circular)
+            start, *pair = repetitions.matched(*place, passing=motion.pause is None)
+            actual, target = (repetitions.stretch(q, start, len(reference)) for q in pair)
+            residuals.append(actual - target)
+            deviations.append(np.abs(target - reference).max())
+            whole.append((name, row))
     if whole:
-        scores = disturbances(np.stack(residuals), [], rate)
+        scores = repetitions.disturbances(np.stack(residuals), [], rate)
         motion.deviation = float(np.max(deviations))
         motion.disturbed = [each for each, far in zip(whole, scores > BEYOND, strict=True) if far]
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the steps of every motion in the controller's logs of ``dataset``, most repetitions
-    first, without disturbed ones; empty for a command that neither rests nor repeats.
-    """
+    """Return the steps of every motion in the logs, most repetitions first, none disturbed."""
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
-    places = named_takes(Path(dataset.recordings), log.movements, key="dataset.joint_log.movements")
-    circular = circular_joints(robot.urdf, log.joints)
     movements = {
-        name: read_logged_movement(name, place, log, rate, circular)
-        for name, place in places.items()
+        name: read_logged_movement(name, place, log, rate, circular_joints(robot.urdf, log.joints))
+        for name, place in find_movements(Path(dataset.recordings), dataset).items()
     }
     columns = [log.joints.index(joint) for joint in robot.joints]
+    circular = circular_joints(robot.urdf, robot.joints)
     found, listed = [], []
     for motion in motions(movements, robot, rate):
-        rest, kept = motion.rest(rate), []
+        rest, kept, ends = motion.rest(rate), [], (motion.start, motion.end)
         for name, row in motion.places:
             rows = movements[name]
             first, last = max(row - 1 - rest, 0), row + motion.steps + rest
             if (name, row) not in motion.disturbed and last < len(rows.actual):
                 kept.append([q[first : last + 1, columns] for q in (rows.actual, rows.target)])
-        ends = np.concatenate([motion.start, motion.end])
-        known = [
-            size == motion.steps
-            and np.abs(apart(other, ends, np.tile(circular[columns], 2))).max() < SAME
-            for other, size in listed
-        ]
-        if not kept or any(known):
+        if not kept or any(one.like(ends, motion.steps, circular, SAME, 0) for one in listed):
             continue
-        listed.append((ends, motion.steps))
+        listed.append(motion)
         length = min(len(actual) for actual, _ in kept)
         actual, target = (np.stack([each[:length] for each in q]) for q in zip(*kept, strict=True))
         dq = np.diff(target, axis=1)
-        found.append(MotionSteps("", actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
-    return [each._replace(name=str(number)) for number, each in enumerate(found, 1)]
+        name = str(len(listed))
+        found.append(MotionSteps(name, actual[:, :-1], dq, np.diff(actual, axis=1) - dq))
+    return found

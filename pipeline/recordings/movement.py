@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import TURN, apart, turns_apart, unwrapped, whole_turns
+from pipeline.core.angles import TURN, apart, unwrapped, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
@@ -35,12 +35,9 @@ def read_movement(
     files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Read the signals (N, joints) of the logs ``files`` of one movement, as many rows as the
-    shortest log has, and their counts, ``rows_without_partner`` in another log among them.
-
-    Rows uneven by a tenth to half of a step (``uneven_rows``, ``clock_jitter`` in s) are taken row
-    by row by the ``clock`` rows, or interpolated by a cubic spline (``resampled_rows``) by times;
-    None refuses them. Raises RecordingError for clocks that disagree or do not keep to ``rate``
-    (1/s).
+    shortest log has, and their counts. Rows uneven by a tenth to half of a step are taken row by
+    row by the ``clock`` rows, or interpolated by a cubic spline by times; None refuses them. Raises
+    RecordingError for clocks that disagree or do not keep to ``rate`` (1/s).
     """
     from scipy.interpolate import CubicSpline
 
@@ -61,11 +58,9 @@ def read_movement(
     jitter = float(np.diff(time).std())
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
-        message = (
-            f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms: say "
-            "whether the rows follow each other at the rate (rows) or were measured at those times "
-            f"(times); row by row the angles are {smoother:.3g} times as smooth"
-        )
+        message = f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms:"
+        message += " do they follow each other at the rate (rows), or were they measured at those"
+        message += f" times (times)? row by row the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts |= {"uneven_rows": uneven, "clock_jitter": jitter}
     if clock == "times":
@@ -76,18 +71,14 @@ def read_movement(
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
-    """Return the smoothness of ``angles`` (N, joints) over the row, at ``rate``, divided by that
-    over the ``time`` (N,) s: the inverse ratio of the median root mean square third derivatives.
-    """
-
-    def roughness(clock: np.ndarray) -> float:
+    """Return the roughness of ``angles`` (N, joints) over the ``time`` (N,) s over that by rows."""
+    roughness = []
+    for clock in (time, np.arange(len(time)) / rate):
         derivative = angles
         for order in (1, 2, 3):
             derivative = np.diff(derivative, axis=0) / (clock[order:] - clock[:-order])[:, None]
-        return float(np.sqrt(np.median((derivative**2).sum(axis=1))))
-
-    by_rows = roughness(np.arange(len(time)) / rate)
-    return roughness(time) / by_rows if by_rows else np.inf
+        roughness.append(float(np.sqrt(np.median((derivative**2).sum(axis=1)))))
+    return roughness[0] / roughness[1] if roughness[1] else np.inf
 
 
 def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
@@ -95,17 +86,15 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     steps = np.diff(time)
     if not len(steps):
         return 0
-    off = np.abs(steps * rate - 1)
-    usual, mean = float(np.median(steps)), (time[-1] - time[0]) / len(steps)
-    row, key = int(np.argmax(off > JITTER)), "dataset.motion.rate"
-    if abs(usual * rate - 1) > JITTER:
-        found = f"{usual:.6g} s as a rule"
-        cause = f"is its rate {1 / usual:.6g} 1/s, and its time_unit right?"
-    elif off.max() > JITTER:
-        found, key = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start", None
-        cause = "samples are missing" if steps[row] * rate > 1 else "rows stand too close"
-    elif abs(mean * rate - 1) > RATE_TOLERANCE:
-        found, cause = f"{mean:.6g} s on average", f"is its rate {1 / mean:.6g} 1/s?"
+    off, mean, key = np.abs(steps * rate - 1), (time[-1] - time[0]) / len(steps), None
+    another = abs(mean * rate - 1) > RATE_TOLERANCE
+    if off.max() > JITTER and not (another and np.median(off) > JITTER):
+        row = int(np.argmax(off > JITTER))
+        found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start"
+        cause = "samples are missing" if steps[row] * rate > 1 else "rows are too close"
+    elif another:
+        found, key = f"{mean:.6g} s on average", "dataset.motion.rate"
+        cause = f"is its rate {1 / mean:.6g} 1/s, and its time_unit right?"
     else:
         return int((off > CLOCK_TOLERANCE).sum())
     message = f"the log steps by {found}, not by 1/{rate:g} s: {cause}"
@@ -114,40 +103,34 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
     """Read the log in ``file`` in whichever format it begins, else as a plain table; signals times
-    their factors, angles without jumps of whole turns (``unwrapped_jumps``), prismatic joints in m.
-    Raises RecordingError for other joints, angles beyond four turns, and jumps of no whole turns.
+    their factors, angles without jumps of whole turns. Raises RecordingError for other joints,
+    angles beyond four turns, and jumps of no whole turns.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
     log = chosen.read(file, options)
-    wanted = options.signals or log.signals
-    signals = {name: rows for name, rows in log.signals.items() if name in wanted}
-    key, message = f"{OPTION}.joints", ""
-    if wrong := {rows.shape[1] for rows in signals.values()} - {options.joints}:
-        message = f"the log holds {wrong.pop()} joints, not {options.joints}"
-    elif log.joints and options.names and log.joints != tuple(options.names):
+    names, signals, jumps = options.names or log.joints, {}, 0
+    if log.joints and options.names and log.joints != tuple(options.names):
         message = f"the log states its joints as {', '.join(log.joints)}"
-    jumps, names = 0, options.names or log.joints
-    for name, rows in signals.items() if not message else ():
-        if name in options.factors:
-            rows = rows * np.asarray(options.factors[name])
+        raise RecordingError(message, file=file, key=f"{OPTION}.joints")
+    for name in (each for each in log.signals if each in (options.signals or log.signals)):
+        rows = log.signals[name] * np.asarray(options.factors.get(name, 1.0))
+        if rows.shape[1] != options.joints:
+            message = f"the log holds {rows.shape[1]} joints, not {options.joints}"
+            raise RecordingError(message, file=file, key=f"{OPTION}.joints")
         if name in SIGNALS:
-            if options.angle_unit == "deg" and not np.all(options.circular):
+            if options.angle_unit == "deg":
                 rows = np.where(options.circular, rows, np.degrees(rows))
             greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
             if greatest.max() > MOST_TURNS * TURN:
-                at, key = log.time[greatest.argmax()] - log.time[0], f"{OPTION}.angle_unit"
-                message = (
-                    f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from the start is "
-                    f"not a joint of an arm: is the angle_unit {options.angle_unit}?"
-                )
-                break
-        if name in ("actual", "target"):
+                at = log.time[greatest.argmax()] - log.time[0]
+                message = f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start"
+                message += f" is not a joint of an arm: is the angle_unit {options.angle_unit}?"
+                raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
+        if name in SIGNALS[:2]:
             where = {"circular": options.circular, "signal": name, "file": file}
             rows, removed = unwrapped(rows, log.time, names, **where)
             jumps += removed
         signals[name] = rows
-    if message:
-        raise RecordingError(message, file=file, key=key)
     return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
 
 
@@ -158,26 +141,21 @@ def require_speeds(
     urdf: str,
     **evidence: object,
 ) -> None:
-    """Raise RecordingError where ``angles`` (N, joints) rad, or m, of a signal step faster in
-    ``time`` (N,) s than the velocity limit of their joint in ``urdf``; a limit of 0 is none.
-    """
-    for column, joint in enumerate(named_joints(urdf, names)):
-        limit = ((joint and joint.limits) or {}).get("velocity", 0.0)
-        unit = "m" if joint and joint.kind == "prismatic" else "rad"
-        for signal, rows in angles.items() if limit > 0 else ():
-            steps, seconds = np.abs(np.diff(rows[:, column])), np.diff(time)
-            beyond = steps > FASTER * limit * seconds + STEP_NOISE
-            if beyond.any():
-                row = int(np.argmax(beyond))
-                at = round(float(time[row + 1] - time[0]), 6)
-                step, speed = steps[row], steps[row] / seconds[row]
-                message = (
-                    f"{joint.name} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the start"
-                    f": {speed:.4g} {unit}/s, where the robot's URDF allows {limit:.4g} {unit}/s; "
-                    "leave this part of the log out, or correct the velocity limit of the joint in "
-                    "the URDF"
-                )
-                raise RecordingError(message, **evidence, joint=joint.name, time=at)
+    """Raise RecordingError where ``angles`` (N, joints) step beyond a speed limit of ``urdf``."""
+    known = named_joints(urdf, names)
+    limits = [((joint and joint.limits) or {}).get("velocity", 0.0) or np.inf for joint in known]
+    for signal, rows in angles.items():
+        steps, seconds = np.abs(np.diff(rows, axis=0)), np.diff(time)[:, None]
+        beyond = steps > FASTER * np.array(limits) * seconds + STEP_NOISE
+        if beyond.any():
+            row, column = np.argwhere(beyond)[0].tolist()
+            unit = "m" if known[column].kind == "prismatic" else "rad"
+            at, step = round(float(time[row + 1] - time[0]), 6), steps[row, column]
+            speed, limit = (f"{v:.4g} {unit}/s" for v in (step / seconds[row, 0], limits[column]))
+            message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
+            message += f" start: {speed}, where the robot's URDF allows {limit}; leave this part of"
+            message += " the log out, or correct the velocity limit of the joint in the URDF"
+            raise RecordingError(message, **evidence, joint=names[column], time=at)
 
 
 class LoggedMovement(NamedTuple):
@@ -189,35 +167,18 @@ class LoggedMovement(NamedTuple):
     speed: np.ndarray  # (N, joints) rad/s, commanded
     others: Mapping[str, np.ndarray]  # (N, joints) each, other signals in any unit
     counts: Mapping[str, float]  # of rows, but for those of UNITS
-    circular: np.ndarray | bool = True  # (joints,) whether a joint turns
+    circular: np.ndarray  # (joints,) which joints turn
 
     def require_held(self, rows: slice, locked: Mapping[str, float], **evidence: object) -> None:
         """RecordingError for joints not within 0.01 rad of their ``locked`` angle in ``rows``."""
-        circular = np.broadcast_to(self.circular, len(self.joints))
         for joint in sorted({*locked} & {*self.joints}):
             angle, column = locked[joint], self.joints.index(joint)
             measured = self.actual[rows, column]
-            if np.abs(apart(measured, angle, circular[column])).max() > REACH:
-                message = (
-                    f"{joint} is held at {angle:.4g} rad, and was logged from "
-                    f"{measured.min():.4g} to {measured.max():.4g} rad: lock it there, or choose a "
-                    "motion in which it does not move"
-                )
+            if np.abs(apart(measured, angle, self.circular[column])).max() > REACH:
+                message = f"{joint} is held at {angle:.4g} rad, and was logged from"
+                message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it there, or"
+                message += " choose a motion in which it does not move"
                 raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
-
-
-def beside(
-    actual: np.ndarray,
-    target: np.ndarray,
-    row: int,
-    angles: np.ndarray,
-    circular: np.ndarray | bool = True,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``actual`` and ``target`` (N, n) moved by the whole turns of ``circular`` joints that
-    take the command of the ``row`` nearest to ``angles`` (n,), all in rad.
-    """
-    turns = TURN * turns_apart(angles, target[row], circular)
-    return actual + turns, target + turns
 
 
 def read_logged_movement(
@@ -228,9 +189,10 @@ def read_logged_movement(
     circular: np.ndarray | bool = True,
 ) -> LoggedMovement:
     """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
-    ``circular``: which joints turn. Raises RecordingError for logs that cannot be read, have no
-    even clock or are no pair; ConfigError where the options do not say where both stand.
+    ``circular``: which joints turn. Raises RecordingError for logs that are no pair on an even
+    clock; ConfigError where the options do not name their columns or delay.
     """
+    circular = np.broadcast_to(circular, len(options.joints))
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
     for signal in () if single else SIGNALS:
@@ -242,27 +204,20 @@ def read_logged_movement(
         angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
         wanted[file] = (wanted.get(file) or angles) | {signal: columns}
     keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
-    common = LogOptions(
-        **{key: getattr(options, key) for key in keys},
-        rate=rate,
-        joints=len(options.joints),
-        names=options.joints,
-        factors={}
-        if options.target_factor == 1
-        else dict.fromkeys(SIGNALS[1:], options.target_factor),
-        circular=circular,
-    )
-    files = {file: replace(common, signals=signals) for file, signals in wanted.items()}
+    common = {key: getattr(options, key) for key in keys}
+    common |= {"rate": rate, "circular": circular, "joints": len(circular), "names": options.joints}
+    common["factors"] = dict.fromkeys(SIGNALS[1:], options.target_factor)
+    files = {file: LogOptions(**common, signals=signals) for file, signals in wanted.items()}
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
         where = "signals" if single else " and ".join(missing)
         message = f"nothing says where {name} holds the {' and '.join(missing)} angles"
-        raise ConfigError(message, key=f"dataset.joint_log.{where}")
+        raise ConfigError(message, key=f"{OPTION}.{where}")
     delay = options.target_delay
     if isinstance(delay, Mapping):
         if name not in delay:
             message = f"no delay for the movement {name}; there are {', '.join(delay)}"
-            raise ConfigError(message, key="dataset.joint_log.target_delay")
+            raise ConfigError(message, key=f"{OPTION}.target_delay")
         delay = delay[name]
     early = round(delay * rate)
     actual, target = delayed(signals["actual"], signals["target"], early)

@@ -1,8 +1,4 @@
-"""Pairs of measured and commanded angles, and the unit, order or clock that makes them one.
-
-How fast the whole arm moves depends neither on order nor on signs, and how far its joints turn in
-all shows the unit; so each is found without the others.
-"""
+"""Pairs of measured and commanded angles, and the unit, order or clock that makes them one."""
 
 from __future__ import annotations
 
@@ -24,9 +20,9 @@ SMOOTHING = 0.02  # s, over which the speed of the arm is taken
 PEAKS, NEAR = 8, 0.8  # delays that are tried: those of the highest correlations, down to this share
 SAME = 0.02  # of a factor, up to which it is one of those that unit conversions have
 ORDER_GAIN = 0.5  # of what is left: another order or sign has to leave less than this of it
-TURN = 180 / np.pi
-FACTORS = {"1": 1.0, "180/π": TURN, "π/180": 1 / TURN, "(180/π)²": TURN**2, "(π/180)²": TURN**-2}
-FACTORS |= {"2π": 2 * np.pi, "1/2π": 1 / (2 * np.pi)}
+DEGREES, TURN = 180 / np.pi, 2 * np.pi
+FACTORS = {"1": 1.0, "180/π": DEGREES, "π/180": 1 / DEGREES, "(180/π)²": DEGREES**2}
+FACTORS |= {"(π/180)²": DEGREES**-2, "2π": TURN, "1/2π": 1 / TURN}
 
 
 class Pairing(NamedTuple):
@@ -37,7 +33,7 @@ class Pairing(NamedTuple):
     delay: int  # rows by which the command is early
 
     def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The rows of both (N − |delay|, n) that belong together, in rad."""
+        """Return the rows of both (N − |delay|, n) that belong together, in rad."""
         actual, target = delayed(actual, target, self.delay)
         return actual, target[:, self.order] * self.factor
 
@@ -53,9 +49,9 @@ def delayed(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarr
 
 
 def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return (n,) the tracking error of each joint over its motion, a tenth of the farthest joint's
-    and STILL at least: the 0.9 quantile over the rows of ``actual`` and ``target`` (N, n) in rad at
-    which the command moves, or rests, whichever is more.
+    """Return (n,) the tracking error of each joint divided by its motion (a tenth of the farthest
+    joint's and STILL at least): the greater 0.9 quantile over the rows of ``actual`` and ``target``
+    (N, n) rad at which the command moves, or rests.
     """
     residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
@@ -66,9 +62,7 @@ def missed(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def pairing_of(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """Return the pairing of ``actual`` and ``target`` (N, n) in rad, at ``rate`` rows a second,
-    that leaves the least error; the plain one where no other leaves clearly less.
-    """
+    """Return the pairing of least error, the plain one where no other leaves clearly less."""
     best = _plain(actual.shape[1])
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return best
@@ -98,14 +92,11 @@ def require_pair(
     motion, or the arm lags by more than LATEST. Unit, order and clock are named with their option.
     """
     missing = missed(actual, target)
-    worst = int(missing.argmax())
+    worst, late = int(missing.argmax()), lag(target, actual, rate)  # NaN of a command at rest
     if missing[worst] > limit:
-        fault = (
-            f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (or of a "
-            f"tenth of the farthest joint's; 0.9 quantile over the rows), more than {limit:g} "
-            "(mismatch)"
-        )
-    elif abs(late := lag(target, actual, rate)) > LATEST:  # of a command at rest there is none
+        fault = f"{joints[worst]} misses its command by {missing[worst]:.2g} of its motion (0.9"
+        fault += f" quantile over the rows), more than {limit:g} (mismatch)"
+    elif abs(late) > LATEST:
         fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
     else:
         return
@@ -117,8 +108,7 @@ def require_pair(
     ]
     cause = "no other unit, order or clock makes them one: are they of one movement?"
     if words and left <= limit:
-        are = "are" if len(words) > 1 else "is"
-        cause = f"suspected {are} {', '.join(words)}; that leaves {left:.2g}"
+        cause = f"suspected: {', '.join(words)}; that leaves {left:.2g}"
     message = f"measured and commanded angles are no pair: {fault}; {cause}"
     raise RecordingError(message, **evidence, key=OPTION)
 
@@ -126,27 +116,21 @@ def require_pair(
 def suspects(
     pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
 ) -> Iterator[tuple[str, str, str, float]]:
-    """Yield each change in a ``pairing``: in words, its option, the option's value, and the share
-    of the motion that is left without it.
-    """
-    plain = _plain(len(pairing.order))
-
-    def without(name: str) -> float:
-        return pairing._replace(**{name: getattr(plain, name)}).left(actual, target)
-
-    if (pairing.factor != 1).any():
-        factors = [f"{factor:.16g}" for factor in pairing.factor]
-        value = factors[0] if len(set(factors)) == 1 else f"[{', '.join(factors)}]"
-        named = [name for name, known in FACTORS.items() if known == abs(pairing.factor[0])]
-        what = f"unit, {named[0]}" if named else "unit"
-        what = "sign" if (np.abs(pairing.factor) == 1).all() else what
-        yield what, f"{OPTION}.target_factor", value, without("factor")
-    if (pairing.order != plain.order).any():
-        value = f"the commanded columns in the order {[int(j) + 1 for j in pairing.order]}"
-        yield "order", f"{OPTION}.signals", value, without("order")
-    if pairing.delay:
-        delay = f"{pairing.delay / rate:.6g}"
-        yield "clock", f"{OPTION}.target_delay", delay, without("delay")
+    """Yield each change of a ``pairing``: words, option, value, and the error left without it."""
+    plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
+    same = len(set(factor.tolist())) == 1
+    unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
+    what = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
+    value = f"{factor[0]:.16g}" if same else f"[{', '.join(f'{each:.16g}' for each in factor)}]"
+    columns = f"the commanded columns in the order {[int(j) + 1 for j in order]}"
+    for changed, field, option, found, stated in (
+        ((factor != 1).any(), "factor", "target_factor", what, value),
+        ((order != plain.order).any(), "order", "signals", "order", columns),
+        (delay != 0, "delay", "target_delay", "clock", f"{delay / rate:.6g}"),
+    ):
+        if changed:
+            without = pairing._replace(**{field: getattr(plain, field)})
+            yield found, f"{OPTION}.{option}", stated, without.left(actual, target)
 
 
 def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
@@ -155,7 +139,7 @@ def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
 
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     """Rows by which the command may be early: 0, and correlation peaks of the arm's speeds."""
-    from scipy.signal import correlate, correlation_lags
+    from scipy.signal import correlate, correlation_lags, find_peaks
 
     width = max(1, round(SMOOTHING * rate))
     speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
@@ -164,8 +148,7 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
     alike, rows = correlate(measured, commanded)[near], rows[near]
     alike = alike / (len(measured) - np.abs(rows))  # a longer delay leaves fewer rows
-    peak = np.flatnonzero((alike[1:-1] >= alike[:-2]) & (alike[1:-1] > alike[2:])) + 1
-    peak = peak[alike[peak] > NEAR * alike.max()]
+    peak = find_peaks(alike, height=NEAR * alike.max())[0]
     highest = peak[np.argsort(-alike[peak])[:PEAKS]]
     return sorted({0, *rows[highest].tolist()}, key=abs)
 
@@ -175,7 +158,7 @@ def _settled(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
     from scipy.optimize import linear_sum_assignment
 
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
-    if not motion:  # the command moves in none of these rows
+    if not motion:
         return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)

@@ -33,9 +33,7 @@ def quality_row(
 
 
 def summarised(quality: pd.DataFrame) -> pd.DataFrame:
-    """Sum up the table ``quality`` by instrument, quantity and unit: ``total`` of counts or
-    ``mean`` of the rest, least, greatest.
-    """
+    """Sum up ``quality`` by instrument and quantity: total of counts, mean of others, extremes."""
     summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
     table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
     counted = table["unit"] == "count"
@@ -45,29 +43,8 @@ def summarised(quality: pd.DataFrame) -> pd.DataFrame:
 def metrics(summary: pd.DataFrame) -> dict[str, float]:
     """Name totals of counts and means of the rest of :func:`summarised`."""
     names = summary["instrument"].str.replace(" ", "_") + "_" + summary["quantity"]
-    counted = summary["unit"] == "count"
-    names = names.where(counted, "mean_" + names)
-    return dict(zip(names, summary["total"].where(counted, summary["mean"]), strict=True))
-
-
-def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
-    """Return a row a take of the table ``takes``: measures, whether and why it is left out."""
-    unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
-    column = takes["measure"] + unit
-    wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
-    order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
-    table = order[["part"]].join(wide[list(dict.fromkeys(column))])
-    reason = pd.Series(_beyond(takes, "; "), dtype="str")
-    return table.assign(left_out=order["left_out"], reason=reason).reset_index()
-
-
-def _beyond(takes: pd.DataFrame, separator: str) -> dict[str, str]:
-    """Take → its measures beyond their limits, in words."""
-    words: dict[str, list[str]] = {}
-    for row in takes[takes["beyond"]].itertuples():
-        one = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
-        words.setdefault(row.take, []).append(one)
-    return {take: separator.join(each) for take, each in words.items()}
+    names = names.where(summary["unit"] == "count", "mean_" + names)
+    return dict(zip(names, summary["total"].fillna(summary["mean"]), strict=True))
 
 
 def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
@@ -75,8 +52,7 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
     (in the measure's unit; None: no limit), and whether the take is left out; training takes first.
     """
     takes = quality[quality["quantity"].isin(MEASURES)].rename(columns={"quantity": "measure"})
-    stated = {name: limit for name, limit in limits.items() if limit is not None}
-    takes = takes.assign(limit=takes["measure"].map(stated).astype(float))
+    takes = takes.assign(limit=takes["measure"].map(limits).astype(float))
     size = takes["value"].abs().where(takes["measure"].isin(TWO_SIDED), takes["value"])
     takes["beyond"] = size > takes["limit"]
     takes["left_out"] = takes["beyond"].groupby(takes["take"]).transform("any")
@@ -86,9 +62,29 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
     return takes.drop(columns=["instrument", "place"])
 
 
+def _reasons(takes: pd.DataFrame) -> dict[str, str]:
+    """Take → its measures beyond their limits, in words."""
+    words: dict[str, str] = {}
+    for row in takes[takes["beyond"]].itertuples():
+        one = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
+        words[row.take] = f"{words[row.take]}, {one}" if row.take in words else one
+    return words
+
+
 def reasons(takes: pd.DataFrame) -> list[str]:
     """Name every take that is left out and why, in the order of the table ``takes``."""
-    return [f"{take} ({words})" for take, words in _beyond(takes, ", ").items()]
+    return [f"{take} ({words})" for take, words in _reasons(takes).items()]
+
+
+def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
+    """Return a row a take of the table ``takes``: measures, whether and why it is left out."""
+    unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
+    column = takes["measure"] + unit
+    wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
+    order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
+    table = order[["part"]].join(wide[list(dict.fromkeys(column))])
+    reason = pd.Series(_reasons(takes), dtype="str")
+    return table.assign(left_out=order["left_out"], reason=reason).reset_index()
 
 
 def require_enough(takes: pd.DataFrame) -> None:
@@ -97,22 +93,17 @@ def require_enough(takes: pd.DataFrame) -> None:
         left_out = rows[rows["left_out"]]
         staying = rows["take"].nunique() - left_out["take"].nunique()
         if len(left_out) and staying < FEWEST:
-            message = (
-                f"the limits leave {staying} {part} take(s) where {FEWEST} are needed; beyond "
-                f"them are {'; '.join(reasons(rows))}: "
-                "record these takes again, or state other limits"
-            )
+            message = f"the limits leave {staying} {part} take(s) where {FEWEST} are needed; beyond"
+            message += f" them are {'; '.join(reasons(rows))}: record these takes again, or state"
             beyond = left_out.loc[left_out["beyond"], "measure"].unique()
-            keys = [f"dataset.limits.{measure}" for measure in beyond]
-            raise RecordingError(message, key=", ".join(keys))
+            keys = ", ".join(f"dataset.limits.{measure}" for measure in beyond)
+            raise RecordingError(f"{message} other limits", key=keys)
 
 
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return a row per step and recording: ``found``, ``kept``, and what is ``left_out`` in words.
-    ``files`` of each part, as of :func:`pipeline.recordings.inventory.by_part`; the tables.
-    """
+    """Return a row per step and recording: found, kept, and what is left out in words."""
     names = [set(table["file"]) for table in files]
     present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
     places = Counter(name.partition("/")[0] for name in other)
@@ -123,9 +114,9 @@ def account(
     counts = quality[quality["quantity"].str.startswith((REPETITIONS, LEFT_OUT))]
     for movement, of_movement in counts.groupby("take"):
         number = of_movement.set_index("quantity")["value"].astype(int)
-        lost = number.drop(REPETITIONS)
-        lost.index = lost.index.str.removeprefix(LEFT_OUT).str.replace("_", " ")
-        words = ", ".join(f"{name} {count}" for name, count in lost[lost > 0].items())
+        lost = number[(number > 0) & (number.index != REPETITIONS)]
+        reason = lost.index.str.removeprefix(LEFT_OUT).str.replace("_", " ")
+        words = ", ".join(f"{name} {count}" for name, count in zip(reason, lost, strict=True))
         rows.append(("motions", movement, number.sum(), number[REPETITIONS], words))
     for part, of_part in takes.groupby("part", sort=False):
         present = of_part["take"].nunique()

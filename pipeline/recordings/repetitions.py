@@ -1,4 +1,4 @@
-"""Repetitions of one commanded motion in a robot's log, found by what was commanded."""
+"""Repetitions of one commanded motion in a robot's log, and disturbed ones among them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import apart
+from pipeline.core.angles import TURN, apart, turns_apart
 
 # rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
 # near are the same
 REACH = 0.01
 REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
 PHASE_ROUNDS = 4  # each squares what is left of the phase
+# of the median, by which undisturbed repetitions differ, however few there are to show it; and of
+# the median over all joints, by which a joint differs
+LEAST_SPREAD = 0.25
+LEAST_IN_WINDOWS = 0.45  # of the median likewise: the greatest of many differs by more
+WINDOW = 0.25  # s, as a push by hand lasts
+OVERLAP = 4  # windows begin within the time of one
 SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
 
 
@@ -31,20 +37,15 @@ class Excursion(NamedTuple):
 
     def lack(self, rows: int) -> str:
         """Name what keeps the motion from being whole in a log of so many ``rows``; "" if whole."""
-        if self.whole:
-            return ""
-        # the first row has no step before it
-        at_start, at_end = self.first <= 1, self.last >= rows
-        if at_start and at_end:
-            return "a command that never rests, to be cut with rest: 0"
+        at_start, at_end = self.first <= 1, self.last >= rows  # the first row has no step before it
+        if self.whole or (at_start and at_end):
+            return "" if self.whole else "a command that never rests, to be cut with rest: 0"
         edge = "start" if at_start else "end"
         return f"a motion from row {self.first}, cut off by the {edge} of the log"
 
 
 class Repetitions(NamedTuple):
-    """Whole repetitions of one motion in a log, and the first rows of other excursions by reason:
-    cut_off, other_motion, too_little_rest; overlapping in passing.
-    """
+    """Whole repetitions of one motion in a log, and first rows of other excursions by reason."""
 
     runs: list[Excursion]
     left_out: dict[str, list[int]]
@@ -59,9 +60,7 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Find every motion in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N, joints)
-    rad/s: at rest a controller commands at most ``rest_speed``, while the angle may creep.
-    """
+    """Find every motion in a log of commanded ``angles`` (N, joints) rad, ``speeds`` rad/s."""
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
         for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
@@ -70,9 +69,7 @@ def excursions(
 
 
 def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
-    """Return speeds (N, joints) in rad/s for a controller that logs none: steps of commanded
-    ``angles`` (N, joints) at ``rate`` (1/s), 0 outside :func:`excursions`.
-    """
+    """Return (N, joints) rad/s, the steps of commanded ``angles``, 0 outside :func:`excursions`."""
     steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
     speeds = np.zeros_like(steps)
     for run in excursions(angles, steps, rest_speed):
@@ -84,27 +81,28 @@ def find_repetitions(
     angles: np.ndarray,
     speeds: np.ndarray,
     columns: Sequence[int],
-    start: Sequence[float],
-    end: Sequence[float],
+    ends: Sequence[Sequence[float]],
     *,
     steps: int,
     rest: int,
     rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the whole :func:`excursions` that take the joints ``columns`` from ``start`` to ``end``
-    (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at rest on
-    either side.
+    """Find the whole :func:`excursions` that take the joints ``columns`` from one to the other of
+    the ``ends`` (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at
+    rest on either side; with ``rest`` 0 the :func:`_passes`.
     """
+    if not rest:
+        return _passes(angles[:, columns], ends, steps, circular)
     moving = np.any(np.abs(speeds) > rest_speed, axis=1)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in excursions(angles, speeds, rest_speed):
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
-        ends = angles[[run.first - 1, run.last]][:, list(columns)]
+        own = angles[[run.first - 1, run.last]][:, columns]
         before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
-        away = np.abs(apart(ends, np.stack([start, end]), circular)).max()
+        away = np.abs(apart(own, np.stack(ends), circular)).max()
         near = moving[max(before, 0) : run.first].any() or moving[run.last : after].any()
         if away > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)
@@ -115,22 +113,15 @@ def find_repetitions(
     return Repetitions(runs, left_out)
 
 
-def find_passes(
-    angles: np.ndarray,
-    start: Sequence[float],
-    end: Sequence[float],
-    steps: int,
-    circular: np.ndarray | bool = True,
+def _passes(
+    angles: np.ndarray, ends: Sequence[Sequence[float]], steps: int, circular: np.ndarray | bool
 ) -> Repetitions:
-    """Find the stretches of ``steps`` steps in which commanded ``angles`` (N, joints) that never
-    rest pass ``start`` and then ``end`` within 0.01 rad, nearest of the rows around; those that
-    begin before the end of the one before are left out.
-    """
+    """Stretches of ``steps`` steps in which ``angles`` pass the ``ends`` within 0.01 rad."""
     runs, left_out = [], {"overlapping": []}
     if len(angles) <= steps:
         return Repetitions(runs, left_out)
-    ends = (angles[:-steps], start), (angles[steps:], end)
-    distances = [apart(rows, np.array(place), circular) for rows, place in ends]
+    rows = angles[:-steps], angles[steps:]
+    distances = [apart(*each, circular) for each in zip(rows, np.array(ends), strict=True)]
     away = np.abs(np.hstack(distances)).max(axis=1)
     for begin, stop in _runs(away <= REACH):
         first = begin + int(away[begin:stop].argmin())
@@ -142,15 +133,36 @@ def find_passes(
 
 
 def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
-    """Return the place between rows near ``first`` from which ``angles`` (N, joints) follow
-    ``reference`` (K, joints) in rad by least squares: a period is seldom whole rows.
-    """
+    """Return the place between rows from which ``angles`` follow ``reference`` by least squares."""
     place = float(first)
     for _ in range(PHASE_ROUNDS):
         late = lag(reference, stretch(angles, place, len(reference)), 1.0)
         place = float(np.clip(place + late, max(0, first - SLACK), first + SLACK))
         place = min(place, float(len(angles) - len(reference)))
     return place
+
+
+def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
+    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
+    rows = range(first - SLACK, first + SLACK + 1)
+    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
+
+
+def matched(
+    actual: np.ndarray,
+    target: np.ndarray,
+    row: int,
+    reference: np.ndarray,
+    circular: np.ndarray | bool,
+    *,
+    passing: bool,
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the place near ``row`` from which the command ``target`` follows ``reference`` (K, n),
+    between rows for a motion in ``passing``; and both angles (N, n) in rad, moved by whole turns.
+    """
+    turns = TURN * turns_apart(reference[0], target[row], circular)
+    place = in_phase if passing else align
+    return place(target + turns, row, reference), actual + turns, target + turns
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
@@ -162,17 +174,52 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
     return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))
 
 
-def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
-    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
-    rows = range(first - SLACK, first + SLACK + 1)
-    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
-
-
 def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Return the time in s by which ``measured`` angles (K, joints) trail the ``commanded`` ones at
-    ``rate`` (1/s), by least squares to first order; NaN of a command that moves no joint.
-    """
+    """Return the s by which ``measured`` angles trail the ``commanded``; NaN without a motion."""
     if not np.ptp(commanded, axis=0).max() > REACH:
         return np.nan
     velocity = np.gradient(commanded, axis=0) * rate
     return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))
+
+
+def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
+    """Return (takes,) the distance of each repetition from the others, in robust standard
+    deviations (1.4826 times the median absolute deviation, no less than a share of the median) from
+    their median: as a whole, by the root mean square, or in the joint and window where it is
+    greatest, by the mean. ``residuals`` (takes, K, joints) rad, measured minus commanded angles at
+    ``rate`` rows a second; ``others`` likewise, as currents. Of two repetitions none is disturbed.
+    """
+    signals = [residuals, *others]
+    farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
+    whole = [_scores(beside_others(signal), LEAST_SPREAD) for signal in signals]
+    return np.max([_scores(farthest, LEAST_IN_WINDOWS), *whole], axis=0)
+
+
+def beside_others(signal: np.ndarray) -> np.ndarray:
+    """Return (takes,) the root mean square of ``signal`` beside its median at each step."""
+    return np.sqrt(np.mean(_beside(signal) ** 2, axis=(-2, -1)))
+
+
+def _beside(signal: np.ndarray) -> np.ndarray:
+    return signal - np.median(signal, axis=0)
+
+
+def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
+    """(takes,) greatest mean over a window of a joint beside the median, over the usual one."""
+    beside, length = _beside(signal), signal.shape[1]
+    rows = min(max(round(WINDOW * rate), 1), length)
+    starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
+    sums = np.cumsum(np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1)
+    means = np.abs(sums[:, starts + rows] - sums[:, starts]) / rows
+    here, of_joint, of_all = (np.median(means, axes, keepdims=True) for axes in (0, (0, 1), None))
+    usual = np.maximum(here, np.maximum(of_joint, LEAST_SPREAD * of_all))
+    ratios = np.divide(means, usual, out=np.ones_like(means), where=usual > 0)
+    return ratios.max(axis=(1, 2))
+
+
+def _scores(distance: np.ndarray, least: float) -> np.ndarray:
+    """Distance (takes,) from its median, in robust standard deviations."""
+    off = distance - np.median(distance)
+    deviation = 1.4826 * np.median(np.abs(off))
+    scale = np.maximum(deviation, least * (distance - off))
+    return np.divide(off, scale, out=np.zeros_like(off), where=scale > 0)

@@ -122,7 +122,7 @@ def _write_in_plane(
     frames = session.depth_frames(motion.swing, duration, laboratory["clock"], stream)
     world = (*_base(dataset), options, stream)
     observed = mocap.capture(arm, motion.motion_capture, markers, *world)
-    _write_take(name, observed.markers, {}, dataset, folder)
+    _write_take(name, observed, {}, dataset, folder)
     if part == "training":
         return None
     camera = DepthCamera(arm, laboratory["kinect"], bias)

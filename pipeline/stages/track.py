@@ -113,7 +113,6 @@ def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
     rows += [("longest_gap", gap, "frames"), ("residual_rms", residual, "m")]
     if "relabelled" in track.counts:
         rows.append(("relabelled_share", track.counts["relabelled"] / samples, "share"))
-    rows += [(f"standard_error_{joint}", error, "rad") for joint, error in track.errors.items()]
     return [quality_row(take, part, "motion capture", *row) for row in rows]
 
 

@@ -13,8 +13,6 @@ from scipy.special import i0e, i1e
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
 from pipeline.laboratory.options import (
-    DynamicsOptions,
-    KinectOptions,
     Robots,
     TrajectoryOptions,
     Transducer,
@@ -99,7 +97,8 @@ def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_t
 def test_directions_in_space_spread_by_their_concentration_alike_in_all_directions(kappa):
     azimuth, elevation, many = 0.4, 0.8, 600
     cables = Cables([1.0] * many, [azimuth] * many, [elevation] * many)
-    e = directions(cables, np.full(many, kappa), 0.4, 60, 2.0, np.random.default_rng(41))
+    robots = Robots(tension_sd=(1.0,) * many, concentration=(kappa,) * many, wander_time=0.4)
+    e = directions(cables, robots, 60, 2.0, np.random.default_rng(41))
     level = np.cos(elevation)
     mean = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
     sideways = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
@@ -131,22 +130,17 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
         assert noise == pytest.approx(transducer.noise[channel], rel=0.01)
 
 
-def test_a_cable_never_pushes_and_the_samples_where_it_would_are_counted():
+def test_a_cable_never_pushes():
     rng = np.random.default_rng(35)
     record = record_force(CABLES._replace(tension=[2.0, 7.0, 2.0]), ROBOTS, SILENT, 0.0, 60.0, rng)
     assert record.tension.min() == 0.0
-    assert record.slack == np.sum(record.tension == 0.0) > 0
-    taut = record_force(CABLES, replace(ROBOTS, tension_sd=(0.1, 0.1, 0.1)), SILENT, 5.0, 60.0, rng)
-    assert taut.slack == 0 < taut.tension[taut.time >= 5.0].min()
+    assert np.sum(record.tension == 0.0) > 0
 
 
 MOTION = TrajectoryOptions(folded=(0.0, 0.0), extended=(0.5, 0.5))
 REFUSALS = [  # options, a change that makes no sense, the key of the fault
     (MOTION, {"folded": (0.0,)}, "extended"),
     (MOTION, {"rest": 0.6}, "duration"),
-    (DynamicsOptions(), {"servo_gain": 1000.0}, "servo_gain"),
-    (KinectOptions(), {"range": (4.5, 0.5)}, "range"),
-    (KinectOptions(), {"edge_lost": 0.9, "edge_mixed": 0.2}, "edge_mixed"),
     (ROBOTS, {"concentration": (100.0,)}, "concentration"),
 ]
 

@@ -14,10 +14,8 @@ from pipeline.laboratory.dynamics import (
     draw,
     lagged_correlation,
     lagged_noise,
-    session_offset,
     simulate_take,
     swing,
-    true_chain,
 )
 from pipeline.laboratory.options import ClockOptions, EncoderOptions
 from pipeline.laboratory.session import depth_frames, log_joints, open_session, perform
@@ -52,11 +50,6 @@ def lagged(x: np.ndarray) -> np.ndarray:
     time.
     """
     return (1 + x + 2 * x**2 / 5 + x**3 / 15) * np.exp(-x)
-
-
-def later(x: np.ndarray, lag: int) -> float:
-    """Correlation of paths along axis 1, of zero mean, with themselves ``lag`` steps later."""
-    return float(np.mean(x[:, lag:] * x[:, :-lag]) / np.mean(x**2))
 
 
 def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way(arm, trajectory):
@@ -130,9 +123,7 @@ def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda q: q[:, :2], "3 angles a pose"),
-        (lambda q: q[:1], "two poses or more"),
-        (lambda q: q + np.where(np.arange(len(q)) >= 7, 9.0, 0.0)[:, None], "limits .step 7"),
+        (lambda q: q + np.where(np.arange(len(q)) >= 7, 9.0, 0.0)[:, None], "limits .*step 7"),
         (lambda q: q + np.where(np.arange(len(q)) > 7, 0.1, 0.0)[:, None], "faster.*step 7"),
     ],
 )
@@ -164,65 +155,6 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_pe
         assert np.all(np.abs(moved[:2] / (1 - other[:2]) - 1) > band)
 
 
-def test_without_disturbances_the_arm_follows_its_command_up_to_the_servos_step(
-    moved, trajectory, quiet
-):
-    error = []
-    for rate in (500.0, 1000.0):
-        t, q, _ = moved(replace(quiet, rate=rate))
-        error.append(np.abs(q - goal_at(t, trajectory)[0]).max())
-        assert t[0] < 0 and t[-1] > trajectory.duration
-    # Euler's error: acceleration · step / (2 · gain)
-    speed = desired_joints(np.arange(3200) / 1000, trajectory)[1]
-    acceleration = np.abs(np.diff(speed, axis=0)).max() * 1000
-    assert error[1] < acceleration / 1000 / 2 / quiet.servo_gain
-    assert 1.9 < error[0] / error[1] < 2.1
-
-
-def test_the_speed_error_is_a_share_of_the_speed_with_its_own_memory(moved, trajectory, quiet):
-    options = replace(quiet, speed_error_std=0.03, speed_error_time=0.022)
-    shares = []
-    for _ in range(150):
-        t, q, _ = moved(options)
-        goal, speed = goal_at(t, trajectory)
-        commanded = speed + options.servo_gain * (goal - q)
-        fast = (t > 0.65) & (t < 1.0)
-        done = np.diff(q, axis=0, append=q[-1:]) * options.rate
-        shares.append(done[fast] / commanded[fast] - 1)
-    shares = np.array(shares)
-    # 150 takes × 3 joints × 0.35 s; ∫ρ² is 4.29 lags
-    band = 4 / np.sqrt(2 * 150 * 3 * 0.35 / (4.29 * 0.022))
-    np.testing.assert_allclose(shares.std(), 0.03, rtol=band)
-    for lag in (1, 5, 10):
-        correlation = np.mean([later(shares[..., j], lag) for j in range(3)])
-        x = lag / options.rate / options.speed_error_time
-        assert abs(correlation - lagged(x)) < band
-        # control: behind a single lag it would have forgotten more
-        assert correlation - np.exp(-x) > band
-
-
-def test_the_end_effector_sways_as_stated_and_more_the_faster_it_moves(
-    arm, moved, trajectory, quiet
-):
-    std, rest, exponent = np.array([3e-4, 1.5e-3, 0.03]), 0.02, 2.0
-    options = replace(quiet, sway_std=tuple(std), sway_rest=rest, speed_exponent=exponent)
-    t, still, _ = moved(quiet)
-    takes = [moved(options)[1] for _ in range(150)]
-    added = np.stack(takes) - still
-    sway = np.einsum("kij,nkj->nki", arm.chain.jacobian(still), added)
-    speed = np.linalg.norm(goal_at(t, trajectory)[1], axis=1) / np.linalg.norm(arm.chain.max_speed)
-    stated = std * (rest + (1 - rest) * speed**exponent)[:, None]
-    unit = sway / stated
-    slow, fast = speed < 0.5 * speed.max(), speed > 0.9 * speed.max()
-    for part in (slow | ~slow, slow, fast):
-        # samples are 5 ms apart and ∫ρ² is 4.29 lags of 13.5 ms: a twelfth of them counts
-        band = 4 / np.sqrt(2 * unit[:, part, 0].size / 12)
-        assert np.all(np.abs(unit[:, part].std(axis=(0, 1)) - 1) < band)
-    # control: of one size at every speed it is not
-    sizes = [sway[:, part].std(axis=(0, 1)) for part in (slow, fast)]
-    assert np.all(sizes[0] < 0.3 * sizes[1])
-
-
 def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
     moved, trajectory, quiet
 ):
@@ -239,8 +171,8 @@ def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
 
 def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
     options, sessions = replace(quiet, encoder_offset_std=2e-3, length_std=3e-4), 1000
-    offsets = np.array([session_offset(options, 3, rng) for _ in range(sessions)])
-    chains = [true_chain(arm.chain, options, rng) for _ in range(sessions)]
+    opened = [open_session(arm.chain, options, rng) for _ in range(sessions)]
+    offsets, chains = np.array([one.encoder for one in opened]), [one.chain for one in opened]
     errors = np.array([chain.lengths for chain in chains]) - arm.chain.lengths
     for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
         np.testing.assert_allclose(drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions))
@@ -248,17 +180,6 @@ def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
     # only lengths: the links point as they did
     turned = [np.arctan2(*chain.links.T) - np.arctan2(*arm.chain.links.T) for chain in chains]
     np.testing.assert_allclose(turned, 0, atol=1e-14)
-
-
-def test_start_and_ripple_scatter_as_stated_and_the_servo_takes_the_start_back(moved, quiet):
-    added = deviations(moved, quiet, 150, start_std=4e-3)
-    np.testing.assert_allclose(added[:, 0].std(axis=0), 4e-3, rtol=4 / np.sqrt(2 * 150))
-    decay = (1 - quiet.servo_gain / quiet.rate) ** np.arange(added.shape[1])
-    np.testing.assert_allclose(added, added[:, :1] * decay[:, None], atol=1e-14)
-    added = deviations(moved, quiet, 150, encoder_ripple=1e-3)
-    assert np.abs(added).max() <= 1e-3 + 1e-15
-    # a sine of uniform phase
-    np.testing.assert_allclose(added[:, 0].std(axis=0), 1e-3 / np.sqrt(2), rtol=0.17)
 
 
 def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(

@@ -17,7 +17,6 @@ from pipeline.perception.depth_noise import (
     error_slopes,
     errors_of,
     leave_one_out,
-    slope_scores,
 )
 from pipeline.perception.depth_noise import deviations as deviations_of
 
@@ -204,12 +203,3 @@ def test_between_samples_deviations_that_do_not_last_make_a_slope_of_their_own()
     # controls: neither at a sample nor where they last
     for how in ({"share": 0.0, "lasts": False}, {"share": 0.5, "lasts": True}):
         assert slopes(ALL, **how).loc["a", "slope"] == pytest.approx(0.0, abs=0.1)
-
-
-def test_where_no_frame_is_near_a_sample_there_is_no_score():
-    table = error_slopes(deviations_of(*recordings(share=0.5, lasts=False)), STEP, NONE)
-    assert table[table["frames"] == NEAR_A_SAMPLE]["slope"].isna().all()
-    assert slope_scores(table) == {}
-    near = error_slopes(deviations_of(*recordings(share=0.05, lasts=True)), STEP, NONE)
-    names = [f"depth_error_slope_{joint}" for joint in PAIR]
-    assert [*slope_scores(near)] == [*names, *(f"{name}_standard_error" for name in names)]

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from marker_takes import PLACES as TEMPLATE
 from marker_takes import marker_places
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.perception.markers import JointTrack, fill_gaps, track_plane
+from pipeline.perception import markers
+from pipeline.perception.markers import JointTrack, fill_gaps
 from pipeline.perception.posture import points_in_plane
 
-TEMPLATE = np.array(
-    [
-        [[0.03, -0.04, 0.02], [-0.025, -0.04, 0.07], [0.02, -0.05, 0.13]],
-        [[-0.03, -0.04, 0.02], [0.025, -0.045, 0.06], [-0.02, -0.04, 0.115]],
-        [[0.03, -0.04, 0.01], [-0.03, -0.04, 0.05], [0.01, -0.06, 0.10]],
-    ]
-)
 ARM = Arm(
     PlanarChain(
         origin=np.array([0.009, 0.115]),
@@ -43,19 +38,18 @@ def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
     return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
 
 
-def track(positions: np.ndarray, template: np.ndarray = TEMPLATE, **options) -> JointTrack:
-    options = {"gate": 0.01, "max_gap": 10} | options
-    return track_plane(positions, ARM, points_in_plane(ARM, template), **options)
+def track(positions: np.ndarray, template: np.ndarray = TEMPLATE, take: str = "") -> JointTrack:
+    return markers.track(positions, points_in_plane(ARM, template, 0.01), max_gap=10, take=take)
 
 
 def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
-    markers = recording()
-    exact = track(markers)
+    positions = recording()
+    exact = track(positions)
     np.testing.assert_allclose(exact.q, MOTION, atol=1e-10)
     assert exact.residual.max() < 1e-10 and not any(exact.counts.values())
-    assert exact.samples == markers.shape[0] * 9
-    markers[40:90, 3:6] = np.nan
-    hidden = track(markers)
+    assert exact.samples == positions.shape[0] * 9
+    positions[40:90, 3:6] = np.nan
+    hidden = track(positions)
     np.testing.assert_allclose(hidden.q, MOTION, atol=1e-10)
     assert hidden.counts["missing"] == 150 and not hidden.counts["interpolated"]
     # a base that is registered wrongly shows in the residual
@@ -73,25 +67,6 @@ def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
     repaired = track(swapped)
     np.testing.assert_allclose(repaired.q, reference.q, atol=1e-9)
     assert repaired.counts == {**reference.counts, "relabelled": 2 * 50 + 2 * 80 + 3 * 10}
-    # labels wrong in every frame are put right from the shape of the links
-    clean, order = clean[:60], np.random.default_rng(4).permutation(9)
-    repaired = track(clean[:, order])
-    np.testing.assert_allclose(repaired.q, track(clean).q, atol=1e-9)
-    assert repaired.counts["relabelled"] == 60 * int((order != np.arange(9)).sum())
-
-
-def test_unlabelled_markers_fill_missing_labels_and_strangers_do_not():
-    clean, stray = recording(), np.full((321, 4, 3), np.nan)
-    broken = clean.copy()
-    broken[100:160] = np.nan
-    broken[100:160, 0] = clean[100:160, 0]
-    stray[100:160, 2], stray[100:160, 0] = clean[100:160, 3], clean[100:160, 8]
-    stray[:, 3] = ARM.to_base(np.array([0.2, -0.04, 0.6]))
-    filled = track(broken, stray=stray)
-    np.testing.assert_allclose(filled.q, MOTION, atol=1e-10)
-    assert (filled.counts["missing"], filled.counts["adopted"]) == (60 * 8, 60 * 2)
-    with pytest.raises(RecordingError, match="longer than 10 frames"):
-        track(broken)
 
 
 def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decide():
@@ -130,9 +105,10 @@ LINE = np.array([TEMPLATE[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], TEMPLAT
 
 
 @pytest.mark.parametrize(
-    ("markers", "template", "error", "words"),
+    ("positions", "template", "error", "words"),
     [
         (recording()[:20] * 1000, TEMPLATE, RecordingError, "fit the arm"),
+        (recording()[:20, ::-1], TEMPLATE, RecordingError, "check the template, the labels"),
         (np.full((5, 9, 3), np.nan), TEMPLATE, RecordingError, "fit the arm"),
         (recording()[:0], TEMPLATE, RecordingError, "no frame"),
         (recording()[:20], LINE, ConfigError, "in line"),
@@ -140,7 +116,7 @@ LINE = np.array([TEMPLATE[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], TEMPLAT
     ],
 )
 def test_markers_that_never_fit_and_templates_that_decide_no_angle_are_refused(
-    markers, template, error, words
+    positions, template, error, words
 ):
     with pytest.raises(error, match=words):
-        track(markers, template)
+        track(positions, template)

@@ -20,7 +20,7 @@ from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.recordings.clocks import on_motion_clock, with_markers
-from pipeline.recordings.depth import DepthSequence, frame_rows, take_paths
+from pipeline.recordings.depth import frame_rows, take_paths
 from pipeline.recordings.depth_angles import arm_points
 
 LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
@@ -87,81 +87,54 @@ def off(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.abs(points.mean(axis=0) - place).max())
 
 
+def read(path: Path, depth: Depth, folder: Path):
+    """Rows of the table, the points of each, and the quality of the take in ``path``."""
+    rows, quality = frame_rows(("take", path), depth, ARM, folder, folder)
+    return rows, arm_points(rows, folder), {row["quantity"]: row["value"] for row in quality}
+
+
 @pytest.mark.parametrize("units", [1000.0, 5000.0])
 def test_a_patch_of_the_arm_is_found_where_it_is(tmp_path, units):
     take, depth = record(tmp_path, ARM, units)
-    sequence = DepthSequence(take, depth, ARM, tmp_path)
-    assert sequence.time.tolist() == [5.0, 5.033, 5.069] and sequence.counts == {"cut_rows": 0}
-    assert sequence.references == tuple(f"kinect/test_001/depth/{i}.png" for i in range(3))
-    for frame, place in enumerate(PLACES):
-        points, valid = next(sequence.points([frame]))
+    rows, found, counted = read(take, depth, tmp_path)
+    assert rows["t"].tolist() == [5.0, 5.033, 5.069] and counted["cut_rows"] == 0
+    assert rows["file"].tolist() == [f"kinect/test_001/depth/{i}.png" for i in range(3)]
+    assert set(rows["valid"]) == {PIXELS / (WIDTH * HEIGHT)}
+    for points, place in zip(found, PLACES, strict=True):
         assert len(points) == PIXELS
         # half a pixel in the middle of the patch, and the rounding of the depth
         assert off(points, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / units
         np.testing.assert_allclose(np.ptp(points, axis=0), 2 * PATCH * 1.15 / CAMERA.fx, rtol=0.1)
-        assert valid == PIXELS / (WIDTH * HEIGHT)
 
 
-def test_a_camera_that_stands_elsewhere_sees_the_arm_elsewhere(tmp_path):
+def test_frozen_frames_are_left_out_and_empty_ones_stay(tmp_path):
     take, depth = record(tmp_path, ARM)
-    position = np.array(depth.camera.position) + ARM.rotation @ [0.03, 0.0, 0.0]
-    moved = replace(depth, camera=replace(depth.camera, position=position.tolist()))
-    points, _ = next(DepthSequence(take, moved, ARM, tmp_path).points([0]))
-    np.testing.assert_allclose(points.mean(axis=0), PLACES[0] + [0.03, 0.0], atol=0.007)
-
-
-def test_frames_are_read_when_they_are_asked_for(tmp_path):
-    take, depth = record(tmp_path, ARM)
-    sequence = DepthSequence(take, depth, ARM, tmp_path)
-    write_depth(take / "depth/2.png", 0 * ONES)
-    (take / "depth/1.png").unlink()
-    observed = sequence.points([0, 2, 1])
-    assert len(next(observed)[0])
-    points, valid = next(observed)  # of an empty frame
-    assert points.shape == (0, 2) and valid == 0
-    with pytest.raises(RecordingError) as refused:
-        next(observed)
-    assert refused.value.evidence["file"] == take / "depth/1.png"
-
-
-def test_a_frozen_camera_is_counted_and_its_frames_are_left_out(tmp_path):
-    take, depth = record(tmp_path, ARM)
+    _, (first, *_), _ = read(take, depth, tmp_path)
     (take / "depth/1.png").write_bytes((take / "depth/0.png").read_bytes())
+    write_depth(take / "depth/2.png", 0 * ONES)
     # frames are dropped by the times of the index, whatever rate is stated
-    stated = replace(depth, rate=15.0)
-    rows, quality = frame_rows(("test_001", take), stated, ARM, tmp_path, tmp_path)
-    assert rows["frame"].tolist() == [0, 2]
-    counted = {row["quantity"]: row["value"] for row in quality}
+    rows, points, counted = read(take, replace(depth, rate=15.0), tmp_path)
+    assert rows["frame"].tolist() == [0, 2] and rows["points"].tolist() == [PIXELS, 0]
     assert (counted["frozen_frames"], counted["dropped_frames"]) == (1, 0)
-    # the points of each frame that is left are read back as they were seen
-    seen = DepthSequence(take, depth, ARM, tmp_path).points([0, 2])
-    for points, (same, _) in zip(arm_points(rows, tmp_path), seen, strict=True):
-        np.testing.assert_array_equal(points, same)
+    np.testing.assert_array_equal(points[0], first)
 
 
-@pytest.mark.parametrize("missing", ["kinect/test_001/depth.txt", "kinect/intrinsics.yaml"])
-def test_a_take_without_its_index_or_its_camera_is_refused(tmp_path, missing):
+TAKE = "kinect/test_001/depth"
+
+
+@pytest.mark.parametrize("missing", [f"{TAKE}.txt", f"{TAKE}/1.png", "kinect/intrinsics.yaml"])
+def test_a_take_without_its_index_a_frame_or_its_camera_is_refused(tmp_path, missing):
     take, depth = record(tmp_path, ARM)
     (tmp_path / missing).unlink()
     with pytest.raises(RecordingError) as refused:
-        DepthSequence(take, depth, ARM, tmp_path)
+        read(take, depth, tmp_path)
     assert refused.value.evidence["file"] == tmp_path / missing
-
-
-def test_two_takes_of_one_name_are_refused(tmp_path):
-    _, depth = record(tmp_path, ARM)
-    bag = write_bag(tmp_path / "kinect", "ros1", {"/depth": [(5.0, image(ONES, 5.0))]})
-    bag.rename(tmp_path / "kinect/test_001.bag")
-    with pytest.raises(RecordingError, match="are named 'test_001'"):
-        take_paths(tmp_path, depth)
-    with pytest.raises(RecordingError, match="no bag matches"):
-        take_paths(tmp_path, replace(depth, takes="elsewhere/*"))
 
 
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     take, depth = record(tmp_path, ARM)
-    expected = list(DepthSequence(take, depth, ARM, tmp_path).points(range(3)))
+    expected, points, _ = read(take, depth, tmp_path)
     stamped = zip(STAMPS, PLACES, strict=True)
     images = [(t, image(depth_image(ARM, place, 1000.0), t)) for t, place in stamped]
     info = [(STAMPS[0], camera_info(CAMERA_MATRIX, [0.0] * 5, (WIDTH, HEIGHT)))]
@@ -169,13 +142,11 @@ def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     bag = write_bag(tmp_path / "bags", form, {"/depth/image": images, "/depth/camera_info": info})
     recorded = replace(depth, takes="bags/*", index=None, intrinsics=None, start=None)
     assert take_paths(tmp_path, recorded) == {"take": bag}
-    sequence = DepthSequence(bag, recorded, ARM, tmp_path)
-    np.testing.assert_allclose(sequence.time, [0.0, 0.033, 0.069], atol=1e-6)
-    assert sequence.references == tuple(f"bags/{bag.name}#{number}" for number in range(3))
-    for (points, valid), (same, share) in zip(sequence.points(range(3)), expected, strict=True):
-        np.testing.assert_array_equal(points, same)
-        assert valid == share
-    np.testing.assert_array_equal(next(sequence.points([2]))[0], expected[2][0])
+    rows, of_bag, _ = read(bag, recorded, tmp_path)
+    np.testing.assert_allclose(rows["t"], [0.0, 0.033, 0.069], atol=1e-6)
+    assert rows["file"].tolist() == [f"bags/{bag.name}#{number}" for number in range(3)]
+    np.testing.assert_array_equal(np.concatenate(of_bag), np.concatenate(points))
+    assert rows["valid"].tolist() == expected["valid"].tolist()
 
 
 def in_camera(place: np.ndarray) -> np.ndarray:
@@ -187,15 +158,9 @@ def in_camera(place: np.ndarray) -> np.ndarray:
 
 
 PCD = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\n"
-HEADERS = {
-    "pcd": PCD + "DATA binary\n",
-    "ply": "ply\nformat binary_little_endian 1.0\nelement vertex {0}\n"
-    + "".join(f"property float {c}\n" for c in "xyz")
-    + "end_header\n",
-}
 
 
-@pytest.mark.parametrize("form", ["pcd", "ply", "bag"])
+@pytest.mark.parametrize("form", ["pcd", "bag"])
 def test_clouds_enter_at_the_points(tmp_path, form):
     _, depth = record(tmp_path, ARM)
     clutter = np.random.default_rng(4).uniform([-1, -1, 0.2], [1, 1, 3], size=(40, 3))
@@ -209,12 +174,12 @@ def test_clouds_enter_at_the_points(tmp_path, form):
         messages = [(stamp, cloud(points, stamp, fields, 16)) for stamp, points in stamped]
         take = write_bag(tmp_path / "clouds", "ros1", {"/points": messages})
     for number, points in enumerate(clouds if form != "bag" else [], 1):
-        head = HEADERS[form].format(len(points)).encode()
-        (take / f"{number}.{form}").write_bytes(head + points.astype("<f4").tobytes())
+        head = f"{PCD.format(len(points))}DATA binary\n".encode()
+        (take / f"{number}.pcd").write_bytes(head + points.astype("<f4").tobytes())
     keys = dict.fromkeys(("index", "intrinsics", "width", "height", "start"))
-    described = replace(depth, **keys, frames=f"*.{form}", units_per_metre=1.0)
-    found = DepthSequence(take, described, ARM, tmp_path).points(range(3))
-    for points, (arm, valid), place in zip(clouds, found, PLACES, strict=True):
+    described = replace(depth, **keys, frames="*.pcd", units_per_metre=1.0)
+    rows, found, _ = read(take, described, tmp_path)
+    for points, arm, valid, place in zip(clouds, found, rows["valid"], PLACES, strict=True):
         assert len(arm) == PIXELS and off(arm, place) < 0.5 * 1.2 / CAMERA.fx + 0.5 / 1000
         assert valid == (len(points) - 9) / len(points)
 
@@ -229,23 +194,19 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
         (take, {"width": None}, "width"),
         (bag, {"topic": "/colour"}, "/depth"),
         (bag, {"intrinsics": None}, "CameraInfo"),
+        (bag, {}, "metres"),
     ]:
         with pytest.raises(PipelineError, match=words):
-            DepthSequence(path, replace(depth, **changes), ARM, tmp_path)
-    with pytest.raises(PipelineError, match="metres"):
-        next(DepthSequence(bag, depth, ARM, tmp_path).points([0]))
+            read(path, replace(depth, **changes), tmp_path)
     with pytest.raises(PipelineError, match="exclude"):
         replace(depth, frames="*.png")
-    write_index(take / "depth.txt", np.array([1.0]), ("../../../elsewhere/1.png",))
-    with pytest.raises(PipelineError, match="outside"):
-        DepthSequence(take, depth, ARM, tmp_path)
 
 
 def test_a_bag_whose_times_do_not_increase_is_refused_at_the_message(tmp_path):
     _, depth = record(tmp_path, ARM)
     images = [(5.0 + i, image(ONES, stamp)) for i, stamp in enumerate([5.0, 5.033, 5.033])]
     with pytest.raises(RecordingError, match="increase") as refused:
-        DepthSequence(write_bag(tmp_path, "ros1", {"/depth": images}), depth, ARM, tmp_path)
+        read(write_bag(tmp_path, "ros1", {"/depth": images}), depth, tmp_path)
     assert refused.value.evidence["number"] == 2
 
 

@@ -24,7 +24,7 @@ from space_arms import LWR4, UR5, motion
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of, load_arm
-from pipeline.core.columns import PLANE, columns, members, spread, values
+from pipeline.core.columns import members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Body, Pose
@@ -106,47 +106,14 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, 
         read(file, markers=TEMPLATE | {"link1": {"x9": [0.0, 0.0, 0.0]}})
 
 
-def test_frames_that_are_skipped_or_repeat_the_one_before_are_missing_samples(
-    tmp_path, arm, joints
-):
-    file, markers = written(tmp_path, markers_of(arm, joints)), markers_of(arm, joints)
-    lines = file.read_bytes().splitlines(keepends=True)
-    file.write_bytes(b"".join(lines[:17] + lines[20:]))
-    rows, count = read(file)
-    assert (count("skipped_frames"), count("missing_samples")) == (3, 27)
-    assert set(rows.k[rows.x.isna()]) == {10, 11, 12}
-    require_angles(rows, arm, joints)
-    for points in markers.values():
-        points[11:14] = points[10]
-    rows, count = read(written(tmp_path, markers))
-    assert (count("frozen_frames"), count("missing_samples")) == (3, 27)
-    assert rows[rows.x.isna()].k.unique().tolist() == [11, 12, 13]
-    # the control: one marker that still moves
-    markers["a1"][12] += 1e-5
-    assert read(written(tmp_path, markers))[1]("frozen_frames") == 1
-
-
 def test_takes_of_another_rate_or_length_are_refused(tmp_path, arm, joints):
     markers = markers_of(arm, joints)
-    with pytest.raises(RecordingError, match="exported at 120"):
+    with pytest.raises(RecordingError, match="at 120"):
         read(written(tmp_path, markers, rate=120.0))
     file = written(tmp_path, markers)
     file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
-    with pytest.raises(RecordingError, match="spans 40 frames; the motion has 41"):
+    with pytest.raises(RecordingError, match=r"spans 40 frames .* the motion has 41"):
         read(file)
-
-
-def test_a_c3d_take_gives_the_rows_of_the_csv_take(tmp_path, arm, joints):
-    import ezc3d
-
-    markers, recording = markers_of(arm, joints), ezc3d.c3d()
-    recording["data"]["points"] = np.ones((4, 9, STEPS + 1))
-    recording["data"]["points"][:3] = 1000 * np.stack(list(markers.values())).transpose(2, 0, 1)
-    for key, value in {"RATE": [100.0], "LABELS": list(markers), "UNITS": ["mm"]}.items():
-        recording["parameters"]["POINT"][key]["value"] = value
-    recording.write(str(tmp_path / "t.c3d"))
-    rows, expected = read(tmp_path / "t.c3d")[0], read(written(tmp_path, markers))[0]
-    pd.testing.assert_frame_equal(rows, expected, rtol=0, atol=1e-6)
 
 
 def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
@@ -212,23 +179,18 @@ def test_another_arms_or_another_grids_trajectory_is_refused(file, robot, rate, 
         trajectory_rows(file, commanded(robot, rate))
 
 
-def test_a_trajectory_of_the_plane_leaves_open_what_joints_do_beside_a_smaller_task(tmp_path):
-    names = [*columns("x", PLANE), *columns("v", PLANE)]
-    file = exported(tmp_path, pd.DataFrame(dict.fromkeys(names, 0.0), index=range(GRID + 1)))
-    assert len(trajectory_rows(file, commanded(PLANAR))) == GRID + 1
-    with pytest.raises(RecordingError, match="export the commanded joints") as refused:
-        trajectory_rows(file, commanded(replace(PLANAR, task=["x", "z"])))
-    assert refused.value.evidence["key"] == "dataset.robot.task"
-
-
 def test_of_pose_and_joints_the_pose_is_the_whole_tasks_and_the_joints_are_a_smaller_ones(tmp_path):
     q = motion(GRID + 1)[:, 1:4]
-    pose = trajectory_table(chain_of(PLANAR), q, 100.0)
+    pose, smaller = trajectory_table(chain_of(PLANAR), q, 100.0), replace(PLANAR, task=["x", "z"])
+    # without its joints it leaves open what they do beside a smaller task
+    with pytest.raises(RecordingError, match="export the commanded joints") as refused:
+        trajectory_rows(exported(tmp_path, pose), commanded(smaller))
+    assert refused.value.evidence["key"] == "dataset.robot.task"
     alone = trajectory_rows(exported(tmp_path, pose), commanded(PLANAR))
     file = exported(tmp_path, pose.assign(**spread("q", JOINTS, q)))
     beside = trajectory_rows(file, commanded(PLANAR))
     pd.testing.assert_frame_equal(beside, alone, check_exact=True)
-    redundant = trajectory_rows(file, commanded(replace(PLANAR, task=["x", "z"])))
+    redundant = trajectory_rows(file, commanded(smaller))
     assert members(redundant, "v") == ("x", "z")
     for family in "xv":
         expected = values(alone, family)[:, :2]

@@ -222,7 +222,6 @@ def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(
         choice |= {"signals": {"actual": ["q"], "target": ["d"]}, "rest_speed": 1e-3}
     assert read(place, **choice, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
-    assert 0 < quality("smallest_push_found", "move_1") < 2e-3
     with pytest.raises(RecordingError, match="are no pair"):
         read(place, **choice, others=others, target_factor=0.5)
     # the control: by the angles alone nobody sees it

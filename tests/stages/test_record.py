@@ -70,7 +70,7 @@ def test_angles_are_measured_as_well_as_their_noise_lets_them():
     assert np.abs(errors.mean(axis=1) - errors.mean(axis=(0, 1))).max() < 1e-3
     quality = contracts.read("quality", Path("data/track")).groupby("quantity")["value"]
     assert quality.mean()["residual_rms"] < 1e-3
-    assert quality.sum()[["unfit", "undecided", "rejected"]].sum() == 0
+    assert quality.sum()[["interpolated", "rejected"]].sum() == 0
     trajectory = contracts.read("trajectory", Path("data/ingest/motion"))
     assert values(trajectory, "v").shape == (321, 6) and values(trajectory, "u").shape == (321, 7)
     noise = values(contracts.read("process_noise", Path("data/track")), "w")
