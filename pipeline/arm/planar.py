@@ -1,8 +1,5 @@
-"""Closed-form kinematics of a planar chain of three joints in compiled code, a block of poses at a
-time (:mod:`pipeline.arm.rows`).
-
-All functions take blocks of BLOCK poses: where rows are a constant apart LLVM sees that they do not
-overlap.
+"""Closed-form kinematics of a planar chain of three joints in compiled code, in blocks of BLOCK
+poses (:mod:`pipeline.arm.rows`): of rows a constant apart LLVM sees that they do not overlap.
 """
 
 from __future__ import annotations
@@ -59,12 +56,7 @@ def planar_jacobian(
 
 @inlined
 def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
-    """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block with the rows of
-    :func:`planar_jacobian`, for the task step (``vx``, ``vz``, ``phi``).
-
-    No matrix is inverted: the first two joints give the wrist O3 its velocity v − φ·k×(EE − O3),
-    the third takes up the rest of φ.
-    """
+    """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block, by the wrist O3."""
     first = PLANAR.jacobian * BLOCK
     x3, z3 = flat[first + 2 * BLOCK + i], flat[first + 5 * BLOCK + i]
     x1, x2 = flat[first + i] - x3, flat[first + BLOCK + i] - x3
@@ -81,9 +73,8 @@ def planar_steps(arm: ArmConstants, block: np.ndarray, count: int) -> None:
     flat, x, y = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.joints * BLOCK
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     for i in range(count):
-        one, two, three = joint_step(
-            flat, i, flat[x + i], flat[x + BLOCK + i], flat[x + 2 * BLOCK + i]
-        )
+        vx, vz, phi = flat[x + i], flat[x + BLOCK + i], flat[x + 2 * BLOCK + i]
+        one, two, three = joint_step(flat, i, vx, vz, phi)
         flat[y + i] = s1 * one
         flat[y + BLOCK + i] = s2 * two
         flat[y + 2 * BLOCK + i] = s3 * three
@@ -105,9 +96,7 @@ def planar_inverse_square(block: np.ndarray, count: int) -> None:
 def add_planar_displacement(
     arm: ArmConstants, target: np.ndarray, q: np.ndarray, start, count, share: float, block
 ) -> None:
-    """Add ``share``·(``target`` − x(q)) to the task step; ``target`` (3,) is x, z, φ, and φ is
-    taken in whole turns too.
-    """
+    """Add ``share``·(``target`` − x(q)) to the task step; φ is taken in whole turns too."""
     flat, task, jacobian = block.reshape(-1), PLANAR.task * BLOCK, PLANAR.jacobian * BLOCK
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     stop = start + count
