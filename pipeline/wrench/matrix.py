@@ -62,8 +62,8 @@ def matrix_model(system: CableSystem) -> MatrixModel:
 
 def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
     """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is
-    ``covariance`` (..., n, n). Eigenvalues may be negative, as S̲Σ_TS̲ᵀ overstates what the tensions
-    cause along a cable. Raises ModelDomainError for cables without tension.
+    ``covariance`` (..., n, n). Eigenvalues may be negative, as S̲Σ_TS̲ᵀ overstates the variance
+    that the tensions cause along a cable. Raises ModelDomainError for cables without tension.
     """
     spread = model.spread()
     if np.any(spread <= 0):

@@ -113,9 +113,11 @@ def wrench_mean(system: CableSystem) -> np.ndarray:
 
 
 def wrench_covariance(system: CableSystem) -> np.ndarray:
-    """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m²: Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] −
-    T̲²A²·e̲e̲ᵀ, E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia & Jupp 2000, ch. 9). For p = 2 and G = I
-    its diagonal is Eqs. (kapF11) and (kapF22); the paper leaves its off-diagonal entry out.
+    """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m².
+
+    Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ, E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia & Jupp
+    2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22); the paper leaves
+    its off-diagonal entry out.
     """
     p = system.dimension
     length = mean_resultant_length(system.concentration, p)
