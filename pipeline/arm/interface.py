@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -28,11 +28,6 @@ class Mechanism(Protocol):
     joints, of which the arm makes the part in the null space of J.
     """
 
-    # what is wrong at a singular pose
-    defect: ClassVar[str] = (
-        "the Jacobian is singular at {where}, where a step of the task asks for any step of the "
-        "joints"
-    )
     task: tuple[str, ...]  # names of the m rows
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
@@ -54,7 +49,7 @@ class Mechanism(Protocol):
         """(..., n, m) J⁺; raises SingularJacobianError naming the first singular ``what``."""
 
     def least_singular_value(self, q: np.ndarray) -> np.ndarray:
-        """(...,) least singular value of the matrix that has no inverse at a singular pose: J."""
+        """(...,) least singular value of J(q)."""
         return np.linalg.svd(self.jacobian(q), compute_uv=False)[..., -1]
 
     def require_regular(self, q: np.ndarray, *, what: str = "pose") -> None:
@@ -64,9 +59,9 @@ class Mechanism(Protocol):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             pose = np.asarray(q, dtype=float)[index]
             least = self.least_singular_value(pose) if np.isfinite(pose).all() else np.nan
-            defect = self.defect.format(where=f"{int(bad.sum())} {what}(s)")
             raise SingularJacobianError(
-                f"{defect} (or a pose is not finite)",
+                f"the Jacobian is singular at {int(bad.sum())} {what}(s), where a step of the task "
+                "asks for any step of the joints (or a pose is not finite)",
                 index=index,
                 q=pose.round(4).tolist(),
                 least_singular_value=float(f"{least:.3g}"),

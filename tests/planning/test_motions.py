@@ -14,7 +14,6 @@ from planned_arms import LAWS, joint_path, law_cost, path_problem
 from pipeline.core.errors import ConfigError
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm, on_stages
 from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle
-from pipeline.planning.refine import refined
 from pipeline.planning.self_motion import grid, spacing_of
 
 
@@ -141,12 +140,6 @@ def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
     object.__setattr__(problem.chain, "upper", joint_path("planar", 40)[20] + [9, 9, 0])
     with pytest.raises(InfeasibleError, match=r"leaves the joint limits \[step \d+\]"):
         minimum_norm(problem, joint_path("planar", 1)[0])
-
-
-def test_refining_keeps_a_motion_that_cannot_be_better():
-    problem, begun = path_problem("planar", 32, smoothness=0.0), joint_path("planar", 32)
-    cost = law_cost("additive", problem.chain)
-    np.testing.assert_array_equal(refined(problem, cost, begun), begun)
 
 
 @pytest.mark.parametrize(
