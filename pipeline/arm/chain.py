@@ -16,9 +16,7 @@ import numpy as np
 from pipeline.arm.interface import ArmConstants, Chain
 from pipeline.core.columns import PLANE
 
-# |det J| = l1 l2 |sin q2|; below this fraction of l1 l2 (about 0.06 degrees) the inverse is not to
-# be trusted
-SINGULAR_SINE = 1e-3
+SINGULAR_SINE = 1e-3  # |det J|/(l1 l2) = |sin q2|, below which the inverse is not to be trusted
 
 
 @dataclass(frozen=True)
@@ -97,10 +95,8 @@ class PlanarChain(Chain):
 
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
         """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
-        singular ``what``.
-
-        With the wrist O3 as the point that the first two joints place: q̇₁ and q̇₂ solve the 2×2
-        system of the wrist's velocity v − φ̇·k×(EE − O3), and q̇₃ takes up the rest of φ̇.
+        singular ``what``. The first two joints give the wrist O3 its velocity v − φ̇·k×(EE − O3),
+        the third takes up the rest of φ̇.
         """
         self.require_regular(q, what=what)
         (ax, bx, tx), (az, bz, tz) = self._segments(q)

@@ -16,12 +16,9 @@ def trajectory_table(
     chain: Chain, q: np.ndarray, rate: float, joints: Sequence[str] = ()
 ) -> pd.DataFrame:
     """xᵈ and ẋᵈ of commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second: columns k,
-    t, the families x and v of the chain's task (SI), and, of a redundant arm, u of its ``joints``,
-    their commanded speed in rad/s.
-
-    The velocity of step k is the mean velocity that takes the pose at t_k to the pose at t_{k+1},
-    so that v_kΔt is their displacement; it is exactly zero where the command rests. x are
-    :func:`task_coordinates`. No step follows the last row: its velocity is zero.
+    t, the families x (:func:`task_coordinates`) and v of the chain's task (SI), and, of a redundant
+    arm, u of its ``joints``, their speed in rad/s. v_kΔt is the displacement between the poses at
+    t_k and t_{k+1}, zero in the last row.
     """
     pose, k = chain.pose(q), np.arange(len(q))
     steps = chain.displacement(pose[:-1], pose[1:]), np.diff(q, axis=0)
@@ -34,9 +31,8 @@ def trajectory_table(
 
 
 def task_coordinates(chain: Chain, pose: np.ndarray) -> np.ndarray:
-    """(M+1, m) the rows of the task along the poses ``pose`` (M+1, p) of a motion, in m and rad:
-    the pose; of a serial chain, whose rotations have no coordinates, their rows are the
-    displacement from the first pose.
+    """(M+1, m) the rows of the task along the poses ``pose`` (M+1, p) of a motion, in m and rad; of
+    a serial chain, whose rotations have no coordinates, they are displaced from the first pose.
     """
     if not isinstance(chain, SerialChain):
         return pose

@@ -10,7 +10,6 @@ from pipeline.arm.chain import PlanarChain
 def rigid_motion(places: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (..., 3, 3) and translations (..., 3) in m that carry the points at ``places`` (K,
     3) nearest to where they were ``measured`` (..., K, 3), in m, by least squares: Kabsch (1976).
-
     Missing points are not finite; with fewer than three, or all in one line, the pose is NaN.
     """
     present = np.isfinite(measured).all(axis=-1)
@@ -34,11 +33,8 @@ def rigid_motion(places: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, 
 
 def segment_frames(chain: PlanarChain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (..., n, 3, 3) and origins (..., n, 3) in m of the segment frames in the plane's
-    frame (x, normal y, z).
-
-    Segment j starts at O_j; its z axis points to O_{j+1}, its y axis along the normal, x = y × z.
-    The columns of a rotation are these axes, so that a point p of segment j lies at ``rotation[...,
-    j, :, :] @ p + origin[..., j, :]``. ``q`` (..., n) in rad.
+    frame (x, normal y, z); ``q`` (..., n) in rad. Segment j starts at O_j; its axes, the columns of
+    its rotation, are z towards O_{j+1}, y along the normal, x = y × z.
     """
     origin, psi = np.zeros((*np.shape(q), 3)), chain.segment_headings(q)
     origin[..., [0, 2]] = chain.points(q)[..., :-1, :]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -10,13 +10,10 @@ from pipeline.core.errors import SingularJacobianError
 
 
 class ArmConstants(NamedTuple):
-    """A chain of n joints and a task of m rows."""
+    """A chain of n joints and a task of m rows; ``plane`` or ``frames`` is empty."""
 
-    # (11,) of a planar chain its links' x and z (3·2, m), its signs (3) and its origin's x and z
-    # (m); (0,) of a serial one
-    plane: np.ndarray
-    # (n + 2, 6) of a serial chain, by :func:`pipeline.arm.serial.joint_frames`; (0, 6) of a planar
-    frames: np.ndarray
+    plane: np.ndarray  # (11,) a planar chain's links' x and z (3·2, m), signs (3) and origin (2, m)
+    frames: np.ndarray  # (n + 2, 6) a serial chain's :func:`pipeline.arm.serial.joint_frames`
     sliding: np.ndarray  # (n,) 1 of a prismatic joint, 0 of a revolute one
     rows: np.ndarray  # (m,) the task's rows: 0 to 2 of velocity, 3 to 5 of angular velocity
     units: np.ndarray  # (m,) factor of a row: 1, or a length in m of an angular one
@@ -31,11 +28,6 @@ class Mechanism(Protocol):
     joints, of which the arm makes the part in the null space of J.
     """
 
-    # what is wrong at a singular pose
-    defect: ClassVar[str] = (
-        "the Jacobian is singular at {where}, where a step of the task asks for any step of the "
-        "joints"
-    )
     task: tuple[str, ...]  # names of the m rows
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
@@ -54,35 +46,29 @@ class Mechanism(Protocol):
         """(...,) True where J(q) has no inverse to be trusted, or ``q`` is not finite."""
 
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
-        """(..., n, m) J⁺; raises :class:`SingularJacobianError` naming the first singular
-        ``what``.
-        """
+        """(..., n, m) J⁺; raises SingularJacobianError naming the first singular ``what``."""
 
     def least_singular_value(self, q: np.ndarray) -> np.ndarray:
-        """(...,) least singular value of the matrix that has no inverse at a singular pose: J."""
+        """(...,) least singular value of J(q)."""
         return np.linalg.svd(self.jacobian(q), compute_uv=False)[..., -1]
 
     def require_regular(self, q: np.ndarray, *, what: str = "pose") -> None:
-        """Raise :class:`SingularJacobianError` naming the first singular ``what`` of ``q`` and the
-        :meth:`least_singular_value` there.
-        """
+        """Raise :class:`SingularJacobianError` naming the first singular ``what`` of ``q``."""
         bad = self.singular(q)
         if np.any(bad):
             index = tuple(int(i) for i in np.argwhere(bad)[0])
             pose = np.asarray(q, dtype=float)[index]
             least = self.least_singular_value(pose) if np.isfinite(pose).all() else np.nan
-            defect = self.defect.format(where=f"{int(bad.sum())} {what}(s)")
             raise SingularJacobianError(
-                f"{defect} (or a pose is not finite)",
+                f"the Jacobian is singular at {int(bad.sum())} {what}(s), where a step of the task "
+                "asks for any step of the joints (or a pose is not finite)",
                 index=index,
                 q=pose.round(4).tolist(),
                 least_singular_value=float(f"{least:.3g}"),
             )
 
     def nominal_step(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., n) step of the joints without noise: J⁺v + (I − J⁺J)w; raises what
-        :meth:`inverse_jacobian` does.
-        """
+        """(..., n) step of the joints without noise, J⁺v + (I − J⁺J)w; raises as J⁺ does."""
         v = np.asarray(command)[..., : len(self.task)]
         return np.matvec(self.inverse_jacobian(q), v) + self.null_step(q, command)
 
@@ -94,9 +80,7 @@ class Mechanism(Protocol):
         return w - np.matvec(self.inverse_jacobian(q), np.matvec(self.jacobian(q), w))
 
     def within_limits(self, q: np.ndarray) -> np.ndarray:
-        """(...,) True where every joint of ``q`` is inside its limits: the domain D_q of the
-        filter.
-        """
+        """(...,) True where every joint of ``q`` is inside its limits."""
         return np.all((q >= self.lower) & (q <= self.upper), axis=-1)
 
 

@@ -31,8 +31,7 @@ ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 @inner
 def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
     """Fill rotation and position of the tip, and axis and a point of every joint, in the base's
-    axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints; by
-    :func:`pipeline.arm.serial.joint_frames`. ``block`` has WIDTH poses.
+    axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints.
     """
     flat, n = block.reshape(-1), len(arm.sliding)
     for k in range(12):
@@ -66,10 +65,7 @@ def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndar
 
 @inlined
 def _follow(k: int, frame: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Row ``k`` of the frames: turned about their z axes, then shifted and tilted by ``frame``.
-
-    LLVM vectorises the loop only where ``k`` is a literal in the call.
-    """
+    """Row ``k``, a literal, of the frames: turned about their z axes, shifted and tilted."""
     c, s = frame[FRAME_COSINE], frame[FRAME_SINE]
     px, py, pz = frame[FRAME_SHIFT], frame[FRAME_SHIFT + 1], frame[FRAME_SHIFT + 2]
     for i in range(count):
@@ -86,10 +82,7 @@ def _follow(k: int, frame: np.ndarray, flat: np.ndarray, count: int) -> None:
 @inner
 def task_jacobian(arm: ArmConstants, block: np.ndarray, first: int, count: int) -> None:
     """Fill the m·n rows of J, row by row, from ``first`` on, of poses whose :func:`tip` the
-    ``block`` holds.
-
-    A joint gives the tip the velocity axis × (tip − point), or its axis where it slides; angular
-    rows are multiplied by their unit.
+    ``block`` holds: velocities axis × (tip − point), or the axis of a joint that slides.
     """
     n = len(arm.sliding)
     for r in range(len(arm.rows)):
@@ -112,10 +105,8 @@ def task_jacobian(arm: ArmConstants, block: np.ndarray, first: int, count: int) 
 @inner
 def cholesky(block, jacobian, lower, inverse, m: int, n: int, shift: float, count: int) -> None:
     """Rows from ``lower`` on (m·m) = L of JJᵀ − ``shift``·I = LLᵀ, from ``inverse`` on 1/L_rr; NaN
-    where that matrix is not positive definite.
-
-    Solutions by L lose as many digits as JJᵀ has in its condition, κ(J)²: at the least singular
-    value of a regular pose, a thousandth of the greatest, J⁺ is exact to 1e-10 of its size.
+    where that matrix is not positive definite. Solutions lose digits by κ(J)²: at the least
+    singular value of a regular pose, a thousandth of the greatest, J⁺ is exact to 1e-10.
     """
     for r in range(m):
         for s in range(r + 1):
@@ -132,21 +123,13 @@ def cholesky(block, jacobian, lower, inverse, m: int, n: int, shift: float, coun
 
 
 @inner
-def mark_singular(
-    block: np.ndarray,
-    arm: ArmConstants,
-    jacobian: int,
-    lower: int,
-    spare: int,
-    out: int,
-    count: int,
-) -> None:
+def mark_singular(block, arm: ArmConstants, jacobian, lower, spare, out, count: int) -> None:
     """Row ``out`` = 1 where the least singular value of J is below the arm's, else 0; L of J from
     ``lower`` on, m·m + m rows of scratch from ``spare`` on.
 
     JJᵀ − least²·I is positive definite where no singular value is below. Blocks far from singular
-    need no factor of it: the least squared singular value is (det L)² over the product of the
-    others, at most the (m − 1)th power of their mean.
+    need no factor of it: (det L)² is at most the least squared singular value times the (m − 1)th
+    power of the others' mean.
     """
     m, n, least = len(arm.rows), len(arm.sliding), arm.least
     fill(block, out, 1.0, count)
@@ -191,10 +174,8 @@ def add_displacement(
     arm: ArmConstants, target: np.ndarray, block: np.ndarray, out: int, share: float, count: int
 ) -> None:
     """Add to the m rows from ``out`` on ``share`` times the task's rows of the displacement
-    from the poses whose :func:`tip` the ``block`` holds to ``target`` (12,).
-
-    The way in m and the rotation vector of R_target·Rᵀ, times the unit of angular rows, in the
-    base's axes. ``block`` has WIDTH poses.
+    from the poses whose :func:`tip` the ``block`` holds to ``target`` (12,): the way in m and the
+    rotation vector of R_target·Rᵀ times the unit of angular rows, in the base's axes.
     """
     if np.any(arm.rows > 2):
         rotation_vectors(target, block.reshape(-1), count)
@@ -208,11 +189,9 @@ def add_displacement(
 
 @inner
 def rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ.
-
-    By the unit quaternion, whose real part is (1 + tr R)/4 by its square; its angle by half angles
-    and a series, as the C library takes one pose at a time. The error is 1e-15/(π − angle): 1e-12
-    a thousandth of a radian below half a turn, at which the vector has no sign.
+    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ by the unit quaternion, whose
+    real part is (1 + tr R)/4 by its square, half angles and a series. The error is 1e-15/(π −
+    angle), 1e-12 a thousandth of a radian below half a turn.
     """
     ax, ay, az = target[3:6], target[6:9], target[9:12]
     for i in range(count):

@@ -20,15 +20,15 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 
 SAMPLES = 64  # poses at which the arm shows what it can move
+LINK = "link "  # before the names of links in Pinocchio
+FARTHEST = 1e6  # m, of an origin
 PLANAR_TOLERANCE = 1e-6  # sine of the angle by which an axis may lean out of the common normal
 SHORTEST_LINK = 1e-3  # m; joints nearer than this do not span a chain
 
 
 @dataclass(frozen=True)
 class Arm:
-    """A planar chain and where its plane lies: ``rotation`` has the plane's x, normal y and z as
-    columns, in the base frame.
-    """
+    """A planar chain, and its plane's axes x, normal y and z and origin in the base frame."""
 
     chain: PlanarChain
     rotation: np.ndarray  # (3, 3) plane axes in the base frame
@@ -36,9 +36,7 @@ class Arm:
     translation: np.ndarray
 
     def to_plane(self, points: np.ndarray) -> np.ndarray:
-        """(..., 3) base-frame points (m) → coordinates (x, y, z) of the plane's frame, y along the
-        normal.
-        """
+        """(..., 3) base-frame points (m) → x, y (along the normal) and z of the plane's frame."""
         return (points - self.translation) @ self.rotation
 
     def to_base(self, points: np.ndarray) -> np.ndarray:
@@ -57,7 +55,7 @@ def chain_of(robot: Robot) -> Chain:
     task = tuple(robot.task or (PLANE if robot.plane else SPACE))
     if robot.plane:
         layout = layout.seen_from(*_plane_of(layout))
-        if task == PLANE and robot.length == 1.0 and _unlike_three(layout) is None:
+        if task == PLANE and robot.length == 1.0 and _three_joints(layout):
             return _planar(layout)
     chain = layout.serial(task, float(robot.length))
     _require_movable(chain, layout.file)
@@ -67,10 +65,8 @@ def chain_of(robot: Robot) -> Chain:
 def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, SerialChain]:
     """For each of the ``links`` that the option ``key`` names the chain of those joints of the arm
     that move it: its tip is the link's frame, its task the whole pose, in metres and radians, in
-    the axes of the arm's base.
-
-    Raises ConfigError for a link that the URDF does not have or that the arm does not move, and
-    for what :func:`describe` refuses.
+    the axes of the arm's base. Raises ConfigError for a link that the arm does not move, and for
+    what :func:`describe` refuses.
     """
     tree, chains = read_urdf(Path(robot.urdf)), {}
     for link in links:
@@ -90,8 +86,9 @@ def arm_of(robot: Robot) -> Arm:
     are not three revolute ones with limits.
     """
     layout = _layout(describe(robot))
-    if why := _unlike_three(layout):
-        raise ConfigError(f"robot.joints: {why}", file=layout.file)
+    if not _three_joints(layout):
+        message = f"robot.joints: {layout.names} must be three revolute joints with limits"
+        raise ConfigError(message, file=layout.file)
     place = _plane_of(layout)
     return Arm(_planar(layout.seen_from(*place)), *place)
 
@@ -99,9 +96,7 @@ def arm_of(robot: Robot) -> Arm:
 def load_arm(
     urdf: str | Path, joints: Sequence[str], tool: str | None, locked: Mapping[str, float]
 ) -> Arm:
-    """The arm of three parallel ``joints`` of a URDF, every other joint locked at ``locked`` (rad;
-    0 where not named); raises what :func:`arm_of` does.
-    """
+    """The arm of three parallel ``joints`` of a URDF; raises what :func:`arm_of` does."""
     return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
 
 
@@ -119,9 +114,7 @@ class Layout:
     limits: np.ndarray  # (3, n) lower, upper (rad or m), speed (per s); infinite without one
 
     def seen_from(self, rotation: np.ndarray, translation: np.ndarray) -> Layout:
-        """The same in the frame whose axes are the columns of ``rotation`` (3, 3), and whose origin
-        is ``translation`` (3,) in m.
-        """
+        """The same in the frame with the columns of ``rotation`` as axes and this origin in m."""
         return replace(
             self,
             axes=self.axes @ rotation,
@@ -132,8 +125,7 @@ class Layout:
 
     def serial(self, task: tuple[str, ...], length: float) -> SerialChain:
         """The chain with the ``task``; each joint's frame has its z axis along the joint, and the x
-        axis of the frame before as far as it is across, so that parallel joints have parallel
-        frames.
+        axis of the frame before as far as it is across.
         """
         placements, before, origin = [], np.eye(3), np.zeros(3)
         for axis, point in zip(self.axes, self.points, strict=True):
@@ -147,52 +139,45 @@ class Layout:
         return SerialChain(task, length, np.array([*placements, tip]), self.sliding, *self.limits)
 
 
-def _model(described: Description) -> pin.Model:
-    """Pinocchio's model of the arm alone, every other joint of its URDF held."""
-    tree, joints = described.tree, [joint.name for joint in described.joints]
-    robot = deepcopy(tree.root)
+def _layout(described: Description) -> Layout:
+    """The arm in the axes of its base, every other joint of its URDF held."""
+    tree, joints = described.tree, described.joints
+    names, robot = [joint.name for joint in joints], deepcopy(tree.root)
     for key, elements in {"name": robot.findall("link"), "link": robot.findall("joint/*")}.items():
         for element in elements:
-            if key in element.attrib:
-                element.set(key, tree.model_name(element.get(key)))
+            if key in element.attrib:  # Pinocchio has one set of names of links and joints
+                element.set(key, LINK + element.get(key))
     try:
         full = pin.buildModelFromXML(ElementTree.tostring(robot, encoding="unicode"))
         step = np.zeros(full.nv)
         for name, value in described.held.items():
             step[full.joints[full.getJointId(name)].idx_v] = value
-        others = [full.getJointId(name) for name in full.names[1:] if name not in joints]
-        return pin.buildReducedModel(full, others, pin.integrate(full, pin.neutral(full), step))
+        others = [full.getJointId(name) for name in full.names[1:] if name not in names]
+        held = pin.integrate(full, pin.neutral(full), step)
+        model = pin.buildReducedModel(full, others, held)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
         message = f"robot.urdf: Pinocchio does not read it ({reason}); check it with check_urdf"
         raise ConfigError(message, file=tree.file) from None
-
-
-def _layout(described: Description) -> Layout:
-    """The arm in the axes of its base."""
-    model, tree, joints = _model(described), described.tree, described.joints
-    data, zero = model.createData(), pin.neutral(model)
+    data = model.createData()
     # one column comes as a vector
-    jacobian = pin.computeJointJacobians(model, data, zero).reshape(6, -1)
+    jacobian = pin.computeJointJacobians(model, data, pin.neutral(model)).reshape(6, -1)
     pin.updateFramePlacements(model, data)
-    ids = [
-        model.getFrameId(tree.model_name(link), pin.FrameType.BODY)
-        for link in (described.tip, described.base)
-        if link is not None
-    ]
+    ends = [link for link in (described.tip, described.base) if link is not None]
+    ids = [model.getFrameId(LINK + link, pin.FrameType.BODY) for link in ends]
     tip, *base = (data.oMf[number] for number in ids)
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
     # the axis of a joint is its column of the Jacobian, in the root's axes
     axes = np.where(sliding, jacobian[:3], jacobian[3:]).T
-    for joint, length in zip(joints, np.linalg.norm(axes, axis=1), strict=True):
-        if not abs(length - 1.0) < 1e-6:
-            message = f"robot.urdf: the axis of {joint.name} has length {length:.3g}; make it 1"
-            raise ConfigError(message, file=tree.file)
     points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
-    ranges = np.array([joint.range for joint in joints]).T
-    limits = np.vstack([ranges, model.upperVelocityLimit])
-    names, ends = [joint.name for joint in joints], (tip.rotation.copy(), tip.translation.copy())
-    layout = Layout(tree.file, names, sliding, axes, points, *ends, limits)
+    for name, length in zip(names, np.linalg.norm(axes, axis=1), strict=True):
+        if not (abs(length - 1.0) < 1e-6 and np.abs([*points, tip.translation]).max() < FARTHEST):
+            message = f"robot.urdf: the axis of {name} has length {length:.3g}; make it 1, and all "
+            message += f"origins less than {FARTHEST:g} m away"
+            raise ConfigError(message, file=tree.file)
+    limits = [*np.array([joint.range for joint in joints]).T, model.upperVelocityLimit]
+    place = tip.rotation.copy(), tip.translation.copy()
+    layout = Layout(tree.file, names, sliding, axes, points, *place, np.vstack(limits))
     return layout.seen_from(base[0].rotation, base[0].translation) if base else layout
 
 
@@ -202,10 +187,7 @@ def _plane_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     frame's y where the plane is horizontal), and the first joint lies in y = 0. ConfigError where a
     joint turns about another direction or slides out of the plane.
     """
-    if layout.sliding.all():
-        message = "robot.plane: no joint turns, and there is no plane to turn in; set it to false"
-        raise ConfigError(message, file=layout.file)
-    normal = layout.axes[~layout.sliding][0]
+    normal = layout.axes[int(np.argmin(layout.sliding))]
     normal = normal / np.linalg.norm(normal)
     out_of_line = np.linalg.norm(np.cross(normal, layout.axes), axis=1)
     leaning = np.where(layout.sliding, np.abs(layout.axes @ normal), out_of_line)
@@ -223,13 +205,10 @@ def _plane_of(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     return rotation, normal * (normal @ layout.points[0])
 
 
-def _unlike_three(layout: Layout) -> str | None:
-    """Message for joints that are not three revolute ones with limits; None for those."""
-    unlike = layout.sliding | ~np.isfinite(layout.limits[:2]).all(axis=0)
-    wrong = ", ".join(np.array(layout.names)[unlike])
-    which = f", which {wrong} is not" if wrong else ""
-    message = f"{list(layout.names)} must be three revolute joints with limits{which}"
-    return message if wrong or len(unlike) != len(PLANE) else None
+def _three_joints(layout: Layout) -> bool:
+    return len(layout.names) == 3 and bool(
+        np.isfinite(layout.limits[:2]).all() and not layout.sliding.any()
+    )
 
 
 def _planar(layout: Layout) -> PlanarChain:

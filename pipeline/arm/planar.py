@@ -1,8 +1,5 @@
-"""Closed-form kinematics of a planar chain of three joints in compiled code, a block of poses at a
-time (:mod:`pipeline.arm.rows`).
-
-All functions take blocks of WIDTH poses: where rows are a constant apart LLVM sees that they do not
-overlap.
+"""Closed-form kinematics of a planar chain of three joints in compiled code, in blocks of WIDTH
+poses (:mod:`pipeline.arm.rows`): of rows a constant apart LLVM sees that they do not overlap.
 """
 
 from __future__ import annotations
@@ -58,10 +55,8 @@ def planar_jacobian(
 
 @inlined
 def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
-    """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block with the rows of
-    :func:`planar_jacobian`, for the task step (``vx``, ``vz``, ``phi``).
-
-    No matrix is inverted: the first two joints give the wrist O3 its velocity v − φ·k×(EE − O3),
+    """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block, for the task step
+    (``vx``, ``vz``, ``phi``): the first two joints give the wrist O3 its velocity v − φ·k×(EE − O3),
     the third takes up the rest of φ.
     """
     first = PLANAR.jacobian * WIDTH
@@ -80,9 +75,8 @@ def planar_steps(arm: ArmConstants, block: np.ndarray, count: int) -> None:
     flat, x, y = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.joints * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     for i in range(count):
-        one, two, three = joint_step(
-            flat, i, flat[x + i], flat[x + WIDTH + i], flat[x + 2 * WIDTH + i]
-        )
+        vx, vz, phi = flat[x + i], flat[x + WIDTH + i], flat[x + 2 * WIDTH + i]
+        one, two, three = joint_step(flat, i, vx, vz, phi)
         flat[y + i] = s1 * one
         flat[y + WIDTH + i] = s2 * two
         flat[y + 2 * WIDTH + i] = s3 * three
@@ -104,9 +98,7 @@ def planar_inverse_square(block: np.ndarray, count: int) -> None:
 def add_planar_displacement(
     arm: ArmConstants, target: np.ndarray, q: np.ndarray, start, count, share: float, block
 ) -> None:
-    """Add ``share``·(``target`` − x(q)) to the task step; ``target`` (3,) is x, z, φ, and φ is
-    taken in whole turns too.
-    """
+    """Add ``share``·(``target`` − x(q)) to the task step; φ is taken in whole turns too."""
     flat, task, jacobian = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.jacobian * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     stop = start + count

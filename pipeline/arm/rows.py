@@ -1,8 +1,5 @@
-"""Rows of a block in compiled code: what each row holds, and operations on rows.
-
-A *block* is a C matrix (rows, poses), so that neighbours in memory are the same quantity of
-neighbouring poses. Operations go through rows and, inside, through poses without branches or calls,
-so that LLVM vectorises the inner loop.
+"""Rows of a block in compiled code: a C matrix (rows, poses), so that neighbours in memory are the
+same quantity of neighbouring poses, over which LLVM vectorises loops without branches or calls.
 """
 
 from __future__ import annotations
@@ -86,9 +83,7 @@ def add_product(block: np.ndarray, out: int, sign: float, x: int, y: int, count:
 def add_dot(
     block: np.ndarray, out: int, sign: float, x: int, y: int, n: int, count: int, by: int = 1
 ) -> None:
-    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j) over ``n`` rows, three at a
-    time, which saves two of three loads and stores of the sum.
-    """
+    """Row ``out`` + ``sign``·Σ_j row (``x`` + ``by``·j)·row (``y`` + j), three at a time."""
     for j in range(0, n - 2, 3):
         x0, y0 = x + by * j, y + j
         x1, x2, y1, y2 = x0 + by, x0 + 2 * by, y0 + 1, y0 + 2

@@ -1,9 +1,9 @@
-"""The serial chain of any revolute and prismatic joints: pose, Jacobian and its inverse, for whole
-batches, by NumPy alone; :mod:`pipeline.arm.kinematics` does the same within compiled loops.
+"""The serial chain of any revolute and prismatic joints, by NumPy alone;
+:mod:`pipeline.arm.kinematics` does the same within compiled loops.
 
 A pose is the tip's position (3, m) and rotation (9, row by row), in the base's axes. The Jacobian
 is the geometric one: rows of the tip's velocity and angular velocity in the base's axes, the
-latter times the task's characteristic length, so that metres and radians have one unit.
+latter times the task's characteristic length.
 """
 
 from __future__ import annotations
@@ -15,21 +15,17 @@ import numpy as np
 
 from pipeline.arm.interface import ArmConstants, Chain
 
-# Least singular value of the Jacobian at a pose whose inverse is trusted, as a share of
-# :meth:`SerialChain.scale`. Below it a step of a thousandth of the arm's size asks for a radian of
-# some joint: no step that the linear model describes.
+# least singular value of the Jacobian at a pose whose inverse is trusted, as a share of
+# :meth:`SerialChain.scale`: a step of a thousandth of the arm's size asks for a radian of a joint
 LEAST_SINGULAR = 1e-3
-# rows of the velocity, then of the angular velocity, by their names; phi is the angle about the
-# normal of a task in a plane, which is the y axis of the plane's frame
+# rows of velocity and angular velocity; phi is about the normal of a plane, its frame's y axis
 ROWS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "phi": 4}
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # entries of a cross product
 
 
 @dataclass(frozen=True)
 class SerialChain(Chain):
-    """A chain of n joints with a task of m rows; from a URDF by
-    :func:`pipeline.arm.model.chain_of`.
-    """
+    """A chain of n joints with a task of m rows; by :func:`pipeline.arm.model.chain_of`."""
 
     task: tuple[str, ...]  # m of ROWS
     length: float  # m by which angular rows are multiplied
@@ -48,9 +44,8 @@ class SerialChain(Chain):
 
     @cached_property
     def scale(self) -> float:
-        """Bound in m of the entries of the Jacobian while sliding joints are at zero: the reach
-        from the first joint on for a velocity (1 at least where a joint slides), the characteristic
-        length for an angular velocity.
+        """Bound in m of the entries of the Jacobian while sliding joints are at zero: the reach (1
+        at least where a joint slides), or the characteristic length of an angular velocity.
         """
         rows, reach = self._numbers.rows, self.lengths.sum()
         reach = max(reach, 1.0) if self.sliding.any() else reach
@@ -72,10 +67,9 @@ class SerialChain(Chain):
         return way[..., self._numbers.rows] * self._numbers.units
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(..., m, n) J(q): m/rad (1 for a prismatic joint), angular rows times the length.
-
-        A joint that turns about the axis e through p gives the tip the velocity e × (tip − p) and
-        the angular velocity e; one that slides along e the velocity e.
+        """(..., m, n) J(q): m/rad (1 for a prismatic joint), angular rows times the length. A joint
+        that turns about the axis e through p gives the tip the velocity e × (tip − p) and the
+        angular velocity e; one that slides along e the velocity e.
         """
         frames = self._frames(q)
         axes, points = frames[..., :-1, :3, 2], frames[..., :-1, :3, 3]
@@ -88,14 +82,11 @@ class SerialChain(Chain):
         return columns.swapaxes(-1, -2) * self._numbers.units[:, None]
 
     def singular(self, q: np.ndarray) -> np.ndarray:
-        """(...,) True where the least singular value of J(q) is below :data:`LEAST_SINGULAR` of its
-        scale, or ``q`` is not finite.
-        """
+        """(...,) True where the least singular value is below its bound, or ``q`` is not finite."""
         finite, least = np.isfinite(q).all(axis=-1), LEAST_SINGULAR * self.scale
         jacobian = self.jacobian(np.where(finite[..., None], q, 0.0))
         square, others = jacobian @ jacobian.swapaxes(-1, -2), len(self.task) - 1
-        # the least squared singular value is det JJᵀ over the product of the others, which is at
-        # most a power of their mean: far above the bound no decomposition is needed
+        # det JJᵀ is at most the least squared singular value times a power of the others' mean
         mean = np.trace(square, axis1=-2, axis2=-1) / max(others, 1)
         near = ~(np.linalg.det(square) > 4 * least**2 * mean**others)
         result = np.array(~finite)
@@ -104,9 +95,7 @@ class SerialChain(Chain):
 
     @np.errstate(invalid="ignore")  # a pose may be infinite
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
-        """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises :class:`SingularJacobianError` naming the first
-        singular ``what``.
-        """
+        """(..., n, m) J⁺ = Jᵀ(JJᵀ)⁻¹; raises SingularJacobianError naming a singular ``what``."""
         jacobian = self.jacobian(q)
         across = jacobian.swapaxes(-1, -2)
         square = len(self.task) == len(self.sliding)
@@ -127,27 +116,20 @@ class SerialChain(Chain):
         return self._numbers._replace(least=LEAST_SINGULAR * self.scale)
 
     @cached_property
-    def _numbers(self) -> ArmConstants:
+    def _numbers(self) -> ArmConstants:  # without ``least``, which depends on the rows
         rows = np.array([ROWS[name] for name in self.task])
         frames, units = joint_frames(self.placements), np.where(rows < 3, 1.0, self.length)
         return ArmConstants(np.empty(0), frames, self.sliding.astype(float), rows, units, 0.0)
 
-    @cached_property
-    def _at_zero(self) -> np.ndarray:
-        """(n + 1, 4, 4) the placements as matrices of homogeneous coordinates."""
-        result = np.tile(np.eye(4), (len(self.placements), 1, 1))
-        result[:, :3, :3] = self.placements[:, :9].reshape(-1, 3, 3)
-        result[:, :3, 3] = self.placements[:, 9:]
-        return result
-
     @np.errstate(invalid="ignore")
     def _frames(self, q: np.ndarray) -> np.ndarray:
-        """(..., n + 1, 4, 4) frames of the joints, turned or shifted by ``q``, and of the tip, in
-        the base's axes.
-        """
-        q, result = np.asarray(q, dtype=float), np.empty((*np.shape(q)[:-1], *self._at_zero.shape))
-        result[...] = self._at_zero
-        x, y, z = (self._at_zero[:-1, :3, k] for k in range(3))
+        """(..., n + 1, 4, 4) frames of the joints at ``q`` and of the tip, in the base's axes."""
+        q = np.asarray(q, dtype=float)
+        result = np.empty((*q.shape[:-1], len(self.placements), 4, 4))
+        result[...] = np.eye(4)
+        result[..., :3, :3] = self.placements[:, :9].reshape(-1, 3, 3)
+        result[..., :3, 3] = self.placements[:, 9:]
+        x, y, z = (self.placements[:-1, k:9:3] for k in range(3))
         angle = np.where(self.sliding, 0.0, q)[..., None]
         sine, cosine = np.sin(angle), np.cos(angle)
         result[..., :-1, :3, 0] = x * cosine + y * sine
@@ -160,10 +142,9 @@ class SerialChain(Chain):
 
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
-    """(..., 3) axis times angle in rad, up to half a turn, of ``rotation`` R (..., 3, 3).
-
-    By the unit quaternion (w, v): the first row of 4(w, v)(w, v)ᵀ where w² > 1/4, else the one with
-    the greatest diagonal entry, which loses no digits at any angle.
+    """(..., 3) axis times angle in rad, up to half a turn, of ``rotation`` R (..., 3, 3), by the
+    unit quaternion (w, v): the first row of 4(w, v)(w, v)ᵀ where w² > 1/4, else the one with the
+    greatest diagonal entry.
     """
     w = 1 + rotation[..., 0, 0] + rotation[..., 1, 1] + rotation[..., 2, 2]
     v = rotation[..., LAST, NEXT] - rotation[..., NEXT, LAST]
@@ -189,10 +170,9 @@ FRAME_TURN, FRAME_COSINE, FRAME_SINE, FRAME_SHIFT = 0, 1, 2, 3
 
 
 def joint_frames(placements: np.ndarray) -> np.ndarray:
-    """(n + 2, 6) turn, tilt and shift of the ``placements`` (n + 1, 12) of a serial chain.
-
-    A rotation is R_z(β)R_x(α)R_z(γ): β is added to the turn of the joint before and γ to the
-    joint's own, so that four products of nine remain. The last row turns the tip after its tilt.
+    """(n + 2, 6) turn, tilt and shift of the ``placements`` (n + 1, 12) of a serial chain, whose
+    rotations are R_z(β)R_x(α)R_z(γ): β is added to the turn of the joint before and γ to the
+    joint's own. The last row turns the tip after its tilt.
     """
     result, own = np.zeros((len(placements) + 1, 6)), 0.0
     for row, placement in zip(result, placements, strict=False):

@@ -1,4 +1,7 @@
-"""Angles of joints on the circle: jumps of whole turns, distances, turns between two signals."""
+"""Angles of joints on the circle: jumps of whole turns, distances, turns between two signals.
+
+A joint that is not ``circular`` (joints,), as a prismatic one, has no whole turns.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +24,11 @@ def unwrapped(
     signal: str = "actual",
     **evidence: object,
 ) -> tuple[np.ndarray, int]:
-    """Return ``angles`` (N, joints) in rad without jumps of whole turns between rows, and the
-    number of jumps that were removed.
+    """Return ``angles`` (N, joints) in rad without jumps, steps of more than half a turn, and their
+    number; ``time`` (N,) in s and ``names`` (joints) say where one is.
 
-    A step of more than half a turn is a jump, except of a joint that is not ``circular`` (joints,),
-    as a prismatic one; ``time`` (N,) in s and ``names`` (joints) say where it is. Raises
-    RecordingError with the ``evidence`` for a jump that differs from whole turns by more than a
-    quarter of one: no controller wraps an angle so, and no joint moves so.
+    Raises RecordingError with the ``evidence`` for a jump that differs from whole turns by more
+    than a quarter of one: no controller wraps an angle so, and no joint moves so.
     """
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
@@ -48,9 +49,7 @@ def unwrapped(
 
 
 def turns_apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
-    """Return the whole turns (any shape) that take the angles ``b`` in rad nearest to ``a``; 0
-    where not ``circular`` (broadcast over the joints), as for the position of a prismatic joint.
-    """
+    """Return the whole turns (any shape) that take the angles ``b`` in rad nearest to ``a``."""
     return np.where(circular, np.rint((a - b) / TURN), 0.0)
 
 
@@ -61,8 +60,7 @@ def apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> n
 
 def whole_turns(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
     """Return the whole turns (joints,) by which angles ``a`` are beside ``b`` (N, joints) in rad; 0
-    of a joint that is not ``circular`` or whose angles are not within a tenth of a radian of each
-    other on the circle.
+    of a joint whose angles are not within a tenth of a radian of each other on the circle.
     """
     turns = np.rint(np.median(a - b, axis=0) / TURN)
     turns[np.median(np.abs(a - b - TURN * turns), axis=0) > ALIKE] = 0

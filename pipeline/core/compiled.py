@@ -1,9 +1,8 @@
 """numba's options for the whole project, and the folder of its machine code.
 
 numba loads what it compiled with ``cache=True`` while the file of the function itself is unchanged.
-But the machine code also holds the functions that it calls and the constants that it uses, from
-other files. So the cache folder is named after a hash of all sources of the pipeline: a change of
-any of them leads to another folder.
+But the machine code also holds functions and constants from other files. So the cache folder is
+named after a hash of all sources of the pipeline.
 """
 
 from __future__ import annotations
@@ -34,9 +33,7 @@ def sources_hash(folder: Path = SOURCES) -> str:
 def cache_folder() -> Path:
     """Writable folder of the machine code of these sources: in ``NUMBA_CACHE_DIR`` where the user
     has set it, beside Python's own compiled code, in the user's cache, or one of this process
-    alone.
-
-    Folders of earlier sources are removed but for the newest few.
+    alone. Folders of earlier sources are removed but for the newest few.
     """
     name = f"pipeline-{sources_hash()}"
     given = os.environ.get(VARIABLE)
@@ -48,18 +45,15 @@ def cache_folder() -> Path:
         try:
             if not folder.is_dir():
                 folder.mkdir(parents=True)
+                earlier = {*base.glob("pipeline-*")} - {folder}
                 with suppress(OSError):  # another process may remove them meanwhile
-                    _remove_all_but_newest(set(base.glob("pipeline-*")) - {folder})
+                    for old in sorted(earlier, key=lambda one: one.stat().st_mtime)[:-KEPT]:
+                        shutil.rmtree(old, ignore_errors=True)
             with tempfile.TemporaryFile(dir=folder):
                 return folder
         except OSError:
             continue
     return Path(tempfile.mkdtemp(prefix=f"{name}-"))
-
-
-def _remove_all_but_newest(folders: set[Path]) -> None:
-    for folder in sorted(folders, key=lambda one: one.stat().st_mtime)[:-KEPT]:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 # numba reads the variable when it is imported, and again whenever it sees a changed environment

@@ -1,10 +1,8 @@
 """Elementary functions and sums for compiled loops, vectorised and of the same bits on every
 processor.
 
-The C library's functions take one number at a time, and their bits differ between versions. Here
-the argument is reduced to near zero, where a polynomial suffices, without branches or calls. A sum
-in the order of its terms waits for each addition, and a compiler that reorders it gives other bits
-on wider processors: term i is added to partial sum i modulo 8, and the eight are added at the end.
+Arguments are reduced to near zero, where a polynomial suffices, without branches or calls. Term i
+of a sum is added to partial sum i modulo 8, and the eight are added at the end.
 """
 
 from __future__ import annotations

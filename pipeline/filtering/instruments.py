@@ -29,27 +29,25 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     if dataset.measurement == "depth":
         if not contracts.exists("angles", ARTICULATE):
             return []
-        tables = (contracts.read(name, ARTICULATE) for name in ("angles", "kinect_noise"))
-        return measurements(*tables)
+        return measurements(*(contracts.read(n, ARTICULATE) for n in ("angles", "kinect_noise")))
     joints = contracts.read("joints", TRACK)
-    takes = joints.loc[joints["part"] == "test", "take"].unique()
     if dataset.measurement == "encoders":
-        noise = noise_of_encoders(dataset)
-        rows = _rows_of("encoders", takes, "dataset.encoders", dataset.encoders)
-        return [_encoders(take, each, dataset, noise) for take, each in rows]
+        return _encoder_takes(dataset, joints)
     if dataset.robot.plane:
         message = "the pose of the tip is measured of an arm in space, not of one in a plane"
         raise ConfigError(message, key="dataset.measurement")
-    rows = _rows_of("markers", takes, "dataset.mocap.deviation", dataset.mocap)
+    rows = _rows_of("markers", joints, "test", "dataset.mocap.deviation", dataset.mocap)
     tool = describe(dataset.robot).tip
     return [tip_poses(take, each, dataset.mocap, tool) for take, each in rows]
 
 
-def _rows_of(name: str, takes: np.ndarray, key: str, instrument: object) -> list[tuple]:
-    """Return (take, rows) of the table ``name`` of each of the ``takes``."""
+def _rows_of(
+    name: str, joints: pd.DataFrame, part: str, key: str, instrument: object
+) -> list[tuple]:
+    """Return (take, rows) of the table ``name`` of each take of ``joints`` in the ``part``."""
     if instrument is None:
         raise ConfigError("the filter needs measurements that the dataset does not have", key=key)
-    table = contracts.read(name, MOTION)
+    takes, table = joints.loc[joints["part"] == part, "take"], contracts.read(name, MOTION)
     by_take = dict(list(table[table["take"].isin(takes)].groupby("take")))
     if absent := sorted(set(takes) - set(by_take)):
         raise ConfigError(f"there are no measurements of the takes {', '.join(absent)}", key=key)
@@ -83,17 +81,15 @@ class EncoderNoise:
 def encoder_noise(errors: np.ndarray, dt: float) -> EncoderNoise:
     """Estimate the noise from ``errors`` (takes, K, n), rad, reading minus truth every ``dt`` s.
 
-    The correlation time is the sum of the correlations over all lags, of either sign, one value for
-    all joints. The covariance of a step is pooled over as long on either side, about the mean of
-    each step, with takes − 1 degrees of freedom a step.
+    The correlation time is the sum of the correlations over all lags, one value for all joints. The
+    covariance of a step is pooled over as long on either side, about the mean of each step.
     """
     takes, steps, n = errors.shape
     bias = errors.mean(axis=0)
     off = errors - bias
     squares = np.sum(off**2)
     lasting = np.sum(off.sum(axis=1) ** 2) / squares if squares > 0 else 1.0
-    window = round(lasting)
-    total = np.zeros((steps + 1, n, n))
+    total, window = np.zeros((steps + 1, n, n)), round(lasting)
     total[1:] = np.cumsum(np.einsum("tki,tkj->kij", off, off), axis=0)
     first = np.maximum(np.arange(steps) - window, 0)
     last = np.minimum(np.arange(steps) + window + 1, steps)
@@ -102,24 +98,25 @@ def encoder_noise(errors: np.ndarray, dt: float) -> EncoderNoise:
     return EncoderNoise(bias, covariance, lasting * dt, dt)
 
 
-def noise_of_encoders(dataset: Dataset) -> EncoderNoise:
-    """Noise of the encoders in the training takes, the motion capture taken for the truth."""
-    joints = contracts.read("joints", TRACK)
-    takes = joints.loc[joints["part"] == "training", "take"].unique()
-    errors = []
-    for take, read in _rows_of("encoders", takes, "dataset.encoders", dataset.encoders):
+def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]:
+    """Return a reading for each step of the motion grid, as those in between have the same error,
+    with the noise of the training takes, the motion capture taken for the truth.
+    """
+    rate, errors, takes = dataset.motion.rate, [], []
+    training, test = (
+        _rows_of("encoders", joints, part, "dataset.encoders", dataset.encoders)
+        for part in ("training", "test")
+    )
+    for take, read in training:
         observed = joints[joints["take"] == take]
         at_steps = [np.interp(observed["t"], read["t"], y) for y in values(read, "q").T]
         errors.append(np.stack(at_steps, axis=-1) - values(observed, "q"))
-    return encoder_noise(np.stack(errors), 1 / dataset.motion.rate)
-
-
-def _encoders(take: str, rows: pd.DataFrame, dataset: Dataset, noise: EncoderNoise) -> Measurements:
-    """Return a reading for each step of the motion grid: those in between have the same error."""
-    rate = 1 / rows["t"].diff().median()
-    read = rows[:: max(1, round(rate / dataset.motion.rate))]
-    t, y = read["t"].to_numpy(), read[columns("q", dataset.robot.joints)].to_numpy()
-    return Measurements(str(take), t, y, *noise.of_readings(t))
+    noise = encoder_noise(np.stack(errors), 1 / rate)
+    for take, rows in test:
+        read = rows[:: max(1, round(1 / rows["t"].diff().median() / rate))]
+        t, y = read["t"].to_numpy(), read[columns("q", dataset.robot.joints)].to_numpy()
+        takes.append(Measurements(str(take), t, y, *noise.of_readings(t)))
+    return takes
 
 
 def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measurements:
@@ -131,11 +128,8 @@ def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measure
     no points on that link, or no deviation.
     """
     if tool not in mocap.markers or mocap.deviation is None:
-        raise ConfigError(
-            f"the pose of {tool!r} needs its markers or body, dataset.mocap.markers.{tool}, and "
-            "the deviation of a marker",
-            key="dataset.mocap.deviation",
-        )
+        needed = f"its markers or body, dataset.mocap.markers.{tool}, and the deviation of a marker"
+        raise ConfigError(f"the pose of {tool!r} needs {needed}", key="dataset.mocap.deviation")
     number = list(mocap.markers).index(tool) + 1
     observed = rows[rows["link"] == number].sort_values(["marker", "k"], kind="stable")
     places = np.array(list(mocap.markers[tool].values()), dtype=float)

@@ -5,15 +5,12 @@ It is the exact posterior of normal deviations and noise: of a Markov law the Ka
 process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec. 2.2).
 
 The path has the prior N(q̄, P). Frame j shows the deviation at its point p between the two poses
-of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j), so that H_j is A
-times the weights of the two poses. A pose of the tip is displaced from the pose at p̄_j by
-J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order, J the whole Jacobian of an arm in space.
-With the frames in the order of time and S = H P Hᵀ + R = L Lᵀ the leading block of L is the factor
-of the frames up to any time, and one factorisation holds the posterior of every step,
+of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). A pose of the tip
+is displaced from the pose at p̄_j by J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order. So
+H_j is A, or JA, times the weights of the two poses; with the frames in the order of time and S =
+H P Hᵀ + R = L Lᵀ one factorisation holds the posterior of every step given the frames so far,
 
-    E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄),
-
-with the rows of the frames so far.
+    E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄).
 
 The baselines of every motion model know the training takes alone: their mean and covariance at each
 step (NONE of :mod:`pipeline.core.filters`), and those with one autocorrelation over time (MEMORY),
@@ -35,7 +32,7 @@ from pipeline.arm.interface import Chain
 from pipeline.core.columns import SPACE
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.filtering.measurement import Frames, Measurements
+from pipeline.filtering.measurement import Measurements
 from pipeline.models.normal import root, without_measurement
 from pipeline.statistics.takes import takes_moments
 
@@ -51,11 +48,9 @@ def linear_filter(
     """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the pose of each of
     the T ``takes`` at each step given the frames up to it.
 
-    Frames before the start or after the end of the motion are left out. Raises ModelDomainError for
-    a ``covariance`` or R that is none.
     ``path`` (M+1, n) rad is the prior mean q̄ on the motion grid of step ``dt`` (s), ``covariance``
-    (M+1, n, M+1, n) rad² is P, ``chain`` the arm, and ``response`` (n, n) A, by default the
-    identity: an error independent of the pose.
+    (M+1, n, M+1, n) rad² is P, and ``response`` (n, n) A, by default the identity: an error
+    independent of the pose. Raises ModelDomainError for a ``covariance`` or R that is none.
     """
     posteriors = [_posterior(path, covariance, take, dt, chain, response) for take in takes]
     means, covariances = zip(*posteriors, strict=True)
@@ -73,7 +68,12 @@ def _posterior(path, covariance, measurements, dt, chain, response):
     share = share[:, :, None, None]
     # (F, d, M+1, n) covariances of each frame with each pose
     across = (1 - share) * covariance[before] + share * covariance[after]
-    shown, residual = _sensitivity(frames, point, chain)
+    if frames.tip:  # seen through the whole pose, in metres and radians, whatever the task
+        whole = replace(chain, task=SPACE, length=1.0)
+        residual = whole.displacement(whole.pose(point), frames.unbiased)
+        shown = whole.jacobian(point)
+    else:
+        shown, residual = np.tile(np.eye(n), (len(point), 1, 1)), frames.unbiased - point
     shown = shown if response is None else shown @ response
     d = residual.shape[-1]
     across = (shown @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
@@ -87,25 +87,14 @@ def _posterior(path, covariance, measurements, dt, chain, response):
     try:
         factor, _ = cho_factor(total.reshape(rows, rows), lower=True)
     except np.linalg.LinAlgError:
-        raise ModelDomainError(
-            "the prior covariance of the path has a negative eigenvalue", take=measurements.take
-        ) from None
+        message = "the prior covariance of the path has a negative eigenvalue"
+        raise ModelDomainError(message, take=measurements.take) from None
     white = solve_triangular(factor, residual.reshape(rows), lower=True)
     gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
     so_far = np.arange(rows)[:, None] < d * frames.first[1:]
     gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, dF)
     steps = np.arange(grid)
     return path + gain @ white, covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
-
-
-def _sensitivity(frames: Frames, point: np.ndarray, chain: Chain) -> tuple[np.ndarray, np.ndarray]:
-    """Return (F, d, n) derivatives of the frames by the pose at ``point`` (F, n), and residuals."""
-    if not frames.tip:
-        n = point.shape[-1]
-        return np.broadcast_to(np.eye(n), (len(point), n, n)), frames.unbiased - point
-    # the whole pose, in metres and radians, whatever the task
-    whole = replace(chain, task=SPACE, length=1.0)
-    return whole.jacobian(point), whole.displacement(whole.pose(point), frames.unbiased)
 
 
 def baseline_predictions(
@@ -125,12 +114,10 @@ def baseline_predictions(
     across = autocorrelation(training, measurement)[1] * (roots[1:] @ roots[:-1])
     gain = np.swapaxes(np.linalg.solve(each[:-1] + measurement, np.swapaxes(across, 1, 2)), 1, 2)
     left = each[1:] + measurement - gain @ np.swapaxes(across, 1, 2)
+    errors = off[..., 1:, :] - np.matvec(gain, off[..., :-1, :])
     return {
         NONE: (off[..., 1:, :], covariance[1:]),
-        MEMORY: (
-            off[..., 1:, :] - np.matvec(gain, off[..., :-1, :]),
-            (left + np.swapaxes(left, 1, 2)) / 2,
-        ),
+        MEMORY: (errors, (left + np.swapaxes(left, 1, 2)) / 2),
     }
 
 
@@ -144,8 +131,9 @@ def autocorrelated_filter(
     """Return means (T, K, n) in rad and covariances (T, K, n, n) in rad² of the poses of the T
     ``takes`` at each step given the frames up to it, by :func:`linear_filter`; and the number of
     axes, over all steps, along which S_k is set to zero.
+
     ``poses`` (takes, K, n) rad are those of the training takes, ``measurement`` (n, n) rad² the
-    noise of one, ``takes`` the measurements at times on a motion grid of step ``dt`` (s).
+    noise of one, ``dt`` s the step of the motion grid.
     """
     roots, without = deviation_roots(poses, measurement)
     prior = path_covariance(roots, autocorrelation(poses, measurement))
@@ -153,11 +141,8 @@ def autocorrelated_filter(
 
 
 def deviation_roots(poses: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return (K, n, n) rad, S_k^½ of ``poses`` (takes, K, n) in rad, and the number of axes, over
-    all steps, along which S_k is zero; ``measurement`` (n, n) in rad² of a measured pose.
-    """
-    _, covariance = takes_moments(poses)
-    left = [without_measurement(each, measurement) for each in covariance]
+    """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), and the number of zero axes."""
+    left = [without_measurement(each, measurement) for each in takes_moments(poses)[1]]
     return np.stack([root(each) for each, _ in left]), sum(without for _, without in left)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.columns import matrices, members, values
-from pipeline.core.errors import ContractError, ModelDomainError
+from pipeline.core.errors import ModelDomainError
 
 # shares of a step are rounded, so that 0.03 s / 0.01 s is step 3 and not just past it
 SHARE_DIGITS = 6
@@ -43,7 +43,7 @@ class Frames(NamedTuple):
 
 @dataclass(frozen=True)
 class Measurements:
-    """The F ≥ 0 frames of one take; ContractError for shapes that disagree, values not finite.
+    """The F ≥ 0 frames of one take.
 
     A pose of the tip is its position and its rotation, row by row, displaced by d = 6 numbers, a
     way and a rotation vector, in m and rad in the base's axes. Of n joint angles d is n.
@@ -56,25 +56,10 @@ class Measurements:
     covariance: np.ndarray  # (F, d, d) covariance R of the noise
     tip: bool = False  # true for poses of the tip
 
-    def __post_init__(self) -> None:
-        frames, width = len(self.t), 12 if self.tip else self.y.shape[-1]
-        d = 6 if self.tip else width
-        shapes = {"t": (), "y": (width,), "bias": (d,), "covariance": (d, d)}
-        for name, shape in shapes.items():
-            found = getattr(self, name)
-            if found.shape != (frames, *shape):
-                message = f"measurements: {name} has shape {found.shape}, not {(frames, *shape)}"
-                raise ContractError(message, take=self.take)
-            if len(broken := np.argwhere(~np.isfinite(found))):
-                message = f"measurements: {name} is not finite; drop the frame before filtering"
-                raise ContractError(message, take=self.take, frame=int(broken[0, 0]))
-
     def schedule(self, steps: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames, steps k and shares of the step (F',) of the frames within ``steps`` steps
-        of ``dt`` (s), in the order in which they enter.
-
-        A frame at t_k has share 1 of the step that ends there, one at the start of the motion share
-        1 of k = 0; frames before the start or after the end are left out.
+        of ``dt`` (s), in the order in which they enter: a frame at t_k has share 1 of the step that
+        ends there, one at the start of the motion share 1 of k = 0.
         """
         position = np.round(self.t / dt, SHARE_DIGITS)
         frame = np.flatnonzero((position >= 0) & (position <= steps))
@@ -86,8 +71,7 @@ class Measurements:
         """Return the frames of :meth:`schedule`; raises ModelDomainError like :attr:`whitening`."""
         chosen, step, share = self.schedule(steps, dt)
         whitening, log_norm = self.whitening
-        first = np.searchsorted(step, np.arange(steps + 2))
-        unbiased = self.unbiased[chosen]
+        first, unbiased = np.searchsorted(step, np.arange(steps + 2)), self.unbiased[chosen]
         return Frames(first, share, unbiased, whitening[chosen], log_norm[chosen], self.tip)
 
     @cached_property
@@ -109,12 +93,9 @@ class Measurements:
         variances = np.linalg.eigvalsh(self.covariance)
         singular = variances[:, 0] <= SINGULAR_VARIANCE * variances[:, -1]
         if singular.any():
-            raise ModelDomainError(
-                "the covariance of the measurement's noise is not positive definite; estimate "
-                "it from more takes than joints",
-                take=self.take,
-                frame=int(np.argmax(singular)),
-            )
+            message = "the covariance of the measurement's noise is not positive definite; estimate"
+            where = {"take": self.take, "frame": int(np.argmax(singular))}
+            raise ModelDomainError(f"{message} it from more takes than joints", **where)
         factor = np.linalg.cholesky(self.covariance)
         log_determinant = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
         return np.linalg.inv(factor), -log_determinant - 0.5 * factor.shape[-1] * np.log(2 * np.pi)

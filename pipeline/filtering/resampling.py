@@ -2,8 +2,7 @@
 
 A scheme takes weights (P,), non-negative and of sum 1, and a generator, and fills ``chosen`` (P,)
 with the indices of the particles to go on with; ``scratch`` has (2, P) or more floats. Particle i
-is expected P·w_i times, and never where w_i = 0. All schemes compare sorted points with the
-cumulative weights. Loops compile in half the time of NumPy's array expressions.
+is expected P·w_i times, and never where w_i = 0.
 """
 
 from __future__ import annotations
@@ -30,10 +29,8 @@ def cumulate(weights, cumulative):
 @inner
 def repeat(below, chosen):
     """Fill ``chosen`` (P,) with each particle as often as there are points between the cumulative
-    weight before it and its own, ``below`` (P,) which so many of the P points lie.
-
-    Each is put where its points begin, over those before it that have none, and stays until the
-    next: without a branch that depends on the weights.
+    weight before it and its own, ``below`` (P,) which so many of the P points lie: each is put
+    where its points begin and stays until the next, without a branch that depends on the weights.
     """
     count, first, last = len(chosen), 0, 0
     for j in range(count):
@@ -117,9 +114,7 @@ SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
 
 @inner
 def resample(scheme, weights, chosen, scratch, rng):
-    """Fill ``chosen`` by the ``scheme`` of this number in :data:`SCHEMES`; "multinomial" draws P
-    times independently (Gordon, Salmond & Smith 1993).
-    """
+    """Fill ``chosen`` by the ``scheme`` of this number; multinomial: Gordon et al. (1993)."""
     if scheme == 0:
         systematic(weights, chosen, scratch, rng)
     elif scheme == 1:

@@ -1,8 +1,5 @@
-"""Sequential importance sampling with resampling, compiled: weights by a measurement, moments under
-them, and the loop over the steps of one take.
-
-Joint angles are kept as (n, P), so that neighbours in memory are the same joint of neighbouring
-particles and the compiler computes four at once, in the same order on every processor.
+"""Sequential importance sampling with resampling, compiled. Joint angles are kept as (n, P), so
+that neighbours in memory are the same joint of neighbouring particles.
 """
 
 from __future__ import annotations
@@ -25,9 +22,7 @@ ROWS = 6  # of a displacement of the tip
 def weigh(arm, space, frames, frame, before, q, log_weights, block, scratch):
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from
     ``before`` to ``q`` (n, P); ``scratch`` has (n + ROWS + 2, WIDTH) floats or more, ``block`` the
-    rows of the arm's kinematics.
-
-    Poses of the tip need an arm in space, ``space`` not None.
+    rows of the arm's kinematics. Poses of the tip need an arm in space, ``space`` not None.
     """
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
@@ -59,9 +54,7 @@ def weigh(arm, space, frames, frame, before, q, log_weights, block, scratch):
 
 @inner
 def displacement(arm, measured, poses, rest, block, count):
-    """Fill ``rest`` (6, count) with the displacements of the ``measured`` tip of ``arm`` from its
-    pose at ``poses`` (n, count): in metres and radians, whatever the task.
-    """
+    """Fill ``rest`` (6, count) with the displacements of ``measured`` from the tip, m and rad."""
     tip(arm, poses, 0, count, block)
     rotation_vectors(measured, block.reshape(-1), count)
     for k in range(3):
@@ -73,9 +66,7 @@ def displacement(arm, measured, poses, rest, block, count):
 
 @inlined
 def add_square(white, j, rest, whitened, square, count):
-    """Add to ``square`` the square of row ``j`` of the lower triangular ``white`` times ``rest``
-    (j + 1 or more, count), by way of ``whitened``.
-    """
+    """Add to ``square`` the square of row ``j`` of ``white`` times ``rest``, by ``whitened``."""
     for i in range(count):
         whitened[i] = 0.0
     for k in range(j + 1):
@@ -131,11 +122,8 @@ def weighted_moments(weights, q, mean, covariance, scratch):
 
 class Domain(NamedTuple):
     """D_q: the joint limits and, of a planar chain's second joint, the angle at which the first two
-    links are in line and the least distance from it.
-
-    |det J| of a planar chain is the product of both links' lengths and the sine of the angle
-    between them, which the second joint alone decides. Any other arm has no such angle: its law
-    makes no step from a singular pose, so that a particle leaves D_q with its next step.
+    links are in line and the least distance from it. Any other arm has no such angle: its law makes
+    no step from a singular pose, so that a particle leaves D_q with its next step.
     """
 
     lower: np.ndarray  # (n,) rad
@@ -147,8 +135,7 @@ class Domain(NamedTuple):
 @inner
 def keep_inside(domain, before, q, log_weights, outside):
     """Take the weight of the particles of ``q`` (n, P) that left D_q, put them back to ``before``,
-    as no model has a step from where they are, and return the number of those with any weight.
-    ``outside`` (P,) is overwritten.
+    and return the number of those with any weight; ``outside`` (P,) is overwritten.
     """
     second, lost = q[1 if len(q) > 1 else 0], 0
     for i in range(len(second)):
@@ -173,11 +160,10 @@ def keep_inside(domain, before, q, log_weights, outside):
 def sequential_importance_sampling(
     law, arm, space, block, domain, commands, frames, scheme, threshold, poses, rng
 ):
-    """Return mean (M+1, n), covariance (M+1, n, n), effective sample size, resampled, clipped and
-    outside (M+1,); the log-evidence; and the step at which all weights vanished or −1.
-
-    ``law`` moves the particles from their first ``poses`` (n, P) in rad, which are overwritten, and
-    ``frames`` weigh them. Below a sample size of ``threshold``·P the ``scheme`` resamples.
+    """Return the course of :class:`~pipeline.filtering.particle_filter.Posterior`, the log-evidence
+    and the step at which all weights vanished or −1. ``law`` moves the particles from their first
+    ``poses`` (n, P) in rad, which are overwritten, and ``frames`` weigh them. Below a sample size
+    of ``threshold``·P the ``scheme`` resamples.
     """
     (n, count), grid = poses.shape, len(commands.v) + 1
     mean, covariance = np.empty((grid, n)), np.empty((grid, n, n))

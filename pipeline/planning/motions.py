@@ -10,12 +10,11 @@ import numpy as np
 
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
-from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle, where_defined
-from pipeline.planning.refine import objective, refined
+from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle
+from pipeline.planning.refine import refined
 from pipeline.planning.self_motion import ROUNDS, grid, spacing_of, stages
 
 POINTS = 200  # of the grid, at a step
-SPACINGS = 1.5  # that the slowest joint can move from one stage of the search to the next
 WAYS, APART = 3, 0.5  # through a grid that are refined, and the rad that sets two of them apart
 
 
@@ -26,22 +25,19 @@ class Planned:
     joints: np.ndarray  # (M+1, n) rad
     cost: np.ndarray  # (M,) of each step, what the motion was chosen by
     objective: float  # Σ cost + smoothness·Σ‖w‖², w the steps in the null space, rad
-    grid_cost: float  # the same of the optimum to the grid, before it was refined
     clearance: np.ndarray  # (M+1,) least singular value of J, m
 
 
 def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
-    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step.
-
+    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step:
     Eq. (least-uncertain-path), of the trace of its sum or another number, with the self-motion free
-    that its constraint leaves out. By dynamic programming over a grid of ``points`` at a step,
-    globally optimal to the grid; then locally (:mod:`.refine`), from the best ways through the grid
-    that are apart. With m = n the grid is the whole set of motions, and the search decides the
-    branch. Stages are the steps of the path, or so many of them together that a joint can move from
-    one point of the grid to the next; a step has its cost at the pose of the nearest stage.
+    that its constraint leaves out.
 
-    Raises InfeasibleError with the first step at which no motion keeps the path, the limits and the
-    margin, and what the ``cost`` raises where it exists nowhere.
+    By dynamic programming over a grid of ``points`` at a step, globally optimal to the grid; then
+    locally (:mod:`.refine`), from the best ways through the grid that are apart. With m = n the
+    grid is the whole set of motions. Raises InfeasibleError with the first step at which no motion
+    keeps the path, the limits and the margin, ConfigError for an arm of more joints to spare, and
+    what the ``cost`` raises.
     """
     if points < 1:
         raise ConfigError(f"the number of grid points must be > 0, got {points}", key="points")
@@ -52,12 +48,12 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
             key="dataset.robot.task",
         )
     spacing = spacing_of(problem, points)
-    steps = stages(problem, spacing, SPACINGS)
+    steps = stages(problem, spacing)
     ways = on_stages(problem, cost, steps, grid(problem, steps, spacing))
     planned, failed = [], []
     for way, _ in ways if problem.spare > 0 else ways[:1]:
         try:
-            planned.append(_filled_in(problem, cost, way, steps, ways[0][1]))
+            planned.append(_filled_in(problem, cost, way, steps))
         except InfeasibleError as error:
             failed.append(error)
     if not planned:
@@ -92,9 +88,10 @@ def minimum_norm(problem: Problem, start: np.ndarray) -> Planned:
         joints[k] = q[0]
         if k < len(problem.steps):
             guess = q + np.matvec(chain.inverse_jacobian(q), problem.steps[k])
-    problem.require_kept(joints)
+    if failure := problem.failure(joints):
+        raise failure
     cost = np.sum(np.diff(joints, axis=0) ** 2, axis=-1)
-    return Planned(joints, cost, cost.sum(), cost.sum(), problem.clearance(joints))
+    return Planned(joints, cost, cost.sum(), chain.least_singular_value(joints))
 
 
 def on_stages(
@@ -102,14 +99,14 @@ def on_stages(
 ) -> list[tuple[np.ndarray, float]]:
     """The cheapest way through the ``grid`` of poses (G, n) at each of ``steps`` (S,), (S, n) in
     rad, and what it costs; behind it the cheapest others that end apart from each other. Eq.
-    (least-uncertain-path) to the grid.
+    (least-uncertain-path) to the grid. A step has its cost at the pose of the nearest stage.
 
     Raises InfeasibleError with the first step to which none leads, and what ``cost`` does.
     """
     chain, counts = problem.chain, np.array([len(q) for q in grid])
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
     q = np.concatenate([grid[s] for s in stage])
-    each = where_defined(cost, q, np.repeat(problem.steps, counts[stage], axis=0))
+    each = cost(q, np.repeat(problem.steps, counts[stage], axis=0))
     own = np.where(np.arange(counts.max()) < counts[:, None], 0.0, np.inf)
     poses = np.zeros((*own.shape, len(chain.lower)))
     nominal, wide = np.zeros_like(poses[1:]), np.diff(steps)
@@ -120,19 +117,16 @@ def on_stages(
             nominal[s, : len(solutions)] = np.matvec(chain.inverse_jacobian(solutions), v)
     for s, part in zip(stage, np.split(each, np.cumsum(counts[stage])[:-1]), strict=True):
         own[s, : len(part)] += part
-    before, total = np.zeros(own.shape, dtype=np.int64), np.empty_like(own)
     reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
-    reached = cheapest(poses, counts, own, nominal, reach, weight, problem.turning, before, total)
-    if reached < len(steps):
-        if not np.isfinite(own[reached]).any():
-            why = "the model has no covariance at any pose of the path"
-            raise InfeasibleError(why, step=int(steps[reached]))
-        raise InfeasibleError(
-            "no pose of the path can be reached from those before within the joints' speeds; give "
-            "the path more time",
-            step=int(steps[reached]),
-            after=int(steps[reached - 1]) if reached else None,
-        )
+    before, total = cheapest(poses, counts, own, nominal, reach, weight, problem.turning)
+    if (lost := ~np.isfinite(total).any(axis=1)).any():
+        reached = int(lost.argmax())
+        why = "the model has no covariance at any pose of the path, or none with a ln det"
+        if np.isfinite(own[reached]).any():
+            why = "no pose of the path can be reached from those before within the joints' speeds; "
+            why += "give the path more time"
+        after = int(steps[reached - 1]) if reached else None
+        raise InfeasibleError(why, step=int(steps[reached]), after=after)
     ways: list[tuple[np.ndarray, float]] = []
     for last in np.argsort(total[-1], kind="stable"):
         if len(ways) == WAYS or not np.isfinite(total[-1, last]):
@@ -144,14 +138,19 @@ def on_stages(
     return ways
 
 
-def _filled_in(
-    problem: Problem, cost: Cost, way: np.ndarray, steps: np.ndarray, grid_cost: float
-) -> Planned:
-    """The motion through ``way`` (S, n) in rad at the ``steps`` (S,), refined."""
-    every = np.arange(len(problem.path))
-    unwound = _unwound(problem, way)
-    between = np.stack([np.interp(every, steps, column) for column in unwound.T], axis=-1)
-    joints, reached = settle(problem.chain, between, problem.path, ROUNDS)
+def _filled_in(problem: Problem, cost: Cost, way: np.ndarray, steps: np.ndarray) -> Planned:
+    """The motion through ``way`` (S, n) in rad at the ``steps`` (S,), without jumps of whole turns
+    and within the limits where some turns fit, refined.
+    """
+    chain, turning, every = problem.chain, problem.turning, np.arange(len(problem.path))
+    jumps = np.diff(way, axis=0, prepend=0.0)
+    jumps[1:] -= TURN * np.round(jumps[1:] / TURN) * turning
+    way = np.cumsum(jumps, axis=0)
+    over = np.where(turning, np.maximum(way.max(axis=0) - chain.upper, 0.0), 0.0)
+    under = np.where(turning, np.maximum(chain.lower - way.min(axis=0), 0.0), 0.0)
+    way = way + TURN * (np.ceil(under / TURN) - np.ceil(over / TURN))
+    between = np.stack([np.interp(every, steps, column) for column in way.T], axis=-1)
+    joints, reached = settle(chain, between, problem.path, ROUNDS)
     if not reached.all():
         raise InfeasibleError(
             "no motion connects two points of the grid; increase the number of grid points",
@@ -159,20 +158,10 @@ def _filled_in(
         )
     if problem.spare > 0:
         joints = refined(problem, cost, joints)
-    problem.require_kept(joints)
-    each, clearance = cost(joints[:-1], problem.steps), problem.clearance(joints)
-    return Planned(joints, each, objective(problem, each, joints), grid_cost, clearance)
-
-
-def _unwound(problem: Problem, poses: np.ndarray) -> np.ndarray:
-    """``poses`` (S, n) without jumps of whole turns, within the limits where some turns fit."""
-    chain, turning = problem.chain, problem.turning
-    steps = np.diff(poses, axis=0, prepend=0.0)
-    steps[1:] -= TURN * np.round(steps[1:] / TURN) * turning
-    poses = np.cumsum(steps, axis=0)
-    over = np.where(turning, np.maximum(poses.max(axis=0) - chain.upper, 0.0), 0.0)
-    under = np.where(turning, np.maximum(chain.lower - poses.min(axis=0), 0.0), 0.0)
-    return poses + TURN * (np.ceil(under / TURN) - np.ceil(over / TURN))
+    if failure := problem.failure(joints):
+        raise failure
+    each, clearance = cost(joints[:-1], problem.steps), chain.least_singular_value(joints)
+    return Planned(joints, each, problem.objective(each, joints), clearance)
 
 
 @compiled
@@ -184,26 +173,20 @@ def cheapest(
     reach: np.ndarray,
     weight: np.ndarray,
     turning: np.ndarray,
-    before: np.ndarray,
-    total: np.ndarray,
-) -> int:
-    """Find the ways to every pose of least Σ cost + Σ weight·‖q_{s+1} − q_s − nominal_s‖², no joint
-    beyond its reach; return S, else the first stage that none reaches.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (S, G) the pose before on the way of least Σ cost + Σ weight·‖q_{s+1} − q_s −
+    nominal_s‖² to each pose, and (S, G) the cost of that way, infinite where none leads, no joint
+    beyond its reach.
 
     ``poses`` (S, G, n) in rad, ``counts`` (S,) of them at a stage; ``cost`` (S, G), infinite where
     a pose is not to be taken; ``nominal`` (S-1, G, n) step without weight from each pose and
     ``reach`` (S-1, n) greatest step, in rad; ``weight`` (S-1,) of a squared step beyond the nominal
-    one; ``turning`` (n,) joints whose steps are taken up to whole turns. Written: ``before`` (S, G)
-    the pose before on the way to each, ``total`` (S, G) the cost of that way with the pose's own.
-
-    Of poses that cost the same the one before wins. Poses before are tried by their cost, as long
-    as they can win: nothing is left out.
+    one; ``turning`` (n,) joints whose steps are taken up to whole turns. Poses before are tried by
+    their cost, as long as they can win: nothing is left out.
     """
-    total[:] = np.inf
+    before, total = np.zeros(cost.shape, dtype=np.int64), np.full(cost.shape, np.inf)
     total[0, : counts[0]] = cost[0, : counts[0]]
     for s in range(1, len(counts)):
-        if not total[s - 1].min() < np.inf:
-            return s - 1
         order = np.argsort(total[s - 1, : counts[s - 1]], kind="mergesort")
         for j in range(counts[s]):
             least = np.inf
@@ -223,13 +206,11 @@ def cheapest(
                 if value < least:
                     least, before[s, j] = value, place
             total[s, j] = least + cost[s, j]
-    return len(counts) if total[-1].min() < np.inf else len(counts) - 1
+    return before, total
 
 
 def way_to(last: int, before: np.ndarray) -> np.ndarray:
-    """(S,) poses on the way to the pose ``last`` of the last stage, by what :func:`cheapest` wrote
-    of the poses ``before`` (S, G).
-    """
+    """(S,) poses on the way to the pose ``last`` of the last stage, by ``before`` (S, G)."""
     way = [last]
     for row in before[:0:-1]:
         way.append(int(row[way[-1]]))

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from pipeline.arm.interface import Chain
-from pipeline.core.errors import ConfigError, ModelDomainError, PipelineError, SingularJacobianError
+from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.models.model import MotionModel
 
 REACHED = 1e-9  # of a displacement from the path, in m: beyond it a pose is not on it
@@ -23,7 +23,8 @@ BLOCK = 1024  # poses whose matrices stay in the processor's cache
 NONE = 1e-12  # of the greatest variance: below it a covariance has none along an axis
 TURN = 2 * np.pi
 
-# the cost (N,) of the steps ``v`` (N, m) of the task at the poses ``q`` (N, n) in rad
+# the cost (N,) of the steps ``v`` (N, m) of the task at the poses ``q`` (N, n) in rad, infinite at
+# a pose that no motion may take
 Cost = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -33,26 +34,22 @@ class InfeasibleError(PipelineError):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A path of M steps for an arm of n joints and m ≤ n task rows.
+    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits.
 
-    The limits of the joints, in rad and rad/s, are those of the chain. Raises ConfigError for a
-    path of fewer than two poses or one that is not finite, and for numbers out of range.
+    Raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
     """
 
     chain: Chain
     path: np.ndarray  # (M+1, p) poses x_k, as ``chain.pose`` gives them
     rate: float  # steps a second
-    # least value in m of the least singular value of ``chain.jacobian``, whose angular rows are
-    # multiplied by the task's characteristic length (1 m in a plane)
-    margin: float
+    margin: float  # least value in m of ``chain.least_singular_value``
     smoothness: float  # weight of a squared null-space step, in units of the cost for a rad²
 
     def __post_init__(self) -> None:
         if np.ndim(self.path) != 2 or len(self.path) < 2 or not np.isfinite(self.path).all():
             raise ConfigError("a path needs two finite poses at least", key="path")
         for key, least in (("rate", 0.0), ("margin", 0.0), ("smoothness", -1e-300)):
-            value = getattr(self, key)
-            if not least < value < np.inf:
+            if not least < (value := getattr(self, key)) < np.inf:
                 sign = "positive" if least == 0 else "not negative"
                 raise ConfigError(f"{key} must be finite and {sign}, not {value}", key=key)
 
@@ -64,6 +61,11 @@ class Problem:
     def nominal(self, q: np.ndarray) -> np.ndarray:
         """(M, n) J⁺v_k in rad at the poses ``q`` (M, n)."""
         return np.matvec(self.chain.inverse_jacobian(q), self.steps)
+
+    def objective(self, each: np.ndarray, joints: np.ndarray) -> float:
+        """Σ cost + smoothness·Σ‖w_k‖² of ``joints`` (M+1, n); w_k is a step's null-space part."""
+        w = np.diff(joints, axis=0) - self.nominal(joints[:-1])
+        return float(each.sum() + self.smoothness * np.sum(w**2))
 
     @property
     def reach(self) -> np.ndarray:
@@ -87,31 +89,21 @@ class Problem:
         return self.comes_round & (self.chain.upper - self.chain.lower > TURN)
 
     def nearest_turns(self, q: np.ndarray) -> np.ndarray:
-        """``q`` (..., n) in rad with whole turns taken off the joints that may have them, so that
-        they are nearest to the middle of their limits.
-        """
+        """``q`` (..., n) in rad less the turns that take it from the middle of its limits."""
         lower, upper = self.chain.lower, self.chain.upper
         middle = np.where(np.isfinite(upper - lower), (lower + upper) / 2, 0.0)
         return middle + self.less_turns(q - middle)
 
     def less_turns(self, step: np.ndarray) -> np.ndarray:
-        """The ``step`` (..., n) between two poses in rad, of half a turn at most where a joint
-        comes round.
-        """
+        """The ``step`` (..., n) in rad, of half a turn at most where a joint comes round."""
         return step - TURN * np.round(step / TURN) * self.comes_round
-
-    def clearance(self, q: np.ndarray) -> np.ndarray:
-        """(...,) least singular value of J at ``q`` (..., n) in m."""
-        return self.chain.least_singular_value(q)
 
     def clear(self, q: np.ndarray) -> np.ndarray:
         """(P,) True of those of ``q`` (P, n) that keep the margin."""
-        return ~self.chain.singular(q) & (self.clearance(q) >= self.margin)
+        return ~self.chain.singular(q) & (self.chain.least_singular_value(q) >= self.margin)
 
-    def failure(self, joints: np.ndarray) -> tuple[int, str] | None:
-        """The first step at which the motion ``joints`` (M+1, n) in rad fails, and how; None where
-        it keeps everything.
-        """
+    def failure(self, joints: np.ndarray) -> InfeasibleError | None:
+        """First step at which the motion ``joints`` (M+1, n) in rad fails, and how, else None."""
         chain = self.chain
         off = chain.displacement(chain.pose(joints), self.path)
         speeding = np.any(np.abs(np.diff(joints, axis=0)) > self.reach * (1 + 1e-9), axis=-1)
@@ -122,12 +114,7 @@ class Problem:
             "the motion is faster than the joints can be": np.r_[speeding, False],
         }
         first = [(int(bad.argmax()), why) for why, bad in faults.items() if bad.any()]
-        return min(first, default=None)
-
-    def require_kept(self, joints: np.ndarray) -> None:
-        """Raise InfeasibleError with the :meth:`failure` of ``joints``."""
-        if failure := self.failure(joints):
-            raise InfeasibleError(failure[1], step=failure[0])
+        return InfeasibleError(min(first)[1], step=min(first)[0]) if first else None
 
 
 def settle(
@@ -145,20 +132,11 @@ def settle(
         lanes, off = lanes[far], off[far]
         if left == 0 or len(lanes) == 0:
             break
-        inverse, regular = inverses(chain, q[lanes])
+        regular = ~chain.singular(q[lanes])
         lanes = lanes[regular]
-        step = np.matvec(inverse, off[regular])
+        step = np.matvec(chain.inverse_jacobian(q[lanes]), off[regular])
         q[lanes] += step * (STRIDE / np.maximum(length_of(step), STRIDE))[:, None]
     return q, reached
-
-
-def inverses(chain: Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(R, n, m) J⁺ at those of ``q`` (P, n) that are regular, and which they are (P,)."""
-    try:
-        return chain.inverse_jacobian(q), np.ones(len(q), dtype=bool)
-    except SingularJacobianError:
-        regular = ~chain.singular(q)
-        return chain.inverse_jacobian(q[regular]), regular
 
 
 def length_of(steps: np.ndarray) -> np.ndarray:
@@ -167,18 +145,16 @@ def length_of(steps: np.ndarray) -> np.ndarray:
 
 
 def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
-    """tr Cov(q_{k+1} | q_k) in rad², or its ln det, of a step under ``model``.
+    """tr Cov(q_{k+1} | q_k) in rad², or its ln det, of a step under ``model``; infinite at a
+    singular pose, and where a step that moves has no ln det, as it has no variance along an axis.
 
     Where the covariance has the rank m of the task, as under a matrix model with more joints than
     rows, ln det is taken of the m variances in the row space of J; else of all n. A step that
     commands nothing and has no noise costs nothing. Noise that the scaled model gives to a step in
-    the null space of J is left out: no model of the paper has any.
-
-    The cost raises what ``model.covariance`` does, and ModelDomainError where a step that moves has
-    no ln det, as it has no variance along an axis.
+    the null space of J is left out. The cost raises what ``model.covariance`` does.
     """
 
-    def cost(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def of_regular(q: np.ndarray, v: np.ndarray) -> np.ndarray:
         covariance = model.covariance(chain, q, v)
         if objective == "trace":
             return np.trace(covariance, axis1=-2, axis2=-1)
@@ -188,34 +164,15 @@ def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
         counted = np.arange(n) >= n - rank[:, None]
         still = ~np.any(v, axis=-1) & ~present[:, -1]
         lost = np.any(counted & ~present, axis=-1) & ~still
-        if lost.any():
-            raise ModelDomainError(
-                "a step has no variance along some axis of the row space, and so no ln det; plan "
-                "with the objective trace",
-                index=(int(lost.argmax()),),
-            )
-        counted &= ~still[:, None]
-        return np.log(variances, out=np.zeros_like(variances), where=counted).sum(axis=-1)
+        counted &= present & ~still[:, None]
+        logs = np.log(variances, out=np.zeros_like(variances), where=counted).sum(axis=-1)
+        return np.where(lost, np.inf, logs)
+
+    def cost(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        result, regular = np.full(len(q), np.inf), np.flatnonzero(~chain.singular(q))
+        for first in range(0, len(regular), BLOCK):
+            part = regular[first : first + BLOCK]
+            result[part] = of_regular(q[part], v[part])
+        return result
 
     return cost
-
-
-def where_defined(cost: Cost, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N,) the ``cost``, infinite at the poses where it is refused, in blocks that are halved where
-    a part is refused.
-
-    Raises ModelDomainError where the model has no covariance at any pose.
-    """
-    if len(q) > BLOCK:
-        size = BLOCK
-    else:
-        try:
-            return cost(q, v) if len(q) else np.empty(0)
-        except (ModelDomainError, SingularJacobianError) as error:
-            if "index" not in error.evidence:
-                raise
-        if len(q) == 1:
-            return np.array([np.inf])
-        size = (len(q) + 1) // 2
-    parts = (slice(k, k + size) for k in range(0, len(q), size))
-    return np.concatenate([where_defined(cost, q[part], v[part]) for part in parts])

@@ -2,22 +2,17 @@
 
 The motion moves by ζ_k in the null space of J at each step k: q_k is the pose on the path with
 n_k·(q_k − q⁰_k) = ζ_k, n_k (n,) the unit vector of the null space at the motion q⁰ begun with. ζ is
-a cubic spline over the steps. Its coefficients are SciPy's L-BFGS-B's to find; limits of angle,
-speed and margin are relaxed logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic
-Control 62, 2017), which lose their weight round by round. A round's motion, or a share of the way
-to it, is taken where it is better and keeps every limit exactly.
-
-A gradient is a few batches, as a step depends on few coefficients; solvers with constraints (SLSQP,
-trust-constr, IPOPT) would carry thousands of limits through every iteration.
+a cubic spline over the steps, found by L-BFGS-B; limits of angle, speed and margin are relaxed
+logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic Control 62, 2017), which lose
+their weight round by round. A round's motion, or a share of the way to it, is taken where it is
+better and keeps every limit exactly.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from pipeline.planning.problem import CLOSE, Cost, Problem, where_defined
+from pipeline.planning.problem import CLOSE, Cost, Problem
 
 WEIGHTS = (1e-1, 1e-2, 1e-3)  # of the mean barrier beside the objective, round by round
 MOST = 12  # rounds; those after the first of each weight only until the limits are kept
@@ -30,14 +25,6 @@ ITERATIONS = 60  # of a round
 LOST = 1e6  # objective of a motion that leaves the path or has no cost; of the order of 1 else
 
 
-def objective(problem: Problem, each: np.ndarray, joints: np.ndarray) -> float:
-    """Σ cost + smoothness·Σ‖w_k‖² of the motion ``joints`` (M+1, n) whose steps cost ``each``
-    (M,).
-    """
-    w = np.diff(joints, axis=0) - problem.nominal(joints[:-1])
-    return float(each.sum() + problem.smoothness * np.sum(w**2))
-
-
 def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
     """(M+1, n) in rad a motion no worse than ``joints`` (M+1, n); one that keeps the limits where
     the rounds find any. Raises what ``cost`` raises of ``joints``.
@@ -45,14 +32,14 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
     from scipy.optimize import minimize
 
     def value(motion: np.ndarray) -> float:
-        each = where_defined(cost, motion[:-1], problem.steps)
-        return objective(problem, each, motion) if np.isfinite(each).all() else np.inf
+        each = cost(motion[:-1], problem.steps)
+        return problem.objective(each, motion) if np.isfinite(each).all() else np.inf
 
     best, least = joints, value(joints) if problem.failure(joints) is None else np.inf
     for number in range(MOST):
         if number >= len(WEIGHTS) and np.isfinite(least):
             break
-        tube = _Tube.around(problem, cost, best, WEIGHTS[number % len(WEIGHTS)])
+        tube = _Tube(problem, cost, best, WEIGHTS[number % len(WEIGHTS)])
         options = {"jac": True, "method": "L-BFGS-B", "options": {"maxiter": ITERATIONS}}
         minimum = minimize(tube.value_and_gradient, np.zeros(tube.spline.shape[1]), **options)
         for share in SHARES:
@@ -67,36 +54,29 @@ def refined(problem: Problem, cost: Cost, joints: np.ndarray) -> np.ndarray:
     return best
 
 
-@dataclass
 class _Tube:
-    """The motions around one, and what they cost with the barriers of a ``weight``."""
+    """The motions around ``middle`` (M+1, n), and their cost with barriers of a ``weight``."""
 
-    problem: Problem
-    cost: Cost
-    middle: np.ndarray  # (M+1, n) q⁰
-    normal: np.ndarray  # (M+1, n) n_k, each nearest to the one before
-    spline: np.ndarray  # (M+1, K) its functions at the steps
-    weight: float
-    scale: float  # of the objective
+    def __init__(self, problem: Problem, cost: Cost, middle: np.ndarray, weight: float) -> None:
+        from scipy.interpolate import BSpline
 
-    @classmethod
-    def around(cls, problem: Problem, cost: Cost, middle: np.ndarray, weight: float) -> _Tube:
-        """The tube around ``middle`` (M+1, n); its objective is measured by its slopes along the
-        self-motion there, for a radian, and by its smoothness.
-        """
+        self.problem, self.cost, self.middle, self.weight = problem, cost, middle, weight
         normal, steps = np.linalg.svd(problem.chain.jacobian(middle))[2][:, -1], problem.steps
+        # n_k (M+1, n), each nearest to the one before
         normal[1:] *= np.sign(np.cumprod(np.vecdot(normal[1:], normal[:-1])))[:, None]
+        self.normal, last = normal, len(middle) - 1
+        inner = np.linspace(0.0, last, max(last // STEPS_A_KNOT, 1) + 1)
+        knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
+        self.spline = BSpline.design_matrix(np.arange(last + 1.0), knots, 3).toarray()
+        # of the objective: its slopes along the self-motion, for a radian, and its smoothness
         h = NUDGE * normal[:-1]
-        up, down = (where_defined(cost, middle[:-1] + sign * h, steps) for sign in (1.0, -1.0))
+        up, down = (cost(middle[:-1] + sign * h, steps) for sign in (1.0, -1.0))
         both = np.isfinite(up) & np.isfinite(down)
         scale = np.abs(up[both] - down[both]).sum() / (2 * NUDGE)
-        scale += objective(problem, np.zeros(len(steps)), middle)
-        return cls(problem, cost, middle, normal, _spline(len(middle)), weight, scale or 1.0)
+        self.scale = scale + problem.objective(np.zeros(len(steps)), middle) or 1.0
 
     def motion(self, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """(M+1, n) q, and the inverses (M+1, n, n) of [J; nᵀ] there; None where it leaves the
-        path.
-        """
+        """(M+1, n) q, and the inverses (M+1, n, n) of [J; nᵀ]; None where it leaves the path."""
         chain, zeta = self.problem.chain, self.spline @ coefficients
         q = self.middle + self.normal * zeta[:, None]
         for _ in range(CORRECTIONS):
@@ -142,12 +122,12 @@ class _Tube:
         problem, chain = self.problem, self.problem.chain
         bounded = np.isfinite(wide := chain.upper - chain.lower)
         sides = np.stack([chain.upper - q, q - chain.lower])[..., bounded] / wide[bounded]
-        barrier = _barrier(problem.clearance(q) / problem.margin - 1)[0]
+        barrier = _barrier(chain.least_singular_value(q) / problem.margin - 1)[0]
         if bounded.any():
             barrier = barrier + _barrier(sides)[0].mean(axis=-1).sum(axis=0)
         result, begun = self.weight * barrier / q.shape[-2], q[..., :-1, :]
         v = np.broadcast_to(problem.steps, (*begun.shape[:-1], problem.steps.shape[1]))
-        each = where_defined(self.cost, begun.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
+        each = self.cost(begun.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
         result[..., :-1] += each.reshape(begun.shape[:-1]) / self.scale
         return result, problem.nominal(begun)
 
@@ -157,13 +137,3 @@ def _barrier(slack: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     bounded = np.maximum(slack, RELAXED)
     short = (bounded - slack) / RELAXED
     return -np.log(bounded) + short + short**2 / 2, -(1 + short) / bounded
-
-
-def _spline(count: int) -> np.ndarray:
-    """(count, K) cubic B-splines over ``count`` steps."""
-    from scipy.interpolate import BSpline
-
-    pieces = max((count - 1) // STEPS_A_KNOT, 1)
-    inner = np.linspace(0.0, count - 1.0, pieces + 1)
-    knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
-    return BSpline.design_matrix(np.arange(float(count)), knots, 3).toarray()

@@ -12,32 +12,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.planning.problem import InfeasibleError, Problem, inverses, length_of, settle
+from pipeline.planning.problem import InfeasibleError, Problem, length_of, settle
 
 STARTS, ALL = 32, 256  # poses at which Newton's method begins, a step; where those find nothing
 ROUNDS, CORRECTIONS = 40, 6  # of Newton's method, from a start and along a curve
+SPACINGS = 1.5  # that the slowest joint can move from one stage of the search to the next
 COARSE = 0.25  # rad, the spacing at which the length of the curves is taken
 SAME = 1e-4  # rad, between two solutions that are one
 LONGEST, PILOTS = 4000, 5  # points of a curve; steps at which its length is taken
 TOGETHER = 32  # curves that are followed in one batch, where the time of a call itself is small
 
 
-def stages(problem: Problem, spacing: float, spacings: float) -> np.ndarray:
+def stages(problem: Problem, spacing: float) -> np.ndarray:
     """(S,) steps of the path, its first and last among them, so far apart that the slowest joint
-    moves by ``spacings`` of the ``spacing`` in between.
-
-    On a grid that is wide beside a step of the joints no pose could be left within one step.
+    moves by SPACINGS of the ``spacing`` in between: nearer, no pose of the grid could be left.
     """
     last, slowest = len(problem.steps), problem.reach.min()
-    wide = 1 if problem.spare == 0 else int(np.ceil(spacings * spacing / slowest))
+    wide = 1 if problem.spare == 0 else int(np.ceil(SPACINGS * spacing / slowest))
     count = -(-last // min(max(wide, 1), last))
     return np.round(np.linspace(0, last, count + 1)).astype(int)
 
 
 def spacing_of(problem: Problem, points: int) -> float:
-    """The spacing in rad at which the curves within limits and margin have ``points`` points at
-    the step of a few where they are longest.
-    """
+    """The spacing in rad at which the curves have ``points`` points, at most of a few steps."""
     if problem.spare == 0:
         return 0.0
     pilots = np.unique(np.linspace(0, len(problem.steps), PILOTS).round().astype(int))
@@ -53,12 +50,10 @@ def grid(problem: Problem, steps: np.ndarray, spacing: float) -> list[np.ndarray
     """
     poses = curves(problem, steps, spacing)
     for s in [s for s, solutions in enumerate(poses) if len(solutions) == 0]:
-        between = np.arange(steps[max(s - 1, 0)], steps[s] + 1)
-        sought = curves(problem, between, spacing, ALL)
-        for step, solutions in zip(between, sought, strict=True):
-            if len(solutions) == 0:
-                raise _no_pose(problem, int(step))
-        poses[s] = sought[-1]
+        for step in range(steps[max(s - 1, 0)], steps[s] + 1):
+            (poses[s],) = curves(problem, np.array([step]), spacing, ALL)
+            if len(poses[s]) == 0:
+                raise _no_pose(problem, step)
     return poses
 
 
@@ -82,12 +77,9 @@ def curves(
             open_ = np.flatnonzero(waiting[lane])
             apart = problem.less_turns(solutions[lane, open_, None] - points)
             waiting[lane, open_] = length_of(apart).min(axis=1) > max(1.5 * spacing, SAME)
-    q = problem.nearest_turns(np.concatenate(passed))
-    kept = problem.chain.within_limits(q)
-    kept[kept] = problem.clear(q[kept])
-    ends = np.cumsum([len(each) for each in passed])[:-1]
-    parts = zip(np.split(q, ends), np.split(kept, ends), strict=True)
-    return [part[good] for part, good in parts]
+    kept = [problem.nearest_turns(points) for points in passed]
+    kept = [q[problem.chain.within_limits(q)] for q in kept]
+    return [q[problem.clear(q)] for q in kept]
 
 
 def _solutions(problem: Problem, steps: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -111,48 +103,35 @@ def _follow(
     problem: Problem, begun: np.ndarray, targets: np.ndarray, spacing: float
 ) -> list[np.ndarray]:
     """For each lane the points (·, n) of the curve through ``begun`` (L, n) over ``targets``."""
+    points, chain = [[q] for q in begun], problem.chain
     if problem.spare == 0:
-        return [q[None] for q in begun]
-    tangent = np.linalg.svd(problem.chain.jacobian(begun))[2][:, -1]
-    points, closed = _one_way(problem, begun, targets, tangent, spacing)
-    ended = np.flatnonzero(~closed)
-    backward, _ = _one_way(problem, begun[ended], targets[ended], -tangent[ended], spacing)
-    for lane, more in zip(ended, backward, strict=True):
-        points[lane] += more
-    return [np.stack([q, *each]) for q, each in zip(begun, points, strict=True)]
-
-
-def _one_way(
-    problem: Problem, begun: np.ndarray, targets: np.ndarray, tangent: np.ndarray, spacing: float
-) -> tuple[list[list[np.ndarray]], np.ndarray]:
-    """For each lane the points (n,) behind ``begun`` (L, n) in the direction of ``tangent`` (L,
-    n), and (L,) True where the curve came back.
-    """
-    chain = problem.chain
-    q, tangent, closed = begun.copy(), tangent.copy(), np.zeros(len(begun), dtype=bool)
-    points, lanes = [[] for _ in begun], np.arange(len(begun))
-    for count in range(LONGEST):
-        if len(lanes) == 0:
-            break
-        new, good = settle(chain, q[lanes] + spacing * tangent[lanes], targets[lanes], CORRECTIONS)
-        within = (new >= chain.lower) & (new <= chain.upper)
-        good &= np.all(within | problem.comes_round, axis=-1)
-        inverse, regular = inverses(chain, new[good])
-        lanes, new = lanes[good][regular], new[good][regular]
-        along = tangent[lanes]
-        along -= np.matvec(inverse, np.matvec(chain.jacobian(new), along))
-        length = length_of(along)
-        # a turn of more than a right angle or a long jump is another curve's
-        same = (length > 0.5) & (length_of(new - q[lanes]) < 2 * spacing)
-        away = length_of(problem.less_turns(new - begun[lanes]))
-        back = (count > 1) & (away < 0.75 * spacing)
-        closed[lanes[same & back]] = True
-        on = same & ~back
-        lanes, new = lanes[on], new[on]
-        q[lanes], tangent[lanes] = new, (along / length[:, None])[on]
-        for lane, point in zip(lanes, new, strict=True):
-            points[lane].append(point)
-    return points, closed
+        return [np.stack(each) for each in points]
+    closed = np.zeros(len(begun), dtype=bool)
+    for way in (1.0, -1.0):
+        q, tangent = begun.copy(), way * np.linalg.svd(chain.jacobian(begun))[2][:, -1]
+        lanes = np.flatnonzero(~closed)
+        for count in range(LONGEST):
+            if len(lanes) == 0:
+                break
+            ahead = q[lanes] + spacing * tangent[lanes]
+            new, good = settle(chain, ahead, targets[lanes], CORRECTIONS)
+            within = (new >= chain.lower) & (new <= chain.upper)
+            good &= np.all(within | problem.comes_round, axis=-1) & ~chain.singular(new)
+            lanes, new = lanes[good], new[good]
+            along, jacobian = tangent[lanes], chain.jacobian(new)
+            along -= np.matvec(chain.inverse_jacobian(new), np.matvec(jacobian, along))
+            length = length_of(along)
+            # a turn of more than a right angle or a long jump is another curve's
+            same = (length > 0.5) & (length_of(new - q[lanes]) < 2 * spacing)
+            away = length_of(problem.less_turns(new - begun[lanes]))
+            back = (count > 1) & (away < 0.75 * spacing)
+            closed[lanes[same & back]] = True
+            on = same & ~back
+            lanes, new = lanes[on], new[on]
+            q[lanes], tangent[lanes] = new, (along / length[:, None])[on]
+            for lane, point in zip(lanes, new, strict=True):
+                points[lane].append(point)
+    return [np.stack(each) for each in points]
 
 
 def _no_pose(problem: Problem, step: int) -> InfeasibleError:
@@ -160,14 +139,15 @@ def _no_pose(problem: Problem, step: int) -> InfeasibleError:
     chain = problem.chain
     solutions, reached = _solutions(problem, np.array([step]), ALL)
     q = problem.nearest_turns(solutions[reached])
+    within = q[chain.within_limits(q)]
     if len(q) == 0:
         why = "the arm does not reach the pose of the path; check its frame and its units"
-    elif not chain.within_limits(q).any():
+    elif len(within) == 0:
         why = "the arm reaches the pose of the path beyond its joint limits alone"
     else:
-        best = float(problem.clearance(q[chain.within_limits(q)]).max())
         why = (
-            f"the arm reaches the pose of the path with a least singular value of {best:.3g} m at "
-            f"most, below the margin of {problem.margin:g} m"
+            "the arm reaches the pose of the path with a least singular value of "
+            f"{chain.least_singular_value(within).max():.3g} m at most, below the margin of "
+            f"{problem.margin:g} m"
         )
     return InfeasibleError(why, step=step)

@@ -13,16 +13,14 @@ from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.instruments import Arrangement, Force
 from pipeline.wrench.parametric import CableSystem
 
-TINY = np.nextafter(0, 1)
-LOWEST = {"tension": TINY, "concentration": TINY, "tension_sd": 0.0, "elevation": -np.pi / 2}
+LIMITS = dict.fromkeys(("tension", "tension_sd", "concentration"), (0.0, np.inf))
+LIMITS["elevation"] = (-np.pi / 2, np.pi / 2)
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """(low, high) of the values of a cable, uniform for each cable: in space the directions are
-    uniform on the sphere.
-
-    Systems are planar without an ``elevation``, and their cables meet in one point without an
+    """(low, high) of the values of a cable, uniform and independent: planar without an
+    ``elevation``, in space uniform on the sphere; the cables meet in one point without an
     ``attachment``. Raises ConfigError for bounds that bound no system.
     """
 
@@ -35,11 +33,11 @@ class Bounds:
 
     def __post_init__(self) -> None:
         for name, bounds in vars(self).items():
-            least, most = LOWEST.get(name, -np.inf), np.pi / 2 if name == "elevation" else np.inf
             if bounds is None:
                 continue
-            if not (np.isfinite(bounds).all() and least <= bounds[0] <= bounds[1] <= most):
-                limits = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {bounds[0]}, {bounds[1]}"
+            (low, high), (least, most) = bounds, LIMITS.get(name, (-np.inf, np.inf))
+            if not (least <= low <= high <= most and np.isfinite(high - low)):
+                limits = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {low}, {high}"
                 raise ConfigError(f"wrench bounds: {name} must be finite and {limits}", key=name)
 
     @property
@@ -53,9 +51,7 @@ class Bounds:
         return self.dimension + 2 + (0 if self.attachment is None else self.dimension)
 
     def directions(self, angle: np.ndarray, height: np.ndarray | None = None) -> np.ndarray:
-        """Unit vectors (..., p) at the shares ``angle`` and, in space, ``height`` of the bounds:
-        equal shares are equal arcs or areas.
-        """
+        """Unit vectors (..., p) at the shares ``angle`` and, in space, ``height`` of the bounds."""
         theta = within(self.direction, angle)
         plane = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
         if self.elevation is None:
@@ -71,8 +67,8 @@ def within(bounds: tuple[float, float], share: np.ndarray) -> np.ndarray:
 
 
 def systems_at(bounds: Bounds, points: np.ndarray) -> CableSystem:
-    """Systems at ``points`` (coordinates, ..., m) of the unit cube: T̲, θ̲, σ_T and κ as shares
-    of their ranges, then in space the height, then the p coordinates of the attachment.
+    """Systems at ``points`` (coordinates, ..., m) of the unit cube: T̲, θ̲, σ_T, κ, in space the
+    height, and the p coordinates of the attachment as shares of their ranges.
     """
     tension, angle, tension_sd, concentration, *rest = points
     height = rest.pop(0) if bounds.elevation else None
@@ -94,27 +90,22 @@ def draw_systems(
 
 def study_bounds(options: Wrench) -> Bounds:
     """Bounds of the paper's numerical study."""
-    o = options
-    return Bounds(*map(tuple, (o.tension, o.direction, o.tension_std, o.kappa)))
+    ranges = options.tension, options.direction, options.tension_std, options.kappa
+    return Bounds(*map(tuple, ranges))
 
 
-def configuration_bounds(force: Force, configuration: Arrangement) -> Bounds:
-    """Bounds of the class of ``configuration``; attachments as multiples of the characteristic
-    length.
-    """
-    elevation, attachment = configuration.elevation_bounds, configuration.attachment_bounds
-    ranges = [force.tension_bounds, configuration.direction_bounds]
-    ranges += [force.tension_std_bounds, force.kappa_bounds]
-    attachment = None if attachment is None else tuple(np.divide(attachment, force.length))
-    return Bounds(*map(tuple, ranges), elevation and tuple(elevation), attachment)
+def configuration_bounds(force: Force, own: Arrangement) -> Bounds:
+    """Bounds of the configuration ``own``; attachments over the characteristic length."""
+    ranges = (force.tension_bounds, own.direction_bounds)
+    ranges += (force.tension_std_bounds, force.kappa_bounds)
+    place = own.attachment_bounds and tuple(np.divide(own.attachment_bounds, force.length))
+    return Bounds(*map(tuple, ranges), own.elevation_bounds and tuple(own.elevation_bounds), place)
 
 
 def nominal_system(force: Force, configuration: Arrangement) -> CableSystem:
-    """The system of ``configuration`` at its means, its attachments as multiples of the
-    characteristic length.
-
-    The matrix model knows no law of the directions: the concentration is given and does not enter
-    it. Raises ConfigError where robots have no standard deviation of their tension.
+    """The system of ``configuration`` at its means, attachments over the characteristic length;
+    its concentration does not enter the matrix model. Raises ConfigError where robots have no
+    standard deviation of their tension.
     """
     agents, azimuth = len(configuration.tension), np.array(configuration.direction)
     if len(force.tension_std) < agents:
@@ -123,8 +114,6 @@ def nominal_system(force: Force, configuration: Arrangement) -> CableSystem:
     direction = [np.cos(azimuth), np.sin(azimuth)]
     if (elevation := configuration.elevation) is not None:
         direction = [*(np.cos(elevation) * part for part in direction), np.sin(elevation)]
-    direction, spread = np.stack(direction, axis=-1), force.tension_std[:agents]
-    kappa = np.full(agents, force.kappa_bounds[0])
-    attachment = configuration.attachment
-    system = CableSystem(configuration.tension, direction, spread, kappa, attachment)
-    return system.in_units_of(force.length)
+    kappa, place = np.full(agents, force.kappa_bounds[0]), configuration.attachment
+    values = np.stack(direction, axis=-1), force.tension_std[:agents], kappa, place
+    return CableSystem(configuration.tension, *values).in_units_of(force.length)

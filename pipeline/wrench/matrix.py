@@ -30,9 +30,8 @@ class MatrixModel:
     psi: np.ndarray  # Ψ_S (..., m, m)
 
     def spread(self) -> np.ndarray:
-        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): the factor of Σ_S in Cov(W).
-
-        Theorem 5 in Eq. (TorqCovRHS1), with E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
+        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): the factor of Σ_S in Cov(W), Theorem 5 in
+        Eq. (TorqCovRHS1), with E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
         noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
         return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
@@ -53,10 +52,8 @@ class MatrixModel:
 
 
 def matrix_model(system: CableSystem) -> MatrixModel:
-    """The model of a cable system: S̲ at the nominal directions, T̲ and Σ_T of the tensions.
-
-    As in the paper S̲ is at e̲, not at E[S] = A(κ)·S̲, which differs from it by (p − 1)/(2κ), and
-    Ψ_S = I, as the directions are independent; :func:`moment_fit` estimates Ψ_S.
+    """The model of a cable system, as in the paper with S̲ at e̲, not at E[S] = A(κ)·S̲, and Ψ_S =
+    I, as the directions are independent; :func:`moment_fit` estimates Ψ_S.
     """
     identity = np.eye(system.tension.shape[-1])
     covariance = system.tension_sd[..., None] ** 2 * identity
@@ -65,16 +62,12 @@ def matrix_model(system: CableSystem) -> MatrixModel:
 
 def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
     """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is
-    ``covariance`` (..., n, n).
-
-    It may have negative eigenvalues: S̲ is at the nominal directions, so S̲Σ_TS̲ᵀ overstates what
-    the tensions cause along a cable. Raises ModelDomainError where there is neither actuation nor
-    variance of it.
+    ``covariance`` (..., n, n). Eigenvalues may be negative, as S̲Σ_TS̲ᵀ overstates the variance
+    that the tensions cause along a cable. Raises ModelDomainError for cables without tension.
     """
     spread = model.spread()
     if np.any(spread <= 0):
-        message = "Σ_S does not exist for cables without tension: tr{(Σ_T + TTᵀ)Ψ} must be positive"
-        raise ModelDomainError(message)
+        raise ModelDomainError("Σ_S does not exist for cables without tension")
     return (covariance - model.actuation_part()) / spread[..., None, None]
 
 
@@ -82,12 +75,11 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
     """Return the optimal Σ_S ≥ 0 (..., n, n), and the number of its eigenvalues that the bound sets
     to 0 (...); ``unbounded`` M (..., n, n).
 
-    ``form`` "diagonal" is Eq. (SigSOptim), which compares variances alone: with ‖diag Cov(W) −
-    Var(F)‖ = c·‖diag Σ_S − diag M‖, c = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, each entry is max(0, Mᵢᵢ). "full" is
-    the paper's modification, its objective augmented with the covariance to ‖Cov(W) − Cov(F)‖_F =
-    c·‖Σ_S − M‖_F, in which the covariance counts twice. Its optimum is the projection of M on the
-    cone of positive semidefinite matrices: negative eigenvalues become 0 (Higham 1988). Where the
-    bound is active, "full" depends on the characteristic length.
+    ``form`` "diagonal" is Eq. (SigSOptim), ‖diag Cov(W) − Var(F)‖ = c·‖diag Σ_S − diag M‖, c =
+    tr{(Σ_T + T̲T̲ᵀ)Ψ_S}: each entry is max(0, Mᵢᵢ). "full" is the paper's modification, ‖Cov(W) −
+    Cov(F)‖_F = c·‖Σ_S − M‖_F: the projection of M on the cone of positive semidefinite matrices,
+    negative eigenvalues become 0 (Higham 1988). Where the bound is active, "full" depends on the
+    characteristic length.
     """
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
@@ -99,17 +91,9 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
 def sample_wrenches(
     model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Draw ``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n);
-    ``sigma_s`` Σ_S (n, n).
-
-    Given T the product S·T is exactly N(S̲T, (TᵀΨ_ST)·Σ_S), so n normals stand for the n·m of the
-    matrix. Raises ModelDomainError for a Σ_T or Σ_S that is no covariance.
+    """Draw ``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n), by
+    S·T given T: N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n), positive semidefinite.
     """
-    for name, covariance in (("Σ_T", model.actuation_cov), ("Σ_S", sigma_s)):
-        values = np.linalg.eigvalsh(covariance)
-        if not np.allclose(covariance, covariance.T) or values[0] < -1e-9 * abs(values[-1]):
-            message = f"{name} is no covariance: it must be symmetric without negative eigenvalues"
-            raise ModelDomainError(message, eigenvalues=values.tolist())
     normal = rng.multivariate_normal
     actuation = normal(model.actuation, model.actuation_cov, samples, method="eigh")
     noise = normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
@@ -126,12 +110,8 @@ class KroneckerFit(NamedTuple):
 
 
 def moment_fit(jacobians: np.ndarray) -> KroneckerFit:
-    """Fit the law of recorded ``jacobians`` (N, n, m) by two of its moments, with X = S − E[S]:
-    E[XXᵀ] = tr(Ψ_S)·Σ_S and E[XᵀX] = tr(Σ_S)·Ψ_S (Theorem 5).
-
-    Where columns and tensions are independent the trace of the modelled Cov(W) is then exact,
-    whatever the law of S; a matrix-variate normal likelihood would not keep it. The rows need one
-    unit. Raises ModelDomainError for samples without any variance.
+    """Fit the law of recorded ``jacobians`` (N, n, m), rows of one unit, by E[XXᵀ] = tr(Ψ_S)·Σ_S
+    and E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5); raises ModelDomainError without variance.
     """
     mean, m = jacobians.mean(axis=0), jacobians.shape[-1]
     x = jacobians - mean

@@ -1,15 +1,14 @@
-"""Measured wrench against the matrix model of one configuration: moments, densities on common
-grids, and a test of one law.
+"""Measured wrench against the matrix model of one configuration: moments, densities, one test.
 
-Rows of a wrench are named as in the table ``force``; with attachments as multiples of a
-characteristic length, rows of moments are in N like those of forces. ``wrenches`` map a source to
-its samples (N, n) in N of the ``rows``. Functions named after a table return its rows of one
-``configuration``.
+Rows of a wrench are named as in the table ``force``; ``wrenches`` map a source to its samples (N,
+n) in N of the ``rows``, moments over a characteristic length. Functions named after a table return
+its rows of one ``configuration``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -30,27 +29,22 @@ from pipeline.wrench.parametric import CableSystem
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
 GRID_REACH = 4.0  # standard deviations of the wider source that the grid extends beyond the means
 DRAWS = 10  # of the model for every tested sample: they add a tenth to the record's scatter
+Wrenches = Mapping[str, np.ndarray]
 
 
 def rows_of(system: CableSystem) -> tuple[str, ...]:
-    """Names of the n rows of the wrench: forces, then moments where the cables do not meet in one
-    point.
-    """
+    """Names of the n rows of the wrench: forces, then moments where the cables have attachments."""
     forces, moments = ROWS[system.dimension]
     return forces if system.attachment is None else forces + moments
 
 
 def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) -> np.ndarray:
-    """(N, n) N the rows of ``record``, of the table ``force``, that ``system`` has; moments over
-    the characteristic ``length`` in m.
-    """
+    """(N, n) N the rows of ``record`` that ``system`` has; moments over ``length`` in m."""
     rows = rows_of(system)
     return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
 
 
-def force_moments(
-    configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str]
-) -> pd.DataFrame:
+def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -> pd.DataFrame:
     """Table ``force_moments``."""
     table = []
     for source, sample in wrenches.items():
@@ -62,30 +56,39 @@ def force_moments(
 
 
 def common_grid(samples: Sequence[np.ndarray], points: int) -> np.ndarray:
-    """(points, n) values of each row, evenly from 4 standard deviations of the widest of
-    ``samples`` (N, n) below the least mean to as many above the greatest.
+    """(points, n) values of each row, from 4 standard deviations of the widest of ``samples``
+    (N, n) below the least mean to as many above the greatest.
     """
     centres = np.array([sample.mean(axis=0) for sample in samples])
     spread = GRID_REACH * np.max([sample.std(axis=0) for sample in samples], axis=0)
     return np.linspace(centres.min(axis=0) - spread, centres.max(axis=0) + spread, points)
 
 
-def force_density(
-    configuration: str, wrenches: Mapping[str, np.ndarray], points: int
+def _densities(
+    configuration: str, wrenches: Wrenches, columns: dict, density: Callable
 ) -> pd.DataFrame:
-    """Table ``force_density`` of samples (N, 2): every source on ``points`` × ``points``."""
-    x, y = common_grid([*wrenches.values()], points).T
-    fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
-    tables = []
-    for source, sample in wrenches.items():
-        density = kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel()
-        table = {"configuration": configuration, "source": source, "fx": fx, "fy": fy}
-        tables.append(pd.DataFrame(table | {"density": density}))
+    tables = [
+        pd.DataFrame({"configuration": configuration, "source": source} | columns).assign(
+            density=density(sample)
+        )
+        for source, sample in wrenches.items()
+    ]
     return pd.concat(tables, ignore_index=True)
 
 
+def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.DataFrame:
+    """Table ``force_density`` of samples (N, 2): every source on ``points`` × ``points``."""
+    x, y = common_grid([*wrenches.values()], points).T
+    fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
+
+    def density(sample: np.ndarray) -> np.ndarray:
+        return kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel()
+
+    return _densities(configuration, wrenches, {"fx": fx, "fy": fy}, density)
+
+
 def wrench_planes(
-    configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
+    configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
 ) -> pd.DataFrame:
     """Table ``wrench_planes``: :func:`force_density` in each plane of two forces or moments."""
     tables = []
@@ -98,15 +101,15 @@ def wrench_planes(
 
 
 def wrench_marginals(
-    configuration: str, wrenches: Mapping[str, np.ndarray], rows: Sequence[str], points: int
+    configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
 ) -> pd.DataFrame:
     """Table ``wrench_marginals``: density of each row, every source at the same ``points``."""
-    tables, grid = [], common_grid([*wrenches.values()], points)
-    for i, row in enumerate(rows):
-        for source, sample in wrenches.items():
-            table = {"configuration": configuration, "source": source, "row": row}
-            density = marginal_density(sample[:, i], grid[:, i])
-            tables.append(pd.DataFrame(table | {"value": grid[:, i], "density": density}))
+    tables = []
+    for i, grid in enumerate(common_grid([*wrenches.values()], points).T):
+        own = {source: sample[:, i] for source, sample in wrenches.items()}
+        columns = {"row": rows[i], "value": grid}
+        density = partial(marginal_density, x=grid)
+        tables.append(_densities(configuration, own, columns, density))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -114,12 +117,10 @@ def force_test(
     measured: np.ndarray, system: CableSystem, sigma_s: np.ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
     """Test the record ``measured`` (N, n) in N for the law of the matrix model at the nominal
-    ``system`` (m,) with ``sigma_s`` (n, n), all rows together.
-
-    The energy distance (N) and its permutation p-value of the record, thinned to samples that count
-    as independent, against ten times as many of the model; the record's effective samples N/τ, τ
-    its integrated autocorrelation time, and the samples tested. Where the share of the modelled
-    variances that Σ_S causes is small, the test has little power for Σ_S.
+    ``system`` (m,) with ``sigma_s`` (n, n): energy distance (N) and permutation p-value of the
+    record, thinned to independent samples, against ten times as many of the model; effective
+    samples N/τ, τ the autocorrelation time; and the shares of the variances that Σ_S causes, on
+    which the power of the test for Σ_S depends.
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))

@@ -39,23 +39,20 @@ class CableSystem:
     attachment: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        for name, values in vars(self).copy().items():
-            if values is None:
-                continue
-            object.__setattr__(self, name, values := np.asarray(values, dtype=float))
-            due = self.direction.shape if name == "attachment" else np.shape(self.tension)
-            if name != "direction" and values.shape != due:
-                raise ModelDomainError(f"{name} has shape {values.shape}, not {due}")
-            if not np.isfinite(values).all():
-                raise ModelDomainError(f"{name} has values that are not finite")
-        if self.direction.shape[:-1] != self.tension.shape or self.dimension not in (2, 3):
-            raise ModelDomainError(
-                f"direction has shape {self.direction.shape}, not {self.tension.shape} and 2 or 3"
-            )
-        if np.any(self.tension_sd < 0) or np.any(self.concentration <= 0):
-            raise ModelDomainError("a cable system needs tension_sd ≥ 0 and concentration > 0")
-        if np.any(np.abs(np.linalg.norm(self.direction, axis=-1) - 1) > UNIT):
-            raise ModelDomainError("directions must be unit vectors; divide them by their lengths")
+        given = {name: values for name, values in vars(self).items() if values is not None}
+        for name, values in given.items():
+            object.__setattr__(self, name, np.asarray(values, dtype=float))
+        cables, places = self.tension.shape, self.direction.shape
+        for name in given:
+            due, own = places if name == "attachment" else cables, getattr(self, name)
+            shape = own.shape[:-1] if name == "direction" else own.shape
+            if shape != due or not np.isfinite(own).all():
+                raise ModelDomainError(f"{name} must be finite, of shape {due}; it has {shape}")
+        sound = np.abs(np.linalg.norm(self.direction, axis=-1) - 1) <= UNIT
+        sound &= (self.tension_sd >= 0) & (self.concentration > 0)
+        if not sound.all() or places[-1] not in (2, 3):
+            required = "directions of length 1 in 2 or 3 coordinates, tension_sd ≥ 0"
+            raise ModelDomainError(f"a cable system needs {required}, concentration > 0")
 
     @property
     def dimension(self) -> int:
@@ -63,12 +60,9 @@ class CableSystem:
         return self.direction.shape[-1]
 
     def in_units_of(self, length: float) -> CableSystem:
-        """Return the system with its attachments as multiples of ``length`` in m: rows of moments
-        are then in N like those of forces.
-        """
-        if self.attachment is None:
-            return self
-        return replace(self, attachment=self.attachment / length)
+        """Return the system with attachments over ``length`` in m: moments are then in N."""
+        place = self.attachment
+        return self if place is None else replace(self, attachment=place / length)
 
     def maps(self) -> np.ndarray:
         """Gᵢ (..., m, n, p), which maps the force of a cable to its wrench."""
@@ -77,17 +71,13 @@ class CableSystem:
         return wrench_map(self.attachment)
 
     def jacobian(self) -> np.ndarray:
-        """S̲ (..., n, m), its columns Gᵢe̲ᵢ: Eq. (static-jacobian) at the means, with rows of
-        moments where the cables do not meet in one point.
-        """
+        """S̲ (..., n, m), its columns Gᵢe̲ᵢ: Eq. (static-jacobian) at the means."""
         return np.einsum("...mnp,...mp->...nm", self.maps(), self.direction)
 
 
 def mean_resultant_length(concentration: np.ndarray, dimension: int) -> np.ndarray:
-    """A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], any shape; ``dimension`` p.
-
-    That is I₁/I₀ in the plane and coth κ − 1/κ in space. The exponential scaling cancels in the
-    ratio; without it I₀ overflows a double beyond κ = 713.
+    """A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], any shape; ``dimension`` p: I₁/I₀ in the plane,
+    coth κ − 1/κ in space. Without the exponential scaling I₀ overflows beyond κ = 713.
     """
     bounded = np.minimum(concentration, LARGE)
     ratio = ive(dimension / 2, bounded) / ive(dimension / 2 - 1, bounded)
@@ -98,8 +88,8 @@ def mean_resultant_length(concentration: np.ndarray, dimension: int) -> np.ndarr
 def sample_directions(
     mean: np.ndarray, concentration: np.ndarray, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``samples`` independent sets of unit vectors, (samples, m, p), of cables with the ``mean``
-    directions e̲ (m, p) and ``concentration`` κ (m,): Eq. (vMis), and its counterpart in space.
+    """Draw unit vectors (samples, m, p) of cables with the ``mean`` directions e̲ (m, p) and
+    ``concentration`` κ (m,): Eq. (vMis), and its counterpart in space.
     """
     from scipy.stats import vonmises_fisher
 
@@ -108,16 +98,12 @@ def sample_directions(
 
 
 def wrench_map(attachment: np.ndarray) -> np.ndarray:
-    """G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p): in the plane its last row
-    gives rₓf_y − r_yfₓ.
-    """
+    """G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p)."""
     p = attachment.shape[-1]
-    if p == 2:
-        moment = np.stack([-attachment[..., 1], attachment[..., 0]], axis=-1)[..., None, :]
-    else:
-        moment = np.swapaxes(np.cross(attachment[..., None, :], np.eye(p)), -1, -2)
+    place = attachment if p == 3 else np.insert(attachment, 2, 0.0, axis=-1)
+    moment = np.swapaxes(np.cross(place[..., None, :], np.eye(3)), -1, -2)
     force = np.broadcast_to(np.eye(p), (*attachment.shape, p))
-    return np.concatenate([force, moment], axis=-2)
+    return np.concatenate([force, moment if p == 3 else moment[..., 2:, :2]], axis=-2)
 
 
 def wrench_mean(system: CableSystem) -> np.ndarray:
@@ -129,9 +115,9 @@ def wrench_mean(system: CableSystem) -> np.ndarray:
 def wrench_covariance(system: CableSystem) -> np.ndarray:
     """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m².
 
-    Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ with E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia &
-    Jupp 2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22); its
-    off-diagonal entry is the covariance that the paper leaves out.
+    Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ, E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia & Jupp
+    2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22); the paper leaves
+    its off-diagonal entry out.
     """
     p = system.dimension
     length = mean_resultant_length(system.concentration, p)

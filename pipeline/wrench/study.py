@@ -1,8 +1,5 @@
 """The numerical study: Σ_S when only bounds on the cable system are known, averaged over drawn
 systems and as its expectation, and its error on fresh systems.
-
-Without its bound Σ_S has an expectation in nested one-dimensional integrals. What the bound Σ_S ≥ 0
-adds is small, so that quasi-Monte Carlo of it alone has a small error, which the scrambles state.
 """
 
 from __future__ import annotations
@@ -32,34 +29,29 @@ LOG2_POINTS = 12  # of each scramble of the Sobol sequence
 
 
 class SigmaS(NamedTuple):
-    """Σ_S averaged over drawn systems."""
-
-    systems: int
-    mean: np.ndarray  # (n, n)
-    standard_error: np.ndarray  # (n, n) of the mean
-    clipped: int  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 sets to 0
-
-
-class ExpectedSigmaS(NamedTuple):
-    """E[Σ_S] over the systems within bounds, and the deviation of single systems from it."""
+    """Σ_S averaged over drawn systems, or its expectation over the systems within bounds."""
 
     mean: np.ndarray  # (n, n)
-    standard_error: np.ndarray  # (n, n) of the quasi-Monte Carlo part, from its scrambles
+    standard_error: np.ndarray  # (n, n) of the mean; of an expectation from its scrambles
     deviation: np.ndarray  # (n, n) standard deviation of each entry over the systems
+    systems: int = 0
+    clipped: int = 0  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 sets to 0
+
+
+def _unbounded(systems: CableSystem) -> np.ndarray:
+    return unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
 
 
 def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
-    """Average the optimal Σ_S, in each of its forms, of an array of ``systems`` (s, m); raises
-    ConfigError for fewer than two, whose mean has no standard error.
-    """
+    """Average the optimal Σ_S of ``systems`` (s, m) by form; ConfigError for fewer than two."""
     if (count := len(systems.tension)) < 2:
         raise ConfigError("the average of Σ_S needs at least 2 systems", systems=count)
-    unbounded = unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
-    estimates = {}
+    unbounded, estimates = _unbounded(systems), {}
     for form in FORMS:
         optimal, held = optimal_sigma_s(unbounded, form)
-        error = optimal.std(axis=0, ddof=1) / np.sqrt(len(optimal))
-        estimates[form] = SigmaS(len(optimal), optimal.mean(axis=0), error, int(held.sum()))
+        deviation = optimal.std(axis=0, ddof=1)
+        moments = optimal.mean(axis=0), deviation / np.sqrt(count), deviation
+        estimates[form] = SigmaS(*moments, count, int(held.sum()))
     return estimates
 
 
@@ -68,18 +60,8 @@ def _uniform_mean(function: Callable, bounds: tuple[float, float]) -> np.ndarray
     return function(within(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
 
-def _direction_moment(bounds: Bounds) -> np.ndarray:
-    """E[e̲e̲ᵀ], (p, p), of the nominal directions within ``bounds``, by the same quadrature."""
-    p = bounds.dimension
-    nodes = bounds.directions(*np.meshgrid(*[(NODES + 1) / 2] * (p - 1))).reshape(-1, p)
-    weights = np.prod(np.meshgrid(*[WEIGHTS / 2] * (p - 1)), axis=0).ravel()
-    return np.einsum("k,ki,kj->ij", weights, nodes, nodes)
-
-
 def _at_attachments(matrix: np.ndarray, bounds: Bounds) -> np.ndarray:
-    """E[GXGᵀ], (n, n), of X = ``matrix`` (p, p) over attachments within ``bounds``: G is affine in
-    the coordinates of r, which are independent.
-    """
+    """E[GXGᵀ], (n, n), of X = ``matrix`` (p, p): G is affine in the independent coordinates."""
     if bounds.attachment is None:
         return matrix
     low, high = bounds.attachment
@@ -90,21 +72,21 @@ def _at_attachments(matrix: np.ndarray, bounds: Bounds) -> np.ndarray:
 
 
 def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
-    """E[M], (n, n), of the unbounded Σ_S of systems of ``agents`` cables with values uniform within
-    ``bounds``.
+    """E[M], (n, n), of the unbounded Σ_S of ``agents`` cables with values within ``bounds``.
 
-    M = Σᵢ(T̲ᵢ²Uᵢ + σ_Tᵢ²Vᵢ)/D, D = Σᵢ(T̲ᵢ² + σ_Tᵢ²). Uᵢ and Vᵢ depend on direction, attachment and
-    concentration alone: V = G{(A/κ)(I − p·e̲e̲ᵀ)}Gᵀ, U = V + (1 − A²)·Ge̲e̲ᵀGᵀ. So E[M] = E[U]·h
-    + E[V]·(1 − h) with the share h = E[ΣT̲ᵢ²/D]. By 1/D = ∫exp(−sD)ds that is h =
-    ∫m·E[T̲²e^(−sT̲²)]·E[e^(−sT̲²)]^(m−1)·E[e^(−sσ_T²)]^m ds. Raises SolverError where that
-    integral does not converge.
+    M = Σᵢ(T̲ᵢ²Uᵢ + σ_Tᵢ²Vᵢ)/D, D = Σᵢ(T̲ᵢ² + σ_Tᵢ²), V = G{(A/κ)(I − p·e̲e̲ᵀ)}Gᵀ and U = V +
+    (1 − A²)·Ge̲e̲ᵀGᵀ independent of the tensions. So E[M] = E[U]·h + E[V]·(1 − h), where by 1/D =
+    ∫exp(−sD)ds h = E[ΣT̲ᵢ²/D] = ∫m·E[T̲²e^(−sT̲²)]·E[e^(−sT̲²)]^(m−1)·E[e^(−sσ_T²)]^m ds. Raises
+    SolverError where that integral does not converge.
     """
     from scipy.integrate import quad
 
     p = bounds.dimension
     squared_length = _uniform_mean(lambda k: mean_resultant_length(k, p) ** 2, bounds.concentration)
     ratio = _uniform_mean(lambda k: mean_resultant_length(k, p) / k, bounds.concentration)
-    along = _direction_moment(bounds)
+    nodes = bounds.directions(*np.meshgrid(*[(NODES + 1) / 2] * (p - 1))).reshape(-1, p)
+    weights = np.prod(np.meshgrid(*[WEIGHTS / 2] * (p - 1)), axis=0).ravel()
+    along = np.einsum("k,ki,kj->ij", weights, nodes, nodes)  # E[e̲e̲ᵀ]
     v = _at_attachments(ratio * (np.eye(p) - p * along), bounds)
     u = v + _at_attachments((1 - squared_length) * along, bounds)
     ranges = (bounds.tension, bounds.tension_sd)
@@ -125,11 +107,9 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
     return u * share + v * (1 - share)
 
 
-def expected_sigma_s(
-    bounds: Bounds, agents: int, rng: np.random.Generator
-) -> dict[str, ExpectedSigmaS]:
+def expected_sigma_s(bounds: Bounds, agents: int, rng: np.random.Generator) -> dict[str, SigmaS]:
     """E[Σ_S] in each of its forms of systems of ``agents`` cables with values uniform within
-    ``bounds``: E[M], exact to quadrature, plus E[Σ_S − M] by scrambled Sobol sequences.
+    ``bounds``: E[M], exact to quadrature, plus the small E[Σ_S − M] by scrambled Sobol sequences.
     """
     from scipy.stats import qmc
 
@@ -139,8 +119,7 @@ def expected_sigma_s(
     for scramble in rng.spawn(SCRAMBLES):
         points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(LOG2_POINTS)
         shares = points.reshape(len(points), bounds.coordinates, agents)
-        systems = systems_at(bounds, np.moveaxis(shares, 1, 0))
-        unbounded = unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
+        unbounded = _unbounded(systems_at(bounds, np.moveaxis(shares, 1, 0)))
         for form, mask in masks.items():
             sigma_s, _ = optimal_sigma_s(unbounded, form)
             correction = np.mean(sigma_s - unbounded * mask, axis=0)
@@ -151,29 +130,24 @@ def expected_sigma_s(
         mean = exact * mask + corrections.mean(axis=0)
         deviation = np.sqrt(np.maximum(squares.mean(axis=0) - mean**2, 0.0))
         error = corrections.std(axis=0, ddof=1) / np.sqrt(SCRAMBLES)
-        by_form[form] = ExpectedSigmaS(mean, error, deviation)
+        by_form[form] = SigmaS(mean, error, deviation)
     return by_form
 
 
 def variance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """‖diag Cov(W) − Var‖/‖Var‖, (...): the paper's error of the matrix model, whose covariance is
-    ``modelled`` (..., n, n), against the variances of the parametric ``covariance`` (..., n, n).
-    """
+    """‖diag Cov(W) − Var‖/‖Var‖, (...): the paper's error of the ``modelled`` covariance."""
     due, own = (np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled))
     return np.linalg.norm(own - due, axis=-1) / np.linalg.norm(due, axis=-1)
 
 
 def covariance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """‖Cov(W) − Cov‖_F/‖Cov‖_F, (...), of the whole covariance, arguments as above."""
+    """‖Cov(W) − Cov‖_F/‖Cov‖_F, (...), of the whole covariance (..., n, n)."""
     difference = np.linalg.norm(modelled - covariance, axis=(-2, -1))
     return difference / np.linalg.norm(covariance, axis=(-2, -1))
 
 
 def sigma_s_rows(
-    system_class: str,
-    agents: int,
-    estimates: dict[str, SigmaS],
-    expected: dict[str, ExpectedSigmaS],
+    system_class: str, agents: int, estimates: dict[str, SigmaS], expected: dict[str, SigmaS]
 ) -> list[dict[str, object]]:
     """Rows of the table ``sigma_s`` of one class of systems, one for each form of Σ_S."""
     rows = []
@@ -198,29 +172,25 @@ def run_study(
     rng: np.random.Generator,
     run: Callable = map,
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Return the tables ``sigma_s``, ``wrench_errors`` and ``wrench_spread`` of the study, whose
-    errors are those of Fig. (ErrWrnRMT); ``run`` maps a function over the ``repeats``.
+    """Return the tables ``sigma_s`` and ``wrench_errors`` of the first repeat and ``wrench_spread``
+    of all ``repeats``, over which ``run`` maps a function: Fig. (ErrWrnRMT).
 
     For each number of cables in ``agents`` Σ_S is from ``systems`` systems, and its error on
-    ``tests`` fresh ones. The first two tables hold the first repeat; the third the mean and the
-    maximum error of each. The errors are the paper's, of the diagonal Σ_S; the second table also
-    has those of the whole covariance, for both forms.
+    ``tests`` fresh ones: the paper's, of the diagonal Σ_S, and of the whole covariance.
     """
-    sizes = {"agents": agents, "systems": systems, "tests": tests}
-    repeat = partial(_repeat, bounds=bounds, **sizes)
+    repeat = partial(_repeat, bounds, agents, systems, tests)
     parts = zip(*run(repeat, list(enumerate(rng.spawn(repeats)))), strict=True)
     sigma_rows, errors, spread = (list(chain.from_iterable(part)) for part in parts)
     return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)
 
 
 def _repeat(
-    trial: tuple[int, np.random.Generator],
     bounds: Bounds,
     agents: Sequence[int],
     systems: int,
     tests: int,
-) -> tuple[list[dict[str, object]], list[pd.DataFrame], list[dict[str, float]]]:
-    """Rows of the three tables of one repeat, by its number and its own generator."""
+    trial: tuple[int, np.random.Generator],
+) -> tuple[list, list, list]:
     repeat, rng = trial
     sigma_rows, errors, spread = [], [], []
     for m, m_rng in zip(agents, rng.spawn(len(agents)), strict=True):

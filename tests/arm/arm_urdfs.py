@@ -39,28 +39,8 @@ def robot_text(*joints: str) -> str:
     return f'<robot name="test"><link name="l0"/>{"".join(joints)}</robot>'
 
 
-def chain_text(
-    kinds: Sequence[str], places: Sequence[pin.SE3], axes: Sequence[Sequence[float]]
-) -> str:
-    """A URDF of joints j1, j2, … of ``kinds`` about or along ``axes`` in frames at ``places``; the
-    last of them is the tip's, fixed to the last joint.
-    """
-    joints = [
-        joint(
-            f"j{i + 1}",
-            kind,
-            f"l{i}",
-            f"l{i + 1}",
-            f'{origin(place)}<axis xyz="{" ".join(repr(float(x)) for x in axis)}"/>{LIMIT}',
-        )
-        for i, (kind, place, axis) in enumerate(zip(kinds, places[:-1], axes, strict=True))
-    ]
-    tip = joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1]))
-    return robot_text(*joints, tip)
-
-
 def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
-    """A URDF of joints of ``kinds`` placed and pointing anywhere."""
+    """A URDF of joints j1, j2, … of ``kinds`` placed and pointing anywhere, and a tip beyond."""
     places = [
         pin.SE3(
             pin.Quaternion(*(x := rng.normal(size=4)) / np.linalg.norm(x)), rng.normal(size=3) / 4
@@ -68,7 +48,12 @@ def random_text(kinds: Sequence[str], rng: np.random.Generator) -> str:
         for _ in range(len(kinds) + 1)
     ]
     axes = rng.normal(size=(len(kinds), 3))
-    return chain_text(kinds, places, axes / np.linalg.norm(axes, axis=1, keepdims=True))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    joints = []
+    for i, (kind, axis) in enumerate(zip(kinds, axes.tolist(), strict=True)):
+        inside = f'{origin(places[i])}<axis xyz="{" ".join(map(repr, axis))}"/>{LIMIT}'
+        joints.append(joint(f"j{i + 1}", kind, f"l{i}", f"l{i + 1}", inside))
+    return robot_text(*joints, joint("grip", "fixed", f"l{len(kinds)}", "tip", origin(places[-1])))
 
 
 def jn(count: int) -> list[str]:

@@ -95,8 +95,7 @@ def regular(chain, count: int = 150) -> np.ndarray:
     return q[least > 10 * LEAST_SINGULAR * chain.scale][:count]
 
 
-def require_agreement(robot, chain) -> None:
-    """Pose and Jacobian are Pinocchio's, the inverse is NumPy's pseudoinverse."""
+def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(robot, chain):
     q = poses(chain)
     places, jacobians = by_pinocchio(robot, robot.tool, q)
     np.testing.assert_allclose(chain.pose(q), places, rtol=0, atol=1e-12)
@@ -108,10 +107,6 @@ def require_agreement(robot, chain) -> None:
     np.testing.assert_allclose(chain.inverse_jacobian(q) / size, expected / size, atol=1e-12)
 
 
-def test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(robot, chain):
-    require_agreement(robot, chain)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("urdf", PUBLIC)
 def test_arms_of_the_public_collection_are_pinocchios(urdf):
@@ -119,7 +114,9 @@ def test_arms_of_the_public_collection_are_pinocchios(urdf):
     if (collection := next(places, None)) is None:
         pytest.skip("example-robot-data is absent; `make test-all` installs it in .venv-peers")
     robot = Robot(str(collection / f"{urdf}.urdf"), *PUBLIC[urdf], length=0.3)
-    require_agreement(robot, chain_of(robot))
+    test_pose_and_jacobian_are_pinocchios_and_the_inverse_numpys_pseudoinverse(
+        robot, chain_of(robot)
+    )
 
 
 def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain, monkeypatch):
@@ -141,13 +138,6 @@ def test_compiled_blocks_hold_the_same_poses_jacobians_and_singular_poses(chain,
     greatest = np.abs(jacobians).max()
     assert chain.sliding.any() or greatest <= chain.scale
     assert m < 6 or chain.scale < 4 * greatest
-
-
-def test_the_jacobian_is_the_derivative_of_the_displacement(chain):
-    q, step = poses(chain, 20), 1e-6
-    for j, e in enumerate(np.eye(q.shape[1])):
-        difference = chain.displacement(chain.pose(q - step * e), chain.pose(q + step * e))
-        np.testing.assert_allclose(difference / (2 * step), chain.jacobian(q)[..., j], atol=1e-8)
 
 
 def test_what_is_singular_is_so_by_the_least_singular_value(chain, monkeypatch):

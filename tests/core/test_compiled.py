@@ -1,6 +1,5 @@
-"""Compiled code: elementary functions and sums right to a few units in the last place, and the same
-bits where the processor has no instruction that multiplies and adds; cached machine code loaded
-again, and never after an edit of a source that it was made of.
+"""Compiled code: elementary functions and sums right to a few units in the last place; cached
+machine code loaded again, and never after an edit of a source that it was made of.
 """
 
 from __future__ import annotations
@@ -25,21 +24,6 @@ from pipeline.core.elementary import (
     sine_cosine,
     total,
 )
-
-BITS = """
-import numpy as np
-from numba import njit
-from pipeline.core.elementary import expm1, exponential, sine_cosine
-@njit
-def fill(x, out):
-    for i in range(len(x)):
-        out[0, i], out[1, i] = sine_cosine(50 * x[i])
-        out[2, i], out[3, i] = exponential(-x[i]), expm1(x[i])
-x = np.random.default_rng(1).uniform(0, 80, 2003)
-out = np.empty((4, len(x)))
-fill(x, out)
-print(out.tobytes().hex())
-"""
 
 
 def units(function, exact, x: np.ndarray) -> float:
@@ -71,21 +55,6 @@ def test_the_exponential_less_one_is_right_to_three_units_in_the_last_place():
     x = np.concatenate([np.geomspace(1e-290, 699, 20_000), np.linspace(0.3, 1.2, 5000)])
     assert units(from_python(expm1), np.expm1, x) < 3
     assert from_python(expm1)(0.0) == 0.0
-
-
-@pytest.mark.slow
-def test_the_bits_are_those_of_a_processor_that_multiplies_and_adds_in_two_instructions():
-    def bits(**environment: str) -> str:
-        return subprocess.run(
-            [sys.executable, "-c", BITS],
-            cwd=ROOT,
-            env=os.environ | environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-
-    assert len({bits(NUMBA_CPU_NAME=name) for name in ("x86-64-v2", "host")}) == 1
 
 
 @pytest.mark.parametrize("count", [0, 1, LANES - 1, LANES, LANES + 1, 10 * LANES + 3])

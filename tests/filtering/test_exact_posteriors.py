@@ -116,18 +116,6 @@ def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filter
     assert np.all(distance(runs, *exact) > 2 * BAND)
 
 
-def test_without_measurements_the_prior_propagates():
-    unseen, model = measured_path(np.empty(0)), ScaledModel(NOISE)
-    (posterior,) = runs_of(model, LINEAR, STEPS, START, unseen, FilterOptions(4000), seeds=(5,))
-    mean, covariance, _ = kalman(unseen)
-    exact, own = (np.diagonal(c, axis1=1, axis2=2) for c in (covariance, posterior.covariance))
-    assert np.max(np.abs(posterior.mean - mean) / np.sqrt(exact / 4000)) < 4.5
-    # the standard error of a normal sample's variance is √(2/P) of it
-    assert np.max(np.abs(own / exact - 1)) < 4.5 * np.sqrt(2 / 4000)
-    assert posterior.ess == pytest.approx(4000) and posterior.log_evidence == 0.0
-    assert not posterior.measured.any() and not posterior.resampled.any()
-
-
 # one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
 # step v/cos is nonlinear, and so is the noise that grows with it
 PHASE, FLOOR, GAIN = 0.6, 0.006**2, 0.3**2

@@ -129,17 +129,13 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     assert np.all(autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005)
 
 
-@pytest.mark.parametrize("share", [0.0, 1.0, 30.0])
-def test_the_law_is_a_covariance_however_much_is_measurement(poses, share):
-    few, noise = poses[:5], share * NOISE
-    law = path_covariance(deviation_roots(few, noise)[0], autocorrelation(few, noise))
-    assert np.linalg.eigvalsh(law.reshape(2 * STEPS, 2 * STEPS)).min() > -1e-12
-
-
 def test_takes_of_measurement_alone_have_no_deviation_and_no_autocorrelation():
     noise = np.random.default_rng(4).multivariate_normal(np.zeros(2), NOISE, (50, STEPS))
     roots, without = deviation_roots(noise, 3 * NOISE)
     assert without == 2 * STEPS and not roots.any()
+    # nor is the law of a few takes any less of a covariance
+    law = path_covariance(deviation_roots(noise[:5], NOISE)[0], autocorrelation(noise[:5], NOISE))
+    assert np.linalg.eigvalsh(law.reshape(2 * STEPS, 2 * STEPS)).min() > -1e-12
     assert autocorrelation(noise, 300 * NOISE).tolist() == [1.0] + [0.0] * (STEPS - 1)
 
 

@@ -16,7 +16,7 @@ from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.rows import WIDTH
-from pipeline.core.errors import ConfigError, DegenerateFilterError, ModelDomainError
+from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import (
     FilterOptions,
@@ -251,7 +251,6 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
 @pytest.mark.parametrize(
     "start, error, words",
     [
-        (replace(STILL, covariance=np.diag([1.0, 1, -0.1])), ModelDomainError, "negative eigen"),
         (replace(STILL, covariance=np.full((3, 3), np.nan)), ModelDomainError, "is not finite"),
         (replace(STILL, mean=np.full(3, 60.0)), DegenerateFilterError, "start poses lies within"),
     ],
@@ -259,11 +258,3 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
 def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(start, error, words):
     with pytest.raises(error, match=words):
         filtered(EXACT, FREE, STEPS, start, particles=5)
-
-
-@pytest.mark.parametrize(
-    "options", [{"particles": 0}, {"resampling": "branching"}, {"threshold": 1.5}]
-)
-def test_an_option_that_does_not_exist_is_refused_by_its_key(options):
-    with pytest.raises(ConfigError, match=f"filter.{next(iter(options))}"):
-        FilterOptions(**options)

@@ -71,13 +71,6 @@ def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(n
         assert (distance < BAND) == (other == name)
 
 
-def test_a_comb_that_is_never_shifted_is_found_out_as_biased(weights):
-    points = (np.arange(len(weights)) + 0.5) / len(weights)
-    chosen = np.searchsorted(np.cumsum(weights), points, side="right")
-    counts = np.tile(np.bincount(chosen, minlength=len(weights)), (REPEATS, 1))
-    assert bias_in_standard_errors(counts, "systematic", weights) > 3 * BAND
-
-
 @pytest.mark.parametrize("name", DRAWING)
 def test_a_longer_buffer_changes_no_choice_and_nothing_is_written_behind(name, weights):
     """The filter's buffers are never shorter than a block, however few the particles."""

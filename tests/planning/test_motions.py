@@ -14,12 +14,11 @@ from planned_arms import LAWS, joint_path, law_cost, path_problem
 from pipeline.core.errors import ConfigError
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm, on_stages
 from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle
-from pipeline.planning.refine import objective, refined
 from pipeline.planning.self_motion import grid, spacing_of
 
 
 def value(problem: Problem, cost: Cost, joints: np.ndarray) -> float:
-    return objective(problem, cost(joints[:-1], problem.steps), joints)
+    return problem.objective(cost(joints[:-1], problem.steps), joints)
 
 
 def trying_every_motion(problem: Problem, cost: Cost, poses: list[np.ndarray]) -> float:
@@ -80,7 +79,7 @@ def test_the_weight_of_smoothness_makes_the_null_space_still():
         problem = path_problem("planar", 48, smoothness=smoothness)
         joints = least_uncertain(problem, law_cost("gaussian", problem.chain), 60).joints
         none = np.zeros(len(joints) - 1)
-        return objective(replace(problem, smoothness=1.0), none, joints)
+        return replace(problem, smoothness=1.0).objective(none, joints)
 
     rough, smooth = null_speed(1e-4), null_speed(1e3)
     assert smooth < 0.1 * rough
@@ -99,7 +98,6 @@ def test_of_the_branches_of_a_square_arm_the_cheaper_is_taken():
         costs.append(np.inf if failure else value(problem, cost, np.array(motion)))
     assert len(costs) == 2
     assert planned.objective == pytest.approx(min(costs), rel=1e-9)
-    assert planned.grid_cost == pytest.approx(planned.objective, rel=1e-9)
 
 
 def test_the_best_conditioned_motion_is_better_conditioned_than_the_others():
@@ -122,7 +120,7 @@ def test_the_least_norm_motion_never_moves_in_the_null_space():
     problem = path_problem("planar", 200)
     planned = minimum_norm(problem, joint_path("planar", 1)[0])
     assert problem.failure(planned.joints) is None
-    in_null_space = objective(replace(problem, smoothness=1.0), np.zeros(200), planned.joints)
+    in_null_space = replace(problem, smoothness=1.0).objective(np.zeros(200), planned.joints)
     # what a step of a straight line leaves to Newton's method
     assert in_null_space < 0.01 * planned.objective
     assert planned.objective == pytest.approx(np.sum(np.diff(planned.joints, axis=0) ** 2))
@@ -142,12 +140,6 @@ def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
     object.__setattr__(problem.chain, "upper", joint_path("planar", 40)[20] + [9, 9, 0])
     with pytest.raises(InfeasibleError, match=r"leaves the joint limits \[step \d+\]"):
         minimum_norm(problem, joint_path("planar", 1)[0])
-
-
-def test_refining_keeps_a_motion_that_cannot_be_better():
-    problem, begun = path_problem("planar", 32, smoothness=0.0), joint_path("planar", 32)
-    cost = law_cost("additive", problem.chain)
-    np.testing.assert_array_equal(refined(problem, cost, begun), begun)
 
 
 @pytest.mark.parametrize(

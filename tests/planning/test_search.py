@@ -12,18 +12,11 @@ import numpy as np
 import pytest
 from planned_arms import LAWS, chain, joint_path, law_cost, path_problem
 
-from pipeline.core.errors import PipelineError, SingularJacobianError
+from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model
-from pipeline.planning.motions import cheapest, way_to
-from pipeline.planning.problem import (
-    CLOSE,
-    InfeasibleError,
-    Problem,
-    settle,
-    uncertainty,
-    where_defined,
-)
+from pipeline.planning.motions import cheapest, least_uncertain, way_to
+from pipeline.planning.problem import CLOSE, InfeasibleError, Problem, settle, uncertainty
 from pipeline.planning.self_motion import curves, grid, spacing_of, stages
 
 WIDE = {"kind": "wishart", "sigma_b": 0.9, "decomposition": "qr_transposed"}
@@ -58,39 +51,29 @@ def test_a_step_at_rest_costs_the_matrix_models_nothing_and_the_additive_one_its
         )
 
 
-def test_singular_poses_cost_infinitely_much_and_no_others():
+def test_singular_poses_cost_infinitely_much_and_no_others_whatever_the_blocks(monkeypatch):
     arm = chain("planar")
     cost = law_cost("pivoted_lu", arm)
     q = np.random.default_rng(5).uniform(arm.lower, arm.upper, (300, 3))
     q[::30] = np.nan  # which is refused as a singular pose is
-    v = np.tile(STEP, (300, 1))
-    with pytest.raises(SingularJacobianError):
-        cost(q, v)
-    costs = where_defined(cost, q, v)
+    v = np.random.default_rng(6).uniform(0, 0.01, (300, 2))
+    costs = cost(q, v)
     np.testing.assert_array_equal(np.isfinite(costs), ~arm.singular(q))
     assert np.isinf(costs).sum() >= 10
-
-
-def test_blocks_leave_the_costs_as_they_are(monkeypatch):
-    cost, q = law_cost("pivoted_lu", chain("planar")), joint_path("planar", 99)
-    v = np.random.default_rng(6).uniform(0, 0.01, (100, 2))
     monkeypatch.setattr("pipeline.planning.problem.BLOCK", 7)
-    np.testing.assert_array_equal(where_defined(cost, q, v), cost(q, v))
-    assert where_defined(cost, q[:0], v[:0]).shape == (0,)
+    np.testing.assert_array_equal(cost(q, v), costs)
+    assert cost(q[:0], v[:0]).shape == (0,)
 
 
-@pytest.mark.parametrize(
-    ("model", "objective", "words"),
-    [
-        (WIDE, "trace", "Wishart step exists only for sigma_B below"),
-        (BEYOND, "log_det", "no ln det"),
-    ],
-)
-def test_a_model_without_a_cost_is_refused(model, objective, words):
+def test_a_model_without_a_covariance_is_refused_and_a_step_without_a_ln_det_is_not_taken():
     arm, q, v = chain("planar"), joint_path("planar", 1), np.tile(STEP, (2, 1))
     assert uncertainty(build_model(BEYOND), arm, "trace")(q, v).tolist() == [0, 0]
-    with pytest.raises(PipelineError, match=words):
-        uncertainty(build_model(model), arm, objective)(q, v)
+    assert uncertainty(build_model(BEYOND), arm, "log_det")(q, v).tolist() == [np.inf, np.inf]
+    with pytest.raises(ModelDomainError, match="Wishart step exists only for sigma_B below"):
+        uncertainty(build_model(WIDE), arm, "trace")(q, v)
+    problem = path_problem("planar", 4)
+    with pytest.raises(InfeasibleError, match="or none with a ln det"):
+        least_uncertain(problem, uncertainty(build_model(BEYOND), arm, "log_det"), 7)
 
 
 STAGES, POSES, JOINTS = 5, 4, 2
@@ -112,10 +95,10 @@ def grids(seed: int, reach: float, weight: float) -> dict:
 
 
 def searched(grid: dict) -> tuple[int, list[int], float]:
-    before, total = np.zeros((STAGES, POSES), dtype=np.int64), np.full((STAGES, POSES), np.inf)
-    reached = cheapest(*grid.values(), before, total)
+    """Stages that a way reaches, the cheapest way, and what it costs."""
+    before, total = cheapest(*grid.values())
     last = int(total[-1].argmin())
-    return reached, way_to(last, before).tolist(), total[-1, last]
+    return int(np.isfinite(total).any(axis=1).sum()), way_to(last, before).tolist(), total[-1, last]
 
 
 def every_way(grid: dict, stages: int = STAGES) -> dict[tuple[int, ...], float]:
@@ -186,7 +169,7 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm, monkeypatch
     off = task.chain.displacement(task.chain.pose(poses), task.path[2])
     assert np.abs(off).max() < 1e-10
     assert task.chain.within_limits(poses).all()
-    assert (task.clearance(poses) >= task.margin).all()
+    assert (task.chain.least_singular_value(poses) >= task.margin).all()
     monkeypatch.setattr("pipeline.planning.self_motion.TOGETHER", 1)
     np.testing.assert_array_equal(curves(task, np.array([2]), SPACING)[0], poses)
     if arm == "seven":
@@ -216,10 +199,8 @@ def test_an_arm_without_joints_to_spare_has_its_branches():
 def test_stages_lie_as_far_apart_as_a_wide_grid_needs():
     task = path_problem("seven", 100)
     slowest = task.reach.min()
-    assert stages(task, 0.0, 1.5).tolist() == list(range(101))
-    assert stages(task, slowest, 1.0).tolist() == list(range(101))
-    assert stages(task, 10 * slowest, 1.0).tolist() == list(range(0, 101, 10))
-    assert stages(task, 1e9 * slowest, 1.0).tolist() == [0, 100]
+    for spacing, apart in ((0.0, 1), (slowest / 1.6, 1), (10 * slowest / 1.51, 10), (1e9, 100)):
+        assert stages(task, spacing).tolist() == list(range(0, 101, apart))
 
 
 @pytest.mark.parametrize(

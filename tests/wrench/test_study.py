@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from cable_systems import planar_cables
 from scipy.integrate import dblquad
@@ -21,11 +20,9 @@ from pipeline.wrench.matrix import FORMS, matrix_model, unbounded_sigma_s
 from pipeline.wrench.parametric import wrench_covariance
 from pipeline.wrench.study import (
     averaged_sigma_s,
-    covariance_errors,
     expected_sigma_s,
     expected_unbounded_sigma_s,
     run_study,
-    variance_errors,
 )
 
 RANGES = {"tension": (3.0, 5.0), "direction": (np.pi / 4, np.pi)}
@@ -65,7 +62,7 @@ def test_directions_in_space_are_uniform_on_the_sphere_and_not_in_their_elevatio
     "change",
     [
         {"tension": (5.0, 3.0)},
-        {"tension": (0.0, 3.0)},
+        {"tension": (-1.0, 3.0)},
         {"concentration": (0.0, np.inf)},
         {"elevation": (0.0, 2.0)},
         {"attachment": (0.2, 0.1)},
@@ -180,17 +177,6 @@ def test_with_its_own_bounds_alone_it_is_what_averages_over_systems_tend_to(form
     assert np.max(np.abs(np.diag(moved)) / error) > 8
 
 
-def test_a_system_served_by_its_own_sigma_s_has_no_error_and_one_system_no_average():
-    systems = draw_systems(ROUND, 50, 20, np.random.default_rng(52))
-    model, covariance = matrix_model(systems), wrench_covariance(systems)
-    modelled = model.covariance(unbounded_sigma_s(model, covariance))
-    for errors in (variance_errors, covariance_errors):
-        assert np.abs(errors(modelled, covariance)).max() < 1e-12
-        np.testing.assert_allclose(errors(1.5 * modelled, covariance), 0.5)
-    with pytest.raises(ConfigError, match="at least 2 systems"):
-        averaged_sigma_s(draw_systems(ROUND, 1, 20, np.random.default_rng(53)))
-
-
 def test_where_no_system_is_held_it_is_the_quadrature_alone():
     exact = expected_unbounded_sigma_s(ROUND, 20)
     expected = expected_sigma_s(ROUND, 20, np.random.default_rng(51))
@@ -214,14 +200,3 @@ def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
     _, _, spread = run_study(STUDY, [3, 5, 10, 15, 20], 1000, 2000, 5, np.random.default_rng(14))
     means = spread.pivot(index="repeat", columns="agents", values="mean")
     assert (np.diff(means.to_numpy(), axis=1) < 0).all()
-
-
-@pytest.mark.slow
-def test_the_study_is_that_of_its_generator_and_more_repeats_leave_the_first_ones_alone():
-    one = run_study(STUDY, [3, 5], 100, 50, 2, np.random.default_rng(15))
-    more = run_study(STUDY, [3, 5], 100, 50, 4, np.random.default_rng(15))
-    other = run_study(STUDY, [3, 5], 100, 50, 2, np.random.default_rng(16))
-    for a, b in zip(one[:2], more[:2], strict=True):
-        pd.testing.assert_frame_equal(a, b)
-    pd.testing.assert_frame_equal(one[2], more[2].iloc[:4])
-    assert not one[1].error.equals(other[1].error)
