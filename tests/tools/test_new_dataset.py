@@ -25,7 +25,7 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.new_dataset.command import open_dataset
-from pipeline.tools.new_dataset.draft import Draft, Entry, filled_template
+from pipeline.tools.new_dataset.draft import Draft
 
 FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
 
@@ -226,38 +226,6 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
     assert "joint_log" not in written("others")[0]
 
 
-TEMPLATE = """\
-a: ??? # first
-?b: # part
-  c: 1
-?  d: ???
-?e:
-?  f: ???
-  g: 2
-h: ??? # last
-"""
-
-
-@pytest.mark.parametrize(
-    ("entries", "text"),
-    [
-        ({"a": Entry("[x]", "stated"), "b.c": Entry("", "kept"), "h": Entry({"k:1": "???"})}, """\
-a: [x] # stated; first
-b: # part
-  c: 1 # kept
-h: # last
-  "k:1": ???
-"""),
-        ({"a": Entry("[x]", "likely", certain=False), "h": Entry()}, """\
-a: ??? # likely; first
-h: ??? # last
-"""),
-    ],
-)  # fmt: skip
-def test_a_template_loses_optional_keys_of_which_nothing_is_known(entries, text):
-    assert filled_template(TEMPLATE, entries) == text
-
-
 SHEET, OPTION = Path("dataset.yaml"), Path("lab.yaml")
 TEXTS = {
     SHEET: "# ??? is asked\nabout:\n  subject: ??? # what\njoint_log:\n  time_unit: ??? # unit\n",
@@ -265,36 +233,23 @@ TEXTS = {
 }
 
 
-def test_answers_take_the_places_of_open_values_and_comments_stay():
+def test_answers_take_the_places_of_open_values_and_wrong_ones_leave_the_draft():
     draft = Draft(dict(TEXTS))
-    questions = {question.key: question.hint for question in draft.questions()}
+    wrong = {"joint_log.time_unit": "minutes", "motion.steps": "many", "motion.pace": "1"}
+    for key, value in (wrong | {"motion.rate": ""}).items():
+        with pytest.raises(ConfigError):
+            draft.answer(key, value)
+    assert draft.texts == TEXTS
+    questions = {key: question.hint for key, question in draft.questions().items()}
     keys = ("about.subject", "joint_log.time_unit", "motion.rate", "motion.steps")
     assert questions == dict(zip(keys, ("what", "unit", "1/s", "M"), strict=True))
-    draft.note(draft.questions()[0], "suggested is an arm")
-    assert "??? # what # → suggested is an arm" in draft.texts[SHEET]
     answers = {"about.subject": "an arm: # 1", "motion.steps": "20", "motion.rate": "1e2"}
     for key, value in answers.items():
         draft.answer(key, value)
     assert '  subject: "an arm: # 1" # what\n' in draft.texts[SHEET]
     assert draft.texts[OPTION].endswith("  rate: 1e2 # 1/s\n  steps: 20 # M\n")
     assert draft.values()["motion"] == {"rate": 100.0, "steps": 20}
-    assert draft.left == ["joint_log.time_unit"]
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("joint_log.time_unit", "minutes", "input should be"),
-        ("motion.steps", "many", "many"),
-        ("motion.steps", "", "a value is required here"),
-        ("motion.pace", "1", "still to be filled in; there are about.subject"),
-    ],
-)
-def test_a_wrong_answer_is_refused_and_leaves_the_draft(key, value, words):
-    draft = Draft(dict(TEXTS))
-    with pytest.raises(ConfigError, match=words):
-        draft.answer(key, value)
-    assert draft.texts == TEXTS
+    assert [*draft.questions()] == ["joint_log.time_unit"]
 
 
 def urdf() -> str:
@@ -309,7 +264,7 @@ def test_options_suggestions_and_a_number_leave_nothing_open(root, logs, capsys)
     filling = open_dataset("lab", logs, given)
     filling.fill(given, suggested=True, motion=1)
     filling.write()
-    assert not filling.draft.left and not unfilled()
+    assert not filling.draft.questions() and not unfilled()
     sheet, option = written()
     joints = [f"joint_{j}" for j in range(1, 7)]
     about = {"subject": "UR5: its way", "source": "the lab", "licence": "MIT License, Copyright"}
@@ -331,7 +286,7 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
 ):
     run("lab", "--from", logs, "--set", "about.subject=an arm")
     text = datasheet.path_of("lab").read_text()
-    assert "time_unit: ???" in text and "→ suggested is s" in text and "movements: No*_slow" in text
+    assert "time_unit: ??? # suggested is s; " in text and "movements: No*_slow" in text
     given = ["no.urdf", urdf(), "", "nowhere", "flange", "the laboratory", "MIT"]
     answers = iter([*given, "[a, b]", "", "minutes", "s", "rad", "fast", "", "7", "2"])
 
@@ -347,7 +302,6 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     words = ["no.urdf", "nowhere", "not logged", "input should be", "fast", "no motion 7"]
     assert all(word in line for line, word in zip(refused, words, strict=True)), refused
     assert not unfilled(), [*answers]
-    assert "suggested" not in datasheet.path_of("lab").read_text()
     assert written()[0]["joint_log"]["time_unit"] == "s" and written()[1]["motion"]["rate"] == 100
 
 
@@ -367,16 +321,16 @@ def test_an_option_or_name_that_does_not_fit_writes_nothing(root, logs, words, s
     assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
 
 
-@pytest.mark.parametrize("there", ["conf/dataset/lab.yaml", "data/raw/lab/dvc.yaml"])
-def test_nothing_is_overwritten(root, logs, there):
-    (root / there).parent.mkdir(parents=True, exist_ok=True)
-    (root / there).write_text("mine\n")
-    with pytest.raises(ConfigError, match="nothing is overwritten") as refused:
-        run("lab", "--from", logs)
-    assert refused.value.evidence["file"] == root / there
-    files = {file for file in root.rglob("*") if file.is_file()}
-    assert files == {root / there, root / "params.yaml"}
-    assert (root / there).read_text() == "mine\n"
+def test_nothing_is_overwritten(root, logs):
+    for there in (root / "conf/dataset/lab.yaml", root / "data/raw/lab/dvc.yaml"):
+        there.parent.mkdir(parents=True, exist_ok=True)
+        there.write_text("mine\n")
+        with pytest.raises(ConfigError, match="nothing is overwritten") as refused:
+            run("lab", "--from", logs)
+        assert refused.value.evidence["file"] == there
+        files = {file for file in root.rglob("*") if file.is_file()}
+        assert files == {there, root / "params.yaml"} and there.read_text() == "mine\n"
+        there.unlink()
 
 
 def test_places_that_are_none_are_refused_and_own_folders_need_no_inventory(root, logs, tmp_path):

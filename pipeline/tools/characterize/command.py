@@ -124,15 +124,16 @@ def _dataset(
         if arm := get_filled(filling.draft.values(), "robot.urdf"):
             links = read_urdf(Path(arm)).links
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        taken = {key: value for key, value in usual.items() if key in filling.draft.left}
+        left = filling.draft.questions()
+        taken = {key: value for key, value in usual.items() if key in left}
         for key, value in taken.items():
             print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
         filling.fill(taken, suggested=True)
-        if "joint_log.start" in filling.draft.left and {*filling.draft.left} <= {*KEYS}:
+        if "joint_log.start" in (left := filling.draft.questions()) and {*left} <= {*KEYS}:
             filling.fill({}, motion=motion or 1)
             print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
     filling.write()
-    if left := filling.draft.left:
+    if left := filling.draft.questions():
         message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
 

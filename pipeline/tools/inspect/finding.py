@@ -20,7 +20,7 @@ WIDTH = 100  # characters of a line of facts
 LISTED = 4  # names of a list
 SHOWN = """bodies markers columns rows columns_without_numbers width height
     points organised share_without_position viewpoint share_not_above_zero samples steps
-    announced_frames first_frame rate_from rate_by_the_printed_times times robot joints signals
+    first_frame rate_from times robot joints signals
     command motions topics fx separator decimal serial frames""".split()  # facts of the table
 
 
@@ -111,15 +111,10 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         settled = [(each.option, each.suggested) for each in one.open]
         alike = re.sub(r"\d+", "*", str(one.file)), one.format, one.version, one.units, settled
         groups.setdefault(one.file if one.stops else str((alike, names)), []).append(one)
-    printed, asked = [], []
+    printed = []
     for group in groups.values():
-        questions = [str(question) for question in group[0].open]
         printed += _facts(group, folder)
-        if questions and questions == asked:
-            questions = ["as for the recording above"]
-        else:
-            asked = questions
-        printed += [f"    ? {question}" for question in questions]
+        printed += [f"    ? {question}" for question in group[0].open]
         printed += [f"    ! {reason}" for reason in group[0].stops]
     printed += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
     # names come from the files: no control character reaches the terminal

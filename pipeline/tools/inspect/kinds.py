@@ -23,7 +23,7 @@ from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.force.record import ForceLogOptions, require_record
 from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
 from pipeline.formats.joints import bag as joint_bag
-from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY
+from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.finding import ROBOT, Finding
 from pipeline.tools.inspect.joints import joint_log, table
@@ -35,6 +35,8 @@ ANALYSED = {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}  # types of messages
 # option → the types of messages of its topic
 TOPICS = {"depth.topic": DEPTH_TYPES, "depth.camera_info": (messages.CAMERA_INFO,)}
 TOPICS |= {"force.log.topic": WRENCH}
+NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
+NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
 BINARY = (
     "binary data of no known format: unpack an archive, save arrays (HDF5, NPY, pickle) with their "
     "times in one .npz, else export as in pipeline/formats/README.md"
@@ -54,10 +56,13 @@ def described(file: Path) -> Finding:
         head = Head.read(file)
         if form := recognised(head, [URDF, *formats_in(formats)]):
             return _read(finding, form)
-        if head.text is not None and (known := foreign(head.text)):
+        if head.text is None or head.content.startswith(b"PK"):
+            finding.facts["reason"] = BINARY
+        elif known := foreign(head.text):
             finding.format, advice = known
             raise RecordingError(f"{finding.format} is not read: {advice}")
-        finding.facts["reason"] = _unrecognised(head)
+        else:
+            finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else NO_TABLE
         return finding
     except OSError as error:
         return finding.refused(RecordingError(f"the file cannot be read ({error.strerror})"))
@@ -69,15 +74,6 @@ def _read(finding: Finding, form: Format) -> Finding:
     finding.format, finding.kind, finding.option = form.name, form.kind, form.option
     (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
     return finding
-
-
-def _unrecognised(head: Head) -> str:
-    """Reason why no format reads the file, and what to do."""
-    if head.text is None or head.content.startswith(b"PK"):
-        return BINARY
-    if head.suffix in TREES:
-        return "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
-    return "text without rows of numbers (between commas, semicolons, tabs or blanks)"
 
 
 def _motion(finding: Finding, form: Format) -> None:
@@ -101,10 +97,6 @@ def _motion(finding: Finding, form: Format) -> None:
     finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
     finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
     finding.count({"unlabelled_markers": len(take.markers) - len(markers)})
-    if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
-        finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
-    if (announced := take.counts.get("announced_frames")) != len(take.frame):
-        finding.facts["announced_frames"] = announced
     finding.count({name: n for name, n in take.counts.items() if name not in TOTALS})
 
 

@@ -67,7 +67,7 @@ def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> N
     filling = open_dataset(name, folder, given)
     filling.fill(given, **options)
     filling.write()
-    left = filling.draft.left
+    left = filling.draft.questions()
     if "joint_log.start" in left:
         try:
             filling.show_motions()
@@ -171,24 +171,20 @@ class Filling:
         for key, value in given.items():
             self.draft.answer(key, value)
         while suggested:  # they may follow from each other
-            before = self.draft.left
+            before = self.draft.questions()
             for key, value in self._suggested().items():
                 if key in before:
                     with suppress(PipelineError):
                         self.draft.answer(key, value)
                         print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
-            suggested = self.draft.left != before
+            suggested = self.draft.questions() != before
         if motion is not None:
             self._choose(motion, self.show_motions())
         if ask:
             self._ask()
 
     def write(self) -> None:
-        """Write the files, with suggestions in the comments of the values that are open."""
-        suggested = self._suggested()
-        for question in self.draft.questions():
-            if question.key in suggested:
-                self.draft.note(question, f"suggested is {suggested[question.key]}")
+        """Write the files."""
         for file, text in self.draft.texts.items():
             contracts.write_text(text, file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
@@ -209,13 +205,11 @@ class Filling:
             counts = Counter(name for name, _ in motion.places).items()
             pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
             disturbed = ", ".join(f"{name} row {place}" for name, place in motion.disturbed)
-            print(
-                f"motion {number}: {motion.steps} steps, {pause}, in "
-                f"{', '.join(f'{name} ({count})' for name, count in counts)}\n"
-                f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad\n"
-                f"  commands differ by {motion.deviation:.2g} rad, least singular value "
-                f"{motion.least_singular:.2g}" + f", disturbed: {disturbed}" * bool(disturbed)
-            )
+            places = ", ".join(f"{name} ({count})" for name, count in counts)
+            print(f"motion {number}: {motion.steps} steps, {pause}, in {places}")
+            print(f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad")
+            print(f"  commands differ by {motion.deviation:.2g} rad, least singular value", end=" ")
+            print(f"{motion.least_singular:.2g}, disturbed: {disturbed or 'none'}")
         return offered
 
     def _choose(self, number: int, offered: list[FoundMotion]) -> None:
@@ -225,7 +219,7 @@ class Filling:
         rest = motion.rest(rate)
         ends = (_rounded(motion.start, 4), _rounded(motion.end, 4))
         chosen = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
-        for key in [key for key in self.draft.left if key in chosen]:
+        for key in chosen.keys() & self.draft.questions().keys():
             self.draft.answer(key, str(chosen[key]))
 
     def _ask(self) -> None:
@@ -234,11 +228,9 @@ class Filling:
         """
         passed: set[str] = set()
         with suppress(EOFError, KeyboardInterrupt):
-            while questions := [one for one in self.draft.questions() if one.key not in passed]:
-                first = min(questions, key=lambda one: (one.key[:6] != "robot.", one.key in KEYS))
-                key = first.key
-                if key == KEYS[0] or (key in KEYS and KEYS[0] not in passed):
-                    passed.add(KEYS[0])
+            while keys := [key for key in self.draft.questions() if key not in passed]:
+                key = min(keys, key=lambda one: (one[:6] != "robot.", one in KEYS))
+                if key in KEYS and not passed & {*KEYS}:
                     try:
                         offered = self.show_motions()
                         print(f"the motion that is analysed: {', '.join(KEYS)}")
@@ -247,10 +239,10 @@ class Filling:
                     except PipelineError as error:
                         print(f"! {error}")
                 passed.add(key)
-                if key not in self.draft.left:
+                if (question := self.draft.questions().get(key)) is None:
                     continue
                 note = self._entries().get(key, Entry()).note
-                print("; ".join(filter(None, [f"\n{key}: {first.hint}", note])))
+                print("; ".join(filter(None, [f"\n{key}: {question.hint}", note])))
                 if not _accepted(partial(self.draft.answer, key), "? ", self._suggested().get(key)):
                     print("left as ???")
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,6 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import parsed
 from pipeline.tools.check.command import value_faults
 
-REMARK = " # → "  # begins a remark on a value that is open
 LINE = re.compile(
     r'(?P<optional>\??)(?P<indent> *)(?P<key>"(?:[^"\\]|\\.)*"|[^\s#:"]+):'
     r"(?: (?P<value>[^#].*?))?(?: # (?P<hint>.*))?"
@@ -34,9 +33,8 @@ class Entry(NamedTuple):
 
 
 class Question(NamedTuple):
-    """A value that is still ???, the comment beside it, and its line of ``file``, from 0."""
+    """The comment beside a value that is still ???, and its line of ``file``, from 0."""
 
-    key: str
     hint: str
     file: Path
     line: int
@@ -78,9 +76,10 @@ def filled_template(template: str, entries: Mapping[str, Entry]) -> str:
             continue
         value, note, certain = entries.get(key, Entry(""))
         nested = value if isinstance(value, Mapping) else {}
+        suggested = f"suggested is {value}" if value and not certain else ""
         if not nested:
             value = (value or parts["value"] or "") if certain and value is not None else OPEN
-        hint = "; ".join(filter(None, [note, parts["hint"]]))
+        hint = "; ".join(filter(None, [suggested, note, parts["hint"]]))
         head = f"{parts['indent']}{parts['key']}:"
         lines.append(" ".join([head, *filter(None, [not nested and value, hint and f"# {hint}"])]))
         lines += _block(nested, f"{parts['indent']}  ")
@@ -107,25 +106,20 @@ class Draft:
             _merge(merged, parsed(text, file=file) or {})
         return merged
 
-    def questions(self) -> list[Question]:
-        """Return the values that are still ???, in the order of the files."""
-        return [
-            Question(key, (parts["hint"] or "").partition(REMARK)[0], file, number)
+    def questions(self) -> dict[str, Question]:
+        """Return the values that are still ???, by key, in the order of the files."""
+        return {
+            key: Question(parts["hint"] or "", file, number)
             for file, text in self.texts.items()
             for number, (_, key, parts) in enumerate(_keyed(text))
             if parts is not None and OPEN in (parts["value"] or "")
-        ]
-
-    @property
-    def left(self) -> list[str]:
-        """Keys that are still ???."""
-        return [question.key for question in self.questions()]
+        }
 
     def answer(self, key: str, value: str) -> None:
         """Put ``value``, as YAML has it, in the place of a ???; ConfigError, and no change, where
         the key is not open, and the first new fault of the values where there is one.
         """
-        questions = {question.key: question for question in self.questions()}
+        questions = self.questions()
         if key not in questions:
             there_are = ", ".join(questions) or "none"
             message = f"no such value is still to be filled in; there are {there_are}"
@@ -139,22 +133,15 @@ class Draft:
         except ConfigError:
             plain = False
         written = value if plain else json.dumps(value, ensure_ascii=False)
-        changed = self._with(questions[key], lambda line: line.replace(OPEN, written, 1))
+        _, file, number = questions[key]
+        lines = self.texts[file].splitlines()
+        lines[number] = lines[number].replace(OPEN, written, 1)
+        changed = Draft(self.texts | {file: "\n".join(lines) + "\n"})
         before = {str(fault) for fault in value_faults(self.values())}
         for fault in value_faults(changed.values()):
             if str(fault) not in before:
                 raise fault
         self.texts = changed.texts
-
-    def note(self, question: Question, remark: str) -> None:
-        """Put a ``remark`` behind the comment of a ???, which an answer takes away again."""
-        self.texts = self._with(question, lambda line: f"{line}{REMARK}{remark}").texts
-
-    def _with(self, question: Question, edit: Callable[[str], str]) -> Draft:
-        """The draft after an ``edit`` of the question's line without its remark."""
-        lines = self.texts[question.file].splitlines()
-        lines[question.line] = edit(lines[question.line].partition(REMARK)[0])
-        return Draft(self.texts | {question.file: "\n".join(lines) + "\n"})
 
 
 def _merge(values: dict[str, Any], others: dict[str, Any]) -> None:

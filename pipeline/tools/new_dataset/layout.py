@@ -88,15 +88,9 @@ def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
     """The recordings by the pattern of their paths, in one group if no two share a pattern and one
     pattern names all of them.
     """
-    shared = Counter(_pattern(path.relative_to(folder)) for path in recorded)
     patterns: dict[str, dict[Path, Finding]] = {}
     for path, finding in recorded.items():
-        below = path.relative_to(folder)
-        pattern = _pattern(below)
-        # a number in a folder's name tells takes apart only where there are several
-        if shared[pattern] == 1 and not re.search(r"\d", path.stem):
-            pattern = glob.escape(below.as_posix())
-        patterns.setdefault(pattern, {})[path] = finding
+        patterns.setdefault(_pattern(path.relative_to(folder)), {})[path] = finding
     if len(patterns) == len(recorded) > 1 and (one := shared_pattern([*recorded], folder)):
         return [Group(one, recorded, folder)]
     return [Group(pattern, takes, folder) for pattern, takes in sorted(patterns.items())]
