@@ -76,16 +76,17 @@ def require_dataset(name: object) -> None:
 
 def compose_config(params_file: Path) -> Config:
     """Return the validated configuration of ``params_file``; ConfigError with all faults."""
-    params, wrong = validated(Params, read_yaml(params_file), file=params_file), []
+    params = validated(Params, read_yaml(params_file), file=params_file)
     chosen = [(group, group, getattr(params, group)) for group in GROUPS]
+    wrong = []
     for key, group, option in chosen + [("models", "model", model) for model in params.models]:
         if option not in (names := option_names(group)):
-            wrong.append((key, f"{group}: no option {option!r}; there are {', '.join(names)}"))
+            message = f"{group}: no option {option!r}; there are {', '.join(names)}"
+            wrong.append(ConfigError(message, key=key))
     if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        wrong.append(("models", f"models: {', '.join(twice)} occurs twice"))
+        wrong.append(ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"))
     if wrong:
-        faults = [ConfigError(message, key=key) for key, message in wrong]
-        raise joined_faults(faults, params_file)
+        raise joined_faults(wrong, params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
     option_file = CONF / "dataset" / f"{params.dataset}.yaml"
     overrides = [f"{group}={getattr(params, group)}" for group in GROUPS]

@@ -54,7 +54,14 @@ ARGUMENTS = {
 
 
 def run(
-    folder: Path, *, name: str | None, scale: str, model: str | None, set: list[str], **options: Any
+    folder: Path,
+    *,
+    urdf: Path | None,
+    name: str | None,
+    scale: str,
+    model: str | None,
+    set: list[str],
+    **options: Any,
 ) -> None:
     """Write the dataset if there is none of that name, run the stages, write card and export."""
     if not folder.is_dir():
@@ -64,7 +71,8 @@ def run(
     if scale not in (scales := config.option_names("scale")):
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
-    _dataset(name, folder, answers(set), **options)
+    given = {"robot.urdf": str(urdf)} if urdf else {}
+    _dataset(name, folder, given | answers(set), **options)
     with _project(name, folder.resolve(), scale) as root:
         settings = config.composed_config()
         motions, tables, metrics = _results(settings)
@@ -92,22 +100,15 @@ def run(
     print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
     if record is not None:
         write_export(record, file := EXPORTS / f"{name}_{chosen}.json")
-        print(
-            f"characterize: `python -m pipeline assess RECORDING --model {file}` compares another"
-        )
+        command = f"python -m pipeline assess RECORDING --model {file}"
+        print(f"characterize: `{command}` compares another")
 
 
 def _dataset(
-    name: str,
-    folder: Path,
-    given: dict[str, str],
-    urdf: Path | None,
-    ask: bool,
-    motion: int | None,
+    name: str, folder: Path, given: dict[str, str], *, ask: bool, motion: int | None
 ) -> None:
     """Write the dataset's files where they are not there; ConfigError names what is open."""
     option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
-    given = ({} if urdf is None else {"robot.urdf": str(urdf)}) | given
     there = option.exists() and sheet.exists()
     if there:
         print(f"characterize: the dataset {name} is there and stays; delete {sheet} and {option}")

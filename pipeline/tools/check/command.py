@@ -36,12 +36,10 @@ def run(name: str | None = None) -> None:
     for number, fault in enumerate(found, start=1):
         print(f"{number}. {fault}")
     if found:
-        places = [os.path.relpath(file) for file in (datasheet.path_of(name), option_file)]
-        message = (
-            f"{len(found)} to be mended in {' or '.join(places)}, or in the file that is named"
-        )
-        message += f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
-        raise ConfigError(message)
+        files = " or ".join(os.path.relpath(f) for f in (datasheet.path_of(name), option_file))
+        message = f"{len(found)} to be mended in {files}, or in the file that is named"
+        asks = f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
+        raise ConfigError(message + asks)
     print(f"check: nothing is wrong with {name}")
 
 

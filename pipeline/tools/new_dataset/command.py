@@ -34,22 +34,14 @@ from pipeline.tools.new_dataset.draft import Draft, Entry, filled_template, text
 from pipeline.tools.new_dataset.layout import RecordingLayout, layout
 from pipeline.tools.new_dataset.values import KEYS, Entries, entries
 
-SET = {
-    "action": "append",
-    "default": [],
-    "metavar": "KEY=VALUE",
-    "help": "value that no file states, as robot.tool=flange; may be repeated",
-}
+VALUE = "value that no file states, as robot.tool=flange; may be repeated"
+FROM = "folder of the recordings (default: fill in what is ??? in the dataset's files)"
+SET = {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE}
 MOTION = {"type": int, "metavar": "NUMBER", "help": "number of the motion that is analysed"}
 ASK = {"action": "store_true", "help": "questions on the terminal for values still open"}
 ARGUMENTS = {
     "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
-    "--from": {
-        "dest": "folder",
-        "type": Path,
-        "metavar": "FOLDER",
-        "help": "folder of the recordings (default: fill in what is ??? in the dataset's files)",
-    },
+    "--from": {"dest": "folder", "type": Path, "metavar": "FOLDER", "help": FROM},
     "--set": SET,
     "--suggested": {"action": "store_true", "help": "every suggested value is taken"},
     "--motion": MOTION,
@@ -84,10 +76,10 @@ def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> N
 
 def answers(assigned: Sequence[str]) -> dict[str, str]:
     """Return the values of --set by key; ConfigError for a word that assigns none."""
-    for word in assigned:
-        if "=" not in word:
-            raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
-    return {key.strip(): value for key, _, value in (word.partition("=") for word in assigned)}
+    pairs = [word.partition("=") for word in assigned]
+    if wrong := [key for key, mark, _ in pairs if not mark]:
+        raise ConfigError(f"--set takes KEY=VALUE, not {wrong[0]!r}")
+    return {key.strip(): value for key, _, value in pairs}
 
 
 def open_dataset(name: str, folder: Path | None, given: Mapping[str, str]) -> Filling:

@@ -120,15 +120,16 @@ def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
             key = option.removeprefix("dataset.")
             if key not in KEYS:
                 notes.setdefault(key, question)
-                values.setdefault(key, {}).setdefault(name, value)
+                named = values.setdefault(key, {})
+                if value is not None:
+                    named.setdefault(name, value)
     found = {}
     for key, named in values.items():
-        known = {name: value for name, value in named.items() if value is not None}
-        value = f"{{{', '.join(f'{text_of(name)}: {one}' for name, one in known.items())}}}"
-        if len({*known.values()}) < 2:
-            value = next(iter(known.values()), None)
+        value = f"{{{', '.join(f'{text_of(name)}: {one}' for name, one in named.items())}}}"
+        if len({*named.values()}) < 2:
+            value = next(iter(named.values()), None)
         elif key == "motion.pose_noise":
-            value = max(known.values(), key=float)
+            value = max(named.values(), key=float)
         found[key] = _asked(notes[key], value)
     return found
 
@@ -143,9 +144,7 @@ def _links_of(names: list[str]) -> dict[str, list[str]]:
 
 
 def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[str]) -> Entries:
-    tested = {name for group in recorded.groups["depth"] for name in group.named}
-    groups = recorded.groups["mocap"]
-    found = _parts(groups, [group for group in groups if tested & {*group.named}], Entry("null"))
+    found = _parts(recorded, "mocap", Entry("null"))
     if bodies:
         mount = {"position": PLACE, "rpy": f"{OPEN} # rad"}
         found["markers"] = Entry(dict.fromkeys(bodies, f"{OPEN} # {{a: [x, y, z], b: …, c: …}}"))
@@ -158,21 +157,21 @@ def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[
     return found
 
 
-def _parts(groups: Sequence[Group], test: Sequence[Group], none: Entry) -> Entries:
-    """Patterns of both parts, where one group is left to fit to; ``none`` without a test part."""
-    training = [group for group in groups if group not in test]
+def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
+    """Patterns of both parts, where one group is left to fit to: takes of a name that a depth
+    sequence has are the test part; ``none`` without one.
+    """
+    filmed = {name for group in recorded.groups["depth"] for name in group.named}
+    groups = recorded.groups[section]
+    test = [group.pattern for group in groups if filmed & {*group.named}]
+    training = [group.pattern for group in groups if group.pattern not in test]
     if len(training) == 1 and len(test) <= 1:
-        tested = _one_of(group.pattern for group in test) if test else none
-        return {"training": _one_of([training[0].pattern]), "test": tested}
+        return {"training": _one_of(training), "test": _one_of(test) if test else none}
     return dict.fromkeys(("training", "test"), _one_of(group.pattern for group in groups))
 
 
 def _encoders(recorded: RecordingLayout) -> Entries:
-    filmed = {name for group in recorded.groups["depth"] for name in group.named}
-    mocap = [{*group.named} for group in recorded.groups["mocap"]]
-    takes = {name for names in mocap if not names & filmed for name in names}
-    groups = recorded.groups["encoders"]
-    found = _parts(groups, [group for group in groups if not takes & {*group.named}], Entry())
+    found = _parts(recorded, "encoders", Entry())
     first = recorded.takes("encoders")[0].facts
     labels = [str(label) for label in first.get("labels", [])]
     found["time"] = Entry(text_of(labels[0]) if labels and first.get("timed") else "0")
