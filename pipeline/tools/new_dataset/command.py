@@ -256,6 +256,8 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
     joints first, those through a singular pose or without a repetition last; ConfigError where a
     needed value is still ???, and as the logs' reader.
     """
+    if "joint_log" not in values:
+        raise ConfigError("the dataset has no joint_log: there are no motions to choose from")
     log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
     rate = values["motion"]["rate"]
     needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}

@@ -32,7 +32,7 @@ class Entry(NamedTuple):
     certain: bool = True
 
 
-class Question(NamedTuple):
+class OpenValue(NamedTuple):
     """The comment beside a value that is still ???, and its line of ``file``, from 0."""
 
     hint: str
@@ -106,10 +106,10 @@ class Draft:
             _merge(merged, parsed(text, file=file) or {})
         return merged
 
-    def questions(self) -> dict[str, Question]:
+    def questions(self) -> dict[str, OpenValue]:
         """Return the values that are still ???, by key, in the order of the files."""
         return {
-            key: Question(parts["hint"] or "", file, number)
+            key: OpenValue(parts["hint"] or "", file, number)
             for file, text in self.texts.items()
             for number, (_, key, parts) in enumerate(_keyed(text))
             if parts is not None and OPEN in (parts["value"] or "")
@@ -135,7 +135,8 @@ class Draft:
         written = value if plain else json.dumps(value, ensure_ascii=False)
         _, file, number = questions[key]
         lines = self.texts[file].splitlines()
-        lines[number] = lines[number].replace(OPEN, written, 1)
+        line = re.sub(r"# suggested is [^;]*; ", "# ", lines[number])
+        lines[number] = line.replace(OPEN, written, 1)
         changed = Draft(self.texts | {file: "\n".join(lines) + "\n"})
         before = {str(fault) for fault in value_faults(self.values())}
         for fault in value_faults(changed.values()):

@@ -33,7 +33,7 @@ CABLE = {
     "direction_bounds": "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow it, as set up",
 }
 UNITS = {"time_unit": TIME_UNITS, "angle_unit": ANGLE_UNITS}
-account = cache(described)
+account_of = cache(described)
 Entries = dict[str, Entry]
 
 
@@ -267,7 +267,7 @@ def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -
     found: Entries = {}
     facts: Mapping[str, Any] = {}
     if given := get_filled(values, "robot.urdf"):
-        facts = account(Path(given)).facts
+        facts = account_of(Path(given)).facts
     elif len(robots) == 1:
         facts = robots[0].facts
         found["robot.urdf"] = Entry(text_of(shown(Path(relpath(robots[0].file.resolve())))))
