@@ -1,6 +1,4 @@
-"""Bounds on size, time and memory within which files of recordings are read, and a process of its
-own for libraries that crash, never return or take all memory on damaged files.
-"""
+"""Bounds on size, time and memory of files of recordings, and a process in which they hold."""
 
 from __future__ import annotations
 
@@ -78,9 +76,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
 
 
 class Sandbox:
-    """Calls functions, one after the other, in a process that is a fork of this one as it was at
-    the first call; a new one takes the place of one that was ended. For a ``with`` statement.
-    """
+    """Calls functions in a forked process, and in a new one after it was ended; for ``with``."""
 
     def __init__(self) -> None:
         self._process = self._connection = None

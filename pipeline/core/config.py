@@ -1,6 +1,4 @@
-"""Composes the configuration from params.yaml, pipeline/conf and the dataset's datasheet with
-Hydra, validates it with pydantic, and gives each stage its sections.
-"""
+"""Composes the configuration with Hydra, validates it, and gives each stage its sections."""
 
 from __future__ import annotations
 
@@ -231,9 +229,7 @@ def sections(
 
 
 def study_options(folder: Path, structure: type) -> Any:
-    """Options of the study in ``folder``: the section of its ``params.yaml`` for the scale of the
-    experiment, as an object of type ``structure`` (:func:`pipeline.core.validation.options`).
-    """
+    """Options of the study in ``folder`` for the scale of the run, of type ``structure``."""
     file, scale = folder / "params.yaml", read_yaml(COMPOSED)["scale"]["name"]
     held = read_yaml(file)
     if scale not in held:

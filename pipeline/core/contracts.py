@@ -1,6 +1,4 @@
-"""Tables and numbers between stages, checked on write and on read against their declarations in
-the files ``tables.yaml``: of the paper's stages beside this module, of a study in its folder.
-"""
+"""Tables and numbers between stages, checked against their declarations in tables.yaml."""
 
 from __future__ import annotations
 
@@ -32,9 +30,7 @@ TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
 
 
 class Column(NamedTuple):
-    """Declaration of a column: its kind, its least and greatest value, the texts that it may hold
-    (any, where there are none), and True where a value, or the column, may be missing.
-    """
+    """Declaration of a column; ``gaps``, ``optional``: a value, the column may be missing."""
 
     kind: str
     low: float
@@ -89,9 +85,7 @@ def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
 
 
 def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
-    """Return the ``declaration`` with every family replaced by its members among the columns
-    ``present``; a family without members stays as it is declared, but for an optional one.
-    """
+    """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
     for name, column in declaration.items():
         pattern = re.escape(name).replace(r"\*", "[^:]+").replace(r"\#", "[1-9]")

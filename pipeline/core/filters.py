@@ -1,6 +1,4 @@
-"""Names of the filters that are compared: the training mean, the linear filter of the takes, and
-each model's in both loops.
-"""
+"""Names of the filters that are compared."""
 
 from __future__ import annotations
 

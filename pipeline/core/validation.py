@@ -30,9 +30,7 @@ class Fault(ValueError):
 
 @dataclass_transform(field_specifiers=(Field,))
 def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
-    """Decorate the type of a section: a pydantic dataclass, with the ``arguments`` of one, that
-    takes no other keys and raises ConfigError.
-    """
+    """Decorate the type of a section: a pydantic dataclass that raises ConfigError."""
 
     def decorate(cls: type[T]) -> type[T]:
         made = pydantic_dataclasses.dataclass(cls, config=RULES, **arguments)
@@ -52,9 +50,7 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
 
 
 def validated(structure: type[T], values: Any, section: str = "", file: Path | None = None) -> T:
-    """Return the object of type ``structure`` that ``values`` describe; ConfigError with every
-    fault by its key below ``section``, what is allowed and the nearest of it.
-    """
+    """Return the object that ``values`` describe; ConfigError with every fault and its key."""
     found, faults = all_faults(structure, values, section)
     if faults:
         raise joined_faults(faults, file)

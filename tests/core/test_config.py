@@ -149,13 +149,13 @@ def sections(tmp_path, monkeypatch):
 
 
 def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
-    settings = sections("seed", "dataset.robot", "filter", "scale.convex_checks")
-    assert settings.seed == 2017 and settings.scale.convex_checks > 0
+    settings = sections("seed", "dataset.robot", "filter", "scale.particles")
+    assert settings.seed == 2017 and settings.scale.particles > 0
     typed = (settings.dataset.robot, settings.filter, settings.compute)
     assert [type(value) for value in typed] == [Robot, Filter, Compute]
     assert vars(settings).keys() == {"compute", "seed", "dataset", "filter", "scale"}
     assert vars(settings.dataset).keys() == {"robot"}
-    assert vars(settings.scale).keys() == {"convex_checks"}
+    assert vars(settings.scale).keys() == {"particles"}
     # an instrument that the dataset lacks is None
     names = ["mocap", "depth", "force", "joint_log", "encoders", "laboratory", "trajectory"]
     lacking = ", ".join(f"{name}: null" for name in names)

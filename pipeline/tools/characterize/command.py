@@ -162,9 +162,7 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 
 
 def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFrame], dict]:
-    """Motions, tables and metrics of the stages; where they refuse the motion, of the plain models
-    alone.
-    """
+    """Motions, tables and metrics of the stages; of plain models where they refuse the motion."""
     dataset, metrics = settings.dataset, {}
     try:
         _stage(ingest.run, "motion")

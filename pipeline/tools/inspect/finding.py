@@ -1,6 +1,4 @@
-"""Account of one recording: facts that the file states, open questions with the option that
-answers each, and reasons for which the stages would refuse it; accounts as a table and as JSON.
-"""
+"""Account of one recording: facts, open questions, refusals; accounts as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -98,9 +96,7 @@ def as_json(findings: list[Finding]) -> str:
 
 
 def as_table(findings: list[Finding], folder: Path) -> str:
-    """Return name and format of each recording, those alike but for their number in one; below it
-    facts and counts, the questions (?) and the stops (!).
-    """
+    """Return the accounts as text, recordings that differ in a number in one; ? asks, ! stops."""
     groups: dict[object, list[Finding]] = {}
     reasons: dict[str, list[str]] = {}
     for one in findings:

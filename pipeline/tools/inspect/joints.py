@@ -1,6 +1,4 @@
-"""Account of joint logs and tables of numbers: columns, units and clock, and whether the measured
-and the commanded angles are a pair.
-"""
+"""Account of joint logs and tables of numbers: columns, units, clock, tracking."""
 
 from __future__ import annotations
 
@@ -120,9 +118,7 @@ def table(finding: Finding, form: Format) -> None:
 
 
 def compare_tables(findings: Sequence[Finding]) -> None:
-    """Note in the tables of each folder which one their names say holds the measured angles, the
-    commanded ones (fact ``role``) and their speed, and compare the first two.
-    """
+    """Note the ``role`` of each folder's tables by their names, and compare target with actual."""
     folders: dict[Path, dict[str, Finding]] = {}
     for finding in findings:
         if finding.kind == Kind.TABLE and finding.facts.get("timed"):
@@ -157,9 +153,7 @@ def _units(
     greatest: float,
     stated: tuple[str | None, str | None] = (None, None),
 ) -> tuple[str, str]:
-    """Return the units of the times and of the angles: as ``stated``, else those in which a step of
-    the times is one of a controller's log and the ``greatest`` angle a joint's, which are asked.
-    """
+    """Return the units of times and angles: as ``stated``, else likely ones, which are asked."""
     clock, angle = (spelled(unit or "") for unit in stated)
     if clock not in TIME_UNITS:
         step = float(np.median(np.diff(time)))

@@ -1,6 +1,4 @@
-"""Account of one file by the reader of its kind: the table DESCRIBE says which function turns what
-the reader returns into facts and questions.
-"""
+"""Account of one file: by its kind, facts and questions from what its reader returns."""
 
 from __future__ import annotations
 
@@ -33,8 +31,8 @@ TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples") 
 DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
 ANALYSED = {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}  # types of messages
 # option → the types of messages of its topic
-TOPICS = {"depth.topic": DEPTH_TYPES, "depth.camera_info": (messages.CAMERA_INFO,)}
-TOPICS |= {"force.log.topic": WRENCH}
+TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
+TOPICS |= {"depth.camera_info": (messages.CAMERA_INFO,)}
 NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
 NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
 BINARY = (
@@ -213,10 +211,13 @@ def _bag(finding: Finding, form: Format) -> None:
         return
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
     topics = finding.facts["topics"] = {n: [*summary.topics[n]] for n in sorted(summary.topics)}
+    finding.facts["frames_are"] = str(Kind.IMAGE if messages.IMAGE in held else Kind.CLOUD)
     for option, kinds in TOPICS.items():
-        several = [name for name, (kind, count) in topics.items() if kind in kinds and count]
-        if len(several) > 1:
-            question = f"several topics could be meant: {', '.join(several)}"
+        names = [name for name, (kind, count) in topics.items() if kind in kinds and count]
+        if len(names) == 1:
+            finding.facts[option.rpartition(".")[2]] = names[0]
+        elif names:
+            question = f"several topics could be meant: {', '.join(names)}"
             finding.ask(question, f"dataset.{option}")
     if messages.IMAGE in held:
         known = "ROS drivers: 1000; images of 32 bits: 1"

@@ -52,9 +52,7 @@ NONE = MappingProxyType({})
 
 
 def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
-    """Write the two files, or fill in what is open in those that are there; say what is left.
-    ``options`` are those of :meth:`Filling.fill`.
-    """
+    """Write the two files, or fill in what is open in them; ``options`` as :meth:`Filling.fill`."""
     given = answers(set)
     filling = open_dataset(name, folder, given)
     filling.fill(given, **options)
@@ -122,9 +120,7 @@ def dataset_texts(
     folder: Path,
     given: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
-    """Return the texts of datasheet and option file for the recordings ``recorded`` in ``folder``
-    and the URDF that is ``given``, with ??? for all keys that are.
-    """
+    """Return the texts of datasheet and option file, with ??? for the keys that are ``given``."""
     known = entries(name, recorded, folder, {"robot": {"urdf": given.get("robot.urdf")}})
     known |= dict.fromkeys(known.keys() & given.keys(), Entry())
     templates = _template("template.yaml", name).split("---\n")
@@ -215,9 +211,7 @@ class Filling:
             self.draft.answer(key, str(chosen[key]))
 
     def _ask(self) -> None:
-        """Ask for one value after another, the robot's first as others follow from them, then the
-        number of the motion.
-        """
+        """Ask for one value after another, the robot's first as others follow, the motion last."""
         passed: set[str] = set()
         with suppress(EOFError, KeyboardInterrupt):
             while keys := [key for key in self.draft.questions() if key not in passed]:

@@ -1,6 +1,4 @@
-"""Datasheet and option file of a dataset as text: a template with the values that are known, then
-answers in the places of ???. Comments stay.
-"""
+"""Datasheet and option file as text: a template with known values, answers in place of ???."""
 
 from __future__ import annotations
 
@@ -23,9 +21,7 @@ LINE = re.compile(
 
 
 class Entry(NamedTuple):
-    """Value of a key as YAML, or names and values of a mapping, None where it is open; a note for
-    its comment; and False where the value is a suggestion alone.
-    """
+    """Value of a key as YAML or mapping, None: open; note for its comment; False: a suggestion."""
 
     value: str | Mapping[str, Any] | None = None
     note: str = ""
@@ -60,9 +56,7 @@ def _keyed(text: str) -> Iterator[tuple[str, str, re.Match | None]]:
 
 
 def filled_template(template: str, entries: Mapping[str, Entry]) -> str:
-    """Return the ``template`` with the values of ``entries`` that are certain. An optional key (?)
-    without an entry at it or below it is left out, with all below it.
-    """
+    """Return the ``template`` with the certain ``entries``, without unused optional (?) keys."""
     lines, left_out = [], " "
     for line, key, parts in _keyed(template):
         if parts is None:

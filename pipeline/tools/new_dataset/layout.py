@@ -33,9 +33,7 @@ class Group(NamedTuple):
 
 
 class RecordingLayout(NamedTuple):
-    """The recordings of one folder: takes by their section of the dataset (mocap, encoders, depth,
-    joint_log), others by kind, and those of no use.
-    """
+    """Takes of a folder by section (mocap, encoders, depth, joint_log), other files by kind."""
 
     groups: dict[str, list[Group]]
     single: dict[str, list[Finding]]
@@ -85,9 +83,7 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
 
 
 def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
-    """The recordings by the pattern of their paths, in one group if no two share a pattern and one
-    pattern names all of them.
-    """
+    """Recordings by the pattern of their paths; in one group if one pattern names single ones."""
     patterns: dict[str, dict[Path, Finding]] = {}
     for path, finding in recorded.items():
         patterns.setdefault(_pattern(path.relative_to(folder)), {})[path] = finding
@@ -106,9 +102,7 @@ def _pattern(path: Path) -> str:
 
 
 def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
-    """Return one pattern of the ``paths``, a star for each number and for what differs, if it
-    matches nothing else of their sort in ``folder``.
-    """
+    """Return one pattern of the ``paths``, None if it matches others of their sort too."""
 
     def alike(names: list[str]) -> str:
         letters = takewhile(lambda each: len({*each}) == 1, zip(*names, strict=False))

@@ -1,7 +1,4 @@
-"""Values of a dataset's two files, by key of the template: those that its recordings state, and
-suggestions, which are the values of the questions that the recordings leave open, or follow from
-the robot and the values that are filled in.
-"""
+"""Values of a dataset's keys that its recordings state, and those that they suggest."""
 
 from __future__ import annotations
 
@@ -14,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.core.datasheet import OPEN, get_filled
-from pipeline.formats.depth.messages import CAMERA_INFO, IMAGE
 from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
 from pipeline.formats.joints.names import named_like
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.tools.inspect.finding import ROBOT, Finding, shown
-from pipeline.tools.inspect.kinds import DEPTH_TYPES, described
+from pipeline.tools.inspect.kinds import described
 from pipeline.tools.new_dataset.draft import Entry, text_of
 from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
 
@@ -61,9 +57,7 @@ def _several(names: Iterable[str]) -> str:
 def entries(
     name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
 ) -> Entries:
-    """Return the entry of each key of dataset ``name`` that the recordings in ``folder``, their
-    URDF, or the other ``values`` of the dataset say something on.
-    """
+    """Return what recordings, URDF and the filled in ``values`` say, by key of dataset ``name``."""
     takes, depth = recorded.takes("mocap"), recorded.takes("depth")
     logs, force = logs_of(recorded.takes("joint_log")), recorded.single.get(Kind.FORCE, [])
     trajectories, calibrations, cameras = (
@@ -110,9 +104,7 @@ def entries(
 
 
 def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
-    """The open questions of takes, by the option that answers them, each with the value that is
-    suggested: of all takes, or one of each by its name.
-    """
+    """Open questions of takes by key, with the suggested value: of all takes, or by their names."""
     notes: dict[str, str] = {}
     values: dict[str, dict[str, str]] = {}
     for name, take in (each for named in groups for each in named.items()):
@@ -184,22 +176,16 @@ def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
     group = max(groups, key=lambda group: len(group.takes))
     takes, (place, first) = list(group.takes.values()), next(iter(group.takes.items()))
     found = {"takes": _one_of(each.pattern for each in groups)}
-    topics = first.facts.get("topics")
-    if topics is None:
+    if first.kind == Kind.SEQUENCE:
         key = "index" if first.option == "index" else "frames"
         found[key] = _one_of([first.file.relative_to(place).as_posix()])
-        clouds = first.facts.get("frames_are") == Kind.CLOUD
         if rates := sorted(take.rate for take in takes if take.rate):
             found["rate"] = Entry(f"{rates[len(rates) // 2]:.4g}", "as the indexes state")
-    else:
-        types = {name: kind for name, (kind, count) in topics.items() if count}
-        for key, kinds in (("topic", DEPTH_TYPES), ("camera_info", (CAMERA_INFO,))):
-            if names := [name for name, kind in types.items() if kind in kinds]:
-                found[key] = _one_of(names)
-        clouds = IMAGE not in types.values()
-    if clouds:
+    for key in {"topic", "camera_info"} & first.facts.keys():
+        found[key] = _one_of([first.facts[key]])
+    if first.facts.get("frames_are") == Kind.CLOUD:
         return found | {"encoding": Entry("plain")}
-    if calibrations or topics is None:
+    if calibrations or first.kind == Kind.SEQUENCE:
         found["intrinsics"] = _one_of(calibrations)
     return found | {k: _agreed(one.facts.get(k) for one in takes) for k in ("width", "height")}
 
@@ -261,9 +247,7 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
 
 
 def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -> Entries:
-    """The URDF, its planar chain, or its arm in space: of the URDF in ``values``, else of the only
-    one of ``robots``.
-    """
+    """Planar chain or arm of the URDF in ``values``, else of the only one of ``robots``."""
     found: Entries = {}
     facts: Mapping[str, Any] = {}
     if given := get_filled(values, "robot.urdf"):
