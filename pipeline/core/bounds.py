@@ -1,6 +1,4 @@
-"""Bounds on size, time and memory within which files of recordings are read, and a process of its
-own for libraries that crash, never return or take all memory on damaged files.
-"""
+"""Bounds on size, time and memory of files of recordings, and a process in which they hold."""
 
 from __future__ import annotations
 
@@ -78,9 +76,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
 
 
 class Sandbox:
-    """Calls functions, one after the other, in a process that is a fork of this one as it was at
-    the first call; a new one takes the place of one that was ended. For a ``with`` statement.
-    """
+    """Calls functions in a forked process, and in a new one after it was ended; for ``with``."""
 
     def __init__(self) -> None:
         self._process = self._connection = None
@@ -103,40 +99,37 @@ class Sandbox:
         ``memory_mib`` beside what the process has, or ends the process.
         """
         if current_process().daemon:  # as a worker of Dask, which may have no process of its own
+            outcome = _outcome(function, arguments)
+        else:
+            if self._process is None:
+                self._connection, other = Pipe()
+                # a fork has at once all that is imported; nothing that has threads has run here
+                ends = other, self._connection
+                self._process = get_context("fork").Process(target=_serve, args=ends)
+                self._process.start()
+                other.close()
+            self._connection.send_bytes(pickle.dumps((function, arguments)))
+            if not self._connection.poll(bounds().seconds):
+                self.__exit__()
+                raise _refusal(f"it is not read within {bounds().seconds:g} s", "seconds")
             try:
-                return function(*arguments)
-            except Exception as error:
-                raise _as_refusal(error, bounds().memory_mib) from None
-        if self._process is None:
-            self._connection, other = Pipe()
-            # a fork has at once all that is imported; nothing that has threads has run here
-            ends = other, self._connection, bounds().memory_mib
-            self._process = get_context("fork").Process(target=_serve, args=ends)
-            self._process.start()
-            other.close()
-        self._connection.send_bytes(pickle.dumps((function, arguments)))
-        seconds = bounds().seconds
-        if not self._connection.poll(seconds):
-            self.__exit__()
-            raise _refusal(f"it is not read within {seconds:g} s", "seconds")
-        try:
-            outcome = pickle.loads(self._connection.recv_bytes())
-        except (EOFError, ConnectionResetError):
-            self._process.join()
-            code = self._process.exitcode
-            self.__exit__()
-            raise RecordingError(f"reading it ends the process (exit code {code})") from None
+                outcome = pickle.loads(self._connection.recv_bytes())
+            except (EOFError, ConnectionResetError):
+                self._process.join()
+                code = self._process.exitcode
+                self.__exit__()
+                raise RecordingError(f"reading it ends the process (exit code {code})") from None
         if isinstance(outcome, PipelineError):
             raise outcome
         return outcome
 
 
-def _serve(connection: Connection, other: Connection, memory_mib: int) -> None:
+def _serve(connection: Connection, other: Connection) -> None:
     other.close()  # so that the end of the caller is seen
     # the address space is bounded to what the process has and memory_mib
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    most = taken + memory_mib * MIB
+    most = taken + bounds().memory_mib * MIB
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(resource.RLIMIT_AS, (most, hard))
     while True:
@@ -144,24 +137,29 @@ def _serve(connection: Connection, other: Connection, memory_mib: int) -> None:
             function, arguments = pickle.loads(connection.recv_bytes())
         except EOFError:
             return
-        try:
-            # a process of this one ends before it, as its caller has the better message
-            half = replace(bounds(), seconds=bounds().seconds / 2)
-            outcome = pickle.dumps(within(half, function, *arguments))
-        except Exception as error:
-            outcome = pickle.dumps(_as_refusal(error, memory_mib))
-        connection.send_bytes(outcome)
+        # a process of this one ends before it, as its caller has the better message
+        half = replace(bounds(), seconds=bounds().seconds / 2)
+        outcome = within(half, _outcome, _pickled, (function, *arguments))
+        connection.send_bytes(outcome if isinstance(outcome, bytes) else pickle.dumps(outcome))
 
 
-def _as_refusal(error: Exception, memory_mib: int) -> PipelineError:
-    if isinstance(error, PipelineError):
+def _pickled(function: Callable, *arguments: object) -> bytes:
+    return pickle.dumps(function(*arguments))
+
+
+def _outcome(function: Callable, arguments: tuple) -> Any:
+    """``function(*arguments)``, or the refusal that its exception is."""
+    try:
+        return function(*arguments)
+    except PipelineError as error:
         return error
-    if isinstance(error, MemoryError):
-        return _refusal(f"it takes more than {memory_mib} MiB of memory", "memory_mib")
-    if isinstance(error, RecursionError):
+    except MemoryError:
+        return _refusal(f"it takes more than {bounds().memory_mib} MiB of memory", "memory_mib")
+    except RecursionError:
         return RecordingError("it nests too deeply to be read")
-    words = " ".join(str(error).split())[:200]
-    return RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
+    except Exception as error:
+        words = " ".join(str(error).split())[:200]
+        return RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
 
 
 def _refusal(message: str, bound: str) -> RecordingError:

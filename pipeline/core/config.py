@@ -1,6 +1,4 @@
-"""Composes the configuration from params.yaml, pipeline/conf and the dataset's datasheet with
-Hydra, validates it with pydantic, and gives each stage its sections.
-"""
+"""Composes the configuration with Hydra, validates it, and gives each stage its sections."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -21,9 +19,6 @@ from pipeline.core.options import analysis
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import all_faults, joined_faults, options, validated
-
-if TYPE_CHECKING:
-    from omegaconf import DictConfig
 
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
@@ -79,7 +74,17 @@ def require_dataset(name: object) -> None:
 
 def compose_config(params_file: Path) -> Config:
     """Return the validated configuration of ``params_file``; ConfigError with all faults."""
-    params = _params(params_file)
+    params = validated(Params, read_yaml(params_file), file=params_file)
+    chosen = [(group, group, getattr(params, group)) for group in GROUPS]
+    wrong = []
+    for key, group, option in chosen + [("models", "model", model) for model in params.models]:
+        if option not in (names := option_names(group)):
+            message = f"{group}: no option {option!r}; there are {', '.join(names)}"
+            wrong.append(ConfigError(message, key=key))
+    if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
+        wrong.append(ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"))
+    if wrong:
+        raise joined_faults(wrong, params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
     option_file = CONF / "dataset" / f"{params.dataset}.yaml"
     overrides = [f"{group}={getattr(params, group)}" for group in GROUPS]
@@ -102,32 +107,18 @@ def compose_config(params_file: Path) -> Config:
     return found
 
 
-def _params(file: Path) -> Params:
-    """The keys of params.yaml, each option checked against the files of pipeline/conf."""
-    params, wrong = validated(Params, read_yaml(file), file=file), []
-    chosen = [(group, group, getattr(params, group)) for group in GROUPS]
-    for key, group, option in chosen + [("models", "model", model) for model in params.models]:
-        if option not in (names := option_names(group)):
-            wrong.append((key, f"{group}: no option {option!r}; there are {', '.join(names)}"))
-    if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        wrong.append(("models", f"models: {', '.join(twice)} occurs twice"))
-    if wrong:
-        raise joined_faults([ConfigError(message, key=key) for key, message in wrong], file)
-    return params
-
-
 def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
     """The typed configuration, None where there are faults, and all faults of ``values``."""
     found, faults = all_faults(Config, values)
-    typed_models: dict[str, Any] = {}
-    for name, model in _keys(values.get("models")).items():
+    models, typed_models = values.get("models"), {}
+    for name, model in models.items() if isinstance(models, dict) else ():
         key = f"models.{name}"
         try:
-            typed_models[name], more = all_faults(_model_type(_keys(model).get("kind")), model, key)
+            typed_models[name], more = all_faults(_model_type(model), model, key)
             faults += more
         except ConfigError as error:
             faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
-    if (laboratory := _keys(values.get("dataset")).get("laboratory")) is not None:
+    if (laboratory := datasheet.get_nested(values, "dataset.laboratory")) is not None:
         typed, more = all_faults(_laboratory_type(), laboratory, "dataset.laboratory")
         faults += more
         if typed is not None:
@@ -138,11 +129,8 @@ def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
     return found, []
 
 
-def _keys(value: Any) -> dict[str, Any]:
-    return value if isinstance(value, dict) else {}
-
-
-def _model_type(kind: object) -> type:
+def _model_type(values: Any) -> type:
+    kind = values.get("kind") if isinstance(values, dict) else None
     # by its place, as packages import core and not the other way
     return import_module("pipeline.models.kinds").options_type(kind)
 
@@ -175,7 +163,7 @@ def compose(
         OmegaConf.set_struct(composed, False)
         option = OmegaConf.to_container(composed, resolve=False)["dataset"]
         datasheet.require_apart(option, sheet, option_file)
-        merged: DictConfig = OmegaConf.merge(composed, {"dataset": sheet.values}, *changes)
+        merged = OmegaConf.merge(composed, {"dataset": sheet.values}, *changes)
         return OmegaConf.to_container(merged, resolve=True)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:
         raise ConfigError(str(error).splitlines()[0]) from None
@@ -196,11 +184,8 @@ def write_config(params_file: Path, file: Path = COMPOSED) -> None:
     from omegaconf import OmegaConf
 
     text = OmegaConf.to_yaml(OmegaConf.create(asdict(compose_config(params_file))))
-    write_text(
-        f"# The composed configuration; written by the stage configure from {params_file.name} "
-        f"and pipeline/conf.\n{text}",
-        file,
-    )
+    head = "# The composed configuration; written by the stage configure from "
+    write_text(f"{head}{params_file.name} and pipeline/conf.\n{text}", file)
 
 
 def composed_config() -> Config:
@@ -228,29 +213,23 @@ def sections(
     given = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
-        raise ConfigError(
-            f"the stage {stage} needs a robot, and the dataset has none; choose another "
-            "dataset in params.yaml",
-            key="dataset.robot",
-        )
+        message = f"the stage {stage} needs a robot, and the dataset has none; choose another "
+        raise ConfigError(f"{message}dataset in params.yaml", key="dataset.robot")
     for section in declared:
         name = section.replace("${item.model}", str(item))
         *above, last = name.split(".")
-        place, value = given, config
+        place, value = given, vars(config)
         for key in above:
-            place = vars(place).setdefault(key, SimpleNamespace())
-            value = value[key] if isinstance(value, dict) else getattr(value, key)
-        parts = value if isinstance(value, dict) else vars(value)
-        if last not in parts:
+            place, value = vars(place).setdefault(key, SimpleNamespace()), value[key]
+            value = value if isinstance(value, dict) else vars(value)
+        if last not in value:
             raise ConfigError(f"there is no {name} for the stage {stage}", file=COMPOSED)
-        setattr(place, last, parts[last])
+        setattr(place, last, value[last])
     return given
 
 
 def study_options(folder: Path, structure: type) -> Any:
-    """Options of the study in ``folder``: the section of its ``params.yaml`` for the scale of the
-    experiment, as an object of type ``structure`` (:func:`pipeline.core.validation.options`).
-    """
+    """Options of the study in ``folder`` for the scale of the run, of type ``structure``."""
     file, scale = folder / "params.yaml", read_yaml(COMPOSED)["scale"]["name"]
     held = read_yaml(file)
     if scale not in held:
@@ -266,5 +245,5 @@ def model_options(names: Iterable[str]) -> dict[str, Any]:
         if name not in known:
             raise ConfigError(f"no model {name!r}; there are {', '.join(known)}", file=file)
         values = read_yaml(file)
-        result[name] = validated(_model_type(values.get("kind")), values, name, file)
+        result[name] = validated(_model_type(values), values, name, file)
     return result

@@ -1,6 +1,4 @@
-"""Tables and numbers between stages, checked on write and on read against their declarations in
-the files ``tables.yaml``: of the paper's stages beside this module, of a study in its folder.
-"""
+"""Tables and numbers between stages, checked against their declarations in tables.yaml."""
 
 from __future__ import annotations
 
@@ -32,9 +30,7 @@ TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
 
 
 class Column(NamedTuple):
-    """Declaration of a column: its kind, its least and greatest value, the texts that it may hold
-    (any, where there are none), and True where a value, or the column, may be missing.
-    """
+    """Declaration of a column; ``gaps``, ``optional``: a value, the column may be missing."""
 
     kind: str
     low: float
@@ -89,9 +85,7 @@ def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
 
 
 def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
-    """Return the ``declaration`` with every family replaced by its members among the columns
-    ``present``; a family without members stays as it is declared, but for an optional one.
-    """
+    """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
     for name, column in declaration.items():
         pattern = re.escape(name).replace(r"\*", "[^:]+").replace(r"\#", "[1-9]")
@@ -100,21 +94,16 @@ def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Co
     return columns
 
 
-def _check(table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path) -> pd.DataFrame:
-    for fault, column in _faults(table, columns):
+def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], file: Path) -> None:
+    """Raise ContractError with the file and the column of the first fault."""
+    faults = {column: "is missing" for column in columns if column not in table.columns}
+    faults |= {column: "is not declared" for column in table.columns if column not in columns}
+    if not faults:
+        checked = ((column, each.fault(table[column])) for column, each in columns.items())
+        faults = {column: fault for column, fault in checked if fault}
+    for column, fault in faults.items():
         message = f"table {name!r} breaks its contract: {fault}"
         raise ContractError(message, file=file, column=column)
-    return table
-
-
-def _faults(table: pd.DataFrame, columns: dict[str, Column]) -> Iterator[tuple[str, str]]:
-    yield from (("is missing", name) for name in columns if name not in table.columns)
-    yield from (("is not declared", name) for name in table.columns if name not in columns)
-    if list(table.columns) != list(columns):
-        yield "the columns are not in the order declared", table.columns[0]
-    for name, column in columns.items():
-        if fault := column.fault(table[name]):
-            yield fault, name
 
 
 def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAPER) -> None:
@@ -130,7 +119,8 @@ def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAP
         # counts of any width, but never what would have to be rounded
         if columns[column].kind == "count" and pd.api.types.is_integer_dtype(table[column]):
             table[column] = table[column].astype("int64")
-    _check(table, name, columns, file).to_parquet(file, index=False, compression="zstd")
+    _require_fit(table, name, columns, file)
+    table.to_parquet(file, index=False, compression="zstd")
 
 
 def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
@@ -148,7 +138,8 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
     except (OSError, ValueError) as error:
         message = f"table {name!r} cannot be read ({error}); run its stage again"
         raise ContractError(message, file=file) from None
-    return _check(table, name, expanded(declared(declarations)[name], list(table.columns)), file)
+    _require_fit(table, name, expanded(declared(declarations)[name], list(table.columns)), file)
+    return table
 
 
 def exists(name: str, folder: Path) -> bool:
@@ -180,12 +171,11 @@ def replacing(folder: Path) -> Iterator[Path]:
     partial.mkdir(parents=True)
     try:
         yield partial
-    except BaseException:
+        if folder.exists():
+            shutil.rmtree(folder)
+        partial.rename(folder)
+    finally:
         shutil.rmtree(partial, ignore_errors=True)
-        raise
-    if folder.exists():
-        shutil.rmtree(folder)
-    partial.rename(folder)
 
 
 def stacked(

@@ -10,8 +10,6 @@ import yaml
 
 from pipeline.core.errors import ConfigError
 
-MOST_BYTES = 1 << 24  # of a file
-
 
 class Loader(yaml.CSafeLoader):
     """YAML 1.1 with numbers as 1e-3, which PyYAML takes for text, and without dates."""
@@ -36,15 +34,12 @@ Loader.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+012345678
 def read_yaml(file: Path) -> dict[str, Any]:
     """Return keys and values of ``file``, {} if it is empty; ConfigError for any other file."""
     try:
-        with Path(file).open("rb") as stream:
-            content = stream.read(MOST_BYTES + 1)
+        content = Path(file).read_bytes()
     except FileNotFoundError:
         message = "no such file; run the pipeline from the project's root"
         raise ConfigError(message, file=file) from None
     except OSError as error:
         raise ConfigError(f"cannot be read ({error.strerror})", file=file) from None
-    if len(content) > MOST_BYTES:
-        raise ConfigError(f"must have at most {MOST_BYTES >> 20} MiB", file=file)
     loaded = parsed(content, file=file)
     if not isinstance(loaded, dict | None):
         raise ConfigError("must hold keys and values", file=file)

@@ -17,6 +17,7 @@ from pipeline.core.errors import ConfigError
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
 MISSING = "no value for "  # begins the message of a missing value
+adapter = cache(TypeAdapter)
 
 
 class Fault(ValueError):
@@ -29,9 +30,7 @@ class Fault(ValueError):
 
 @dataclass_transform(field_specifiers=(Field,))
 def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
-    """Decorate the type of a section: a pydantic dataclass, with the ``arguments`` of one, that
-    takes no other keys and raises ConfigError.
-    """
+    """Decorate the type of a section: a pydantic dataclass that raises ConfigError."""
 
     def decorate(cls: type[T]) -> type[T]:
         made = pydantic_dataclasses.dataclass(cls, config=RULES, **arguments)
@@ -42,7 +41,7 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
             try:
                 construct(self, *values, **named)
             except ValidationError as error:
-                raise joined_faults(_faults(error, made, "")) from None
+                raise joined_faults([_fault(one, made, "") for one in error.errors()]) from None
 
         made.__init__ = init
         return made
@@ -51,9 +50,7 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
 
 
 def validated(structure: type[T], values: Any, section: str = "", file: Path | None = None) -> T:
-    """Return the object of type ``structure`` that ``values`` describe; ConfigError with every
-    fault by its key below ``section``, what is allowed and the nearest of it.
-    """
+    """Return the object that ``values`` describe; ConfigError with every fault and its key."""
     found, faults = all_faults(structure, values, section)
     if faults:
         raise joined_faults(faults, file)
@@ -65,9 +62,9 @@ def all_faults(
 ) -> tuple[T | None, list[ConfigError]]:
     """Return the object that ``values`` describe, None if faulty, and a ConfigError a fault."""
     try:
-        return _adapter(structure).validate_python(values), []
+        return adapter(structure).validate_python(values), []
     except ValidationError as error:
-        return None, _faults(error, structure, section)
+        return None, [_fault(one, structure, section) for one in error.errors()]
     except ConfigError as error:  # of a check that an object makes of itself
         key = f"{section}.{error.evidence.get('key', '')}".strip(".")
         return None, [ConfigError(error.message, **error.evidence | {"key": key})]
@@ -77,33 +74,21 @@ def joined_faults(faults: list[ConfigError], file: Path | None = None) -> Config
     """Return one ConfigError that says all ``faults``, a line each."""
     message = faults[0].message
     if len(faults) > 1:
-        keys = [str(fault.evidence.get("key")) for fault in faults]
-        lines = (
-            f"  {key}: {fault.message.removeprefix(key.rpartition('.')[2] + ': ')}\n"
-            for key, fault in zip(keys, faults, strict=True)
-        )
-        message = f"{len(faults)} faults:\n{''.join(lines)} "
+        message = f"{len(faults)} faults:\n"
+        for fault in faults:
+            key = str(fault.evidence.get("key"))
+            message += f"  {key}: {fault.message.removeprefix(key.rpartition('.')[2] + ': ')}\n"
+        message += " "
     return ConfigError(message, **{"file": file} | faults[0].evidence)
-
-
-@cache
-def _adapter(structure: type) -> TypeAdapter:
-    return TypeAdapter(structure)
-
-
-def _faults(error: ValidationError, structure: type, section: str) -> list[ConfigError]:
-    return [_fault(one, structure, section) for one in error.errors()]
 
 
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
     """Fault of one of pydantic's ``error``s: key, value, what is allowed and the nearest of it."""
     place, kind, given = [*error["loc"]], error["type"], error["input"]
-    by_position = kind != "invalid_key" and is_dataclass(structure)
-    if place and isinstance(place[0], int) and by_position:
-        place[0] = fields(structure)[place[0]].name
-    place, context = [str(part) for part in place], error.get("ctx", {})
-    cause, known = context.get("error"), []
-    if isinstance(cause, Fault):
+    if kind != "invalid_key" and place and isinstance(place[0], int) and is_dataclass(structure):
+        place[0] = fields(structure)[place[0]].name  # an argument by position
+    place, context, known = [str(part) for part in place], error.get("ctx", {}), []
+    if isinstance(cause := context.get("error"), Fault):
         place.append(cause.key)
     key = ".".join(filter(None, [section, *place]))
     if isinstance(cause, Fault):
@@ -125,17 +110,16 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
     return ConfigError(message, key=key)
 
 
-def _keys_at(structure: type, place: list[str]) -> list[str]:
+def _keys_at(structure: Any, place: list[str]) -> list[str]:
     """Names of the fields of the dataclass at ``place`` below ``structure``."""
 
     def section(hint: Any) -> Any:
-        return next((one for one in (hint, *get_args(hint)) if is_dataclass(one)), None)
+        return next(filter(is_dataclass, (hint, *get_args(hint))), None)
 
-    current: Any = structure
     for part in place:
-        if (here := section(current)) is not None:
-            current = get_type_hints(here).get(part)
-        elif get_origin(current) in (dict, list, tuple):
-            current = get_args(current)[-1]
-    here = section(current)
+        if get_origin(structure) in (dict, list, tuple):
+            structure = get_args(structure)[-1]
+        elif section(structure) is not None:
+            structure = get_type_hints(section(structure)).get(part)
+    here = section(structure)
     return [] if here is None else [one.name for one in fields(here)]

@@ -1,5 +1,5 @@
-"""A dataset's datasheet and its option file: put together, held against each other, named where
-they are wrong, and filled in line by line.
+"""A dataset's datasheet and its option file: put together, held against each other, and named where
+they are wrong.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import yaml
 from made_options import parameters
 
 from pipeline.core import config, datasheet
-from pipeline.core.datasheet import Draft, absent, faults
 from pipeline.core.errors import ConfigError
 
 
@@ -95,59 +94,20 @@ def test_a_datasheet_that_is_missing_is_refused(sheet, tmp_path):
 
 def test_every_dataset_has_a_datasheet_with_nothing_to_fill_in():
     for dataset in config.option_names("dataset"):
-        sheet = config.read_yaml(datasheet.path_of(dataset))
-        assert [*datasheet.unfilled_keys(sheet)] == []
+        assert not datasheet.is_open(config.read_yaml(datasheet.path_of(dataset)))
 
 
-SHEET, OPTION = Path("dataset.yaml"), Path("lab.yaml")
-TEXTS = {
-    SHEET: "# ??? is asked\nabout:\n  subject: ??? # what\njoint_log:\n  time_unit: ??? # unit\n",
-    OPTION: "name: lab\nmotion:\n  rate: ??? # 1/s\n  steps: ??? # M\n",
-}
-
-
-def test_answers_take_the_places_of_open_values_and_comments_stay():
-    draft = Draft(dict(TEXTS))
-    questions = {question.key: question.hint for question in draft.questions()}
-    keys = ("about.subject", "joint_log.time_unit", "motion.rate", "motion.steps")
-    assert questions == dict(zip(keys, ("what", "unit", "1/s", "M"), strict=True))
-    draft.note("about.subject", "suggested is an arm")
-    for key, value in (
-        ("about.subject", "an arm: # 1"),
-        ("motion.steps", "20"),
-        ("motion.rate", "1e2"),
-    ):
-        draft.answer(key, value, faults)
-    assert '  subject: "an arm: # 1" # what\n' in draft.texts[SHEET]
-    assert draft.texts[OPTION].endswith("  rate: 1e2 # 1/s\n  steps: 20 # M\n")
-    assert draft.values()["motion"] == {"rate": 100.0, "steps": 20}
-    assert [question.key for question in draft.questions()] == ["joint_log.time_unit"]
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("joint_log.time_unit", "minutes", "input should be"),
-        ("motion.steps", "many", "many"),
-        ("motion.steps", "", "a value is required here"),
-        ("motion.pace", "1", "still to be filled in; there are about.subject"),
-    ],
-)
-def test_a_wrong_answer_is_refused_and_leaves_the_draft(key, value, words):
-    draft = Draft(dict(TEXTS))
-    with pytest.raises(ConfigError, match=words):
-        draft.answer(key, value, faults)
-    assert draft.texts == TEXTS
-
-
-def test_all_faults_and_all_absent_keys_of_a_draft_are_named():
+def test_all_faults_and_all_absent_keys_are_named_and_open_values_are_neither():
     values = {
         "name": "lab",
-        "robot": {"urdf": "arm.urdf", "joint": ["a"], "length": -1.0},
-        "motion": {"rate": "fast", "steps": 3, "pose_noise": 0.0},
+        "robot": {"urdf": "arm.urdf", "joint": ["a"], "length": -1.0, "joints": ["???"]},
+        "motion": {"rate": "fast", "steps": "???", "pose_noise": 0.0},
         "measurement": "taste",
     }
+    found, wrong, absent = datasheet.checked(values)
     keys = ("robot.length", "robot.joint", "motion.rate", "motion.pose_noise", "measurement")
-    assert [fault.evidence["key"] for fault in faults(values)] == [f"dataset.{k}" for k in keys]
-    lacking = absent({"name": "lab", "motion": {"rate": 1.0}})
-    assert lacking == ["motion.steps", "recordings", "robot"]
+    assert [fault.evidence["key"] for fault in wrong] == [f"dataset.{key}" for key in keys]
+    assert found is None and absent == ["recordings"]
+    given = {"robot": {"urdf": "a.urdf", "joints": ["a"], "task": ["x"]}, "recordings": "."}
+    motion = {"rate": 1.0, "steps": 3}
+    assert datasheet.checked(values | given | {"motion": motion, "measurement": "tip"})[0]

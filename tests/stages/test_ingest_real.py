@@ -168,7 +168,7 @@ def test_inspect_finds_what_the_datasheet_settles(lwr4, number):
     name = f"measurements_{number}"
     (finding,) = inspect(lwr4 / f"{name}.npz")
     stated = OmegaConf.load(datasheet.path_of("lwr4")).joint_log
-    settings = finding.facts["settings"]
+    settings = finding.suggested
     assert settings.pop("rest") == "0" and settings.pop("clock") == stated.clock
     assert {key: float(settings[key]) for key in ("target_factor", "target_delay")} == {
         "target_factor": stated.target_factor,

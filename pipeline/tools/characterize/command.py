@@ -19,7 +19,9 @@ from typing import Any
 import pandas as pd
 
 from pipeline.arm.model import chain_of
+from pipeline.arm.urdf import read_urdf
 from pipeline.core import config, contracts, datasheet
+from pipeline.core.datasheet import get_filled
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures.motion import noise_quantiles
@@ -28,7 +30,6 @@ from pipeline.models.other_motions import other_motions
 from pipeline.recordings import quality
 from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
-from pipeline.tools.check.command import get_filled
 from pipeline.tools.export.command import EXPORTS, exported, require_name, write_export
 from pipeline.tools.new_dataset.command import ASK, MOTION, SET, answers, open_dataset
 from pipeline.tools.new_dataset.values import KEYS
@@ -53,7 +54,14 @@ ARGUMENTS = {
 
 
 def run(
-    folder: Path, *, name: str | None, scale: str, model: str | None, set: list[str], **options: Any
+    folder: Path,
+    *,
+    urdf: Path | None,
+    name: str | None,
+    scale: str,
+    model: str | None,
+    set: list[str],
+    **options: Any,
 ) -> None:
     """Write the dataset if there is none of that name, run the stages, write card and export."""
     if not folder.is_dir():
@@ -63,7 +71,8 @@ def run(
     if scale not in (scales := config.option_names("scale")):
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
-    _dataset(name, folder, answers(set), **options)
+    given = {"robot.urdf": str(urdf)} if urdf else {}
+    _dataset(name, folder, given | answers(set), **options)
     with _project(name, folder.resolve(), scale) as root:
         settings = config.composed_config()
         motions, tables, metrics = _results(settings)
@@ -91,49 +100,41 @@ def run(
     print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
     if record is not None:
         write_export(record, file := EXPORTS / f"{name}_{chosen}.json")
-        print(
-            f"characterize: `python -m pipeline assess RECORDING --model {file}` compares another"
-        )
+        command = f"python -m pipeline assess RECORDING --model {file}"
+        print(f"characterize: `{command}` compares another")
 
 
 def _dataset(
-    name: str,
-    folder: Path,
-    given: dict[str, str],
-    urdf: Path | None,
-    ask: bool,
-    motion: int | None,
+    name: str, folder: Path, given: dict[str, str], *, ask: bool, motion: int | None
 ) -> None:
     """Write the dataset's files where they are not there; ConfigError names what is open."""
     option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
-    if option.exists() and sheet.exists():
+    there = option.exists() and sheet.exists()
+    if there:
         print(f"characterize: the dataset {name} is there and stays; delete {sheet} and {option}")
         print("characterize: where --urdf, --set or --motion shall make it anew")
         values = config.dataset_values(option)
-        if not [*datasheet.unfilled_keys(values)]:
+        if not datasheet.is_open(values):
             return
-        filling = open_dataset(name, None)
-        given = ({} if urdf is None else {"robot.urdf": str(urdf)}) | given
         given = {key: value for key, value in given.items() if get_filled(values, key) is None}
-    else:
-        filling = open_dataset(name, folder, given, urdf)
+    filling = open_dataset(name, None if there else folder, given)
     filling.fill(given, suggested=True, motion=motion if ask else None, ask=ask)
     if not ask:
         usual = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
         usual["about.licence"] = "not stated"
         if arm := get_filled(filling.draft.values(), "robot.urdf"):
-            text = Path(arm).read_text(errors="replace")
-            links = {*re.findall(r'<link\s+name="([^"]+)"', text)}
+            links = read_urdf(Path(arm)).links
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        taken = {key: value for key, value in usual.items() if key in filling.left}
+        left = filling.draft.questions()
+        taken = {key: value for key, value in usual.items() if key in left}
         for key, value in taken.items():
             print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
         filling.fill(taken, suggested=True)
-        if "joint_log.start" in filling.left and {*filling.left} <= {*KEYS}:
+        if "joint_log.start" in (left := filling.draft.questions()) and {*left} <= {*KEYS}:
             filling.fill({}, motion=motion or 1)
             print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
     filling.write()
-    if left := filling.left:
+    if left := filling.draft.questions():
         message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
 
@@ -160,17 +161,16 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
         os.chdir(root)
 
 
-def _results(
-    settings: config.Config,
-) -> tuple[list | None, dict[str, pd.DataFrame], dict[str, dict]]:
-    """Tables and metrics of the stages; where they refuse the motion, of the plain models alone."""
-    dataset = settings.dataset
+def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFrame], dict]:
+    """Motions, tables and metrics of the stages; of plain models where they refuse the motion."""
+    dataset, metrics = settings.dataset, {}
     try:
         _stage(ingest.run, "motion")
         Path("data/ingest/depth").mkdir(exist_ok=True)
         _stage(track.run)
         for model in settings.models:
             _stage(fit.run, model)
+            metrics[f"fit_{model}"] = json.loads((fit.OUT / model / "fit.json").read_text())
         _stage(predict.run)
     except PipelineError as error:
         if dataset.joint_log is None:
@@ -186,10 +186,7 @@ def _results(
     tables = {name: contracts.read(name, predict.OUT) for name in names}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))
     recorded = contracts.read("joints", track.OUT)["take"].nunique()
-    metrics = {"motion": {"recorded_takes": int(recorded)}}
-    for model in settings.models:
-        metrics[f"fit_{model}"] = json.loads((fit.OUT / model / "fit.json").read_text())
-    return None, tables, metrics
+    return None, tables, metrics | {"motion": {"recorded_takes": int(recorded)}}
 
 
 def _stage(run: Callable[..., None], *words: str) -> None:

@@ -5,7 +5,6 @@ two files, its robot and its recordings.
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
@@ -16,7 +15,7 @@ from pipeline.arm.model import chain_of
 from pipeline.arm.urdf import read_urdf
 from pipeline.core import config, contracts, datasheet
 from pipeline.core.columns import columns
-from pipeline.core.datasheet import absent, faults, filled
+from pipeline.core.datasheet import get_filled, get_nested
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Dataset, Robot
@@ -30,19 +29,17 @@ ARGUMENTS = {"name": {"nargs": "?", "metavar": "DATASET", "help": HELP}}
 
 
 def run(name: str | None = None) -> None:
-    """Print a line a fault; ConfigError where there are any."""
+    """Print a line for each fault; ConfigError where there are any."""
     config.require_dataset(name := name or read_yaml(PARAMS).get("dataset"))
     option_file = config.CONF / "dataset" / f"{name}.yaml"
     found = dataset_faults(option_file)
     for number, fault in enumerate(found, start=1):
         print(f"{number}. {fault}")
     if found:
-        places = [os.path.relpath(file) for file in (datasheet.path_of(name), option_file)]
-        message = (
-            f"{len(found)} to be mended in {' or '.join(places)}, or in the file that is named"
-        )
-        message += f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
-        raise ConfigError(message)
+        files = " or ".join(os.path.relpath(f) for f in (datasheet.path_of(name), option_file))
+        message = f"{len(found)} to be mended in {files}, or in the file that is named"
+        asks = f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
+        raise ConfigError(message + asks)
     print(f"check: nothing is wrong with {name}")
 
 
@@ -52,60 +49,40 @@ def dataset_faults(option_file: Path) -> list[str]:
         values = config.dataset_values(option_file)
     except PipelineError as error:
         return [str(error)]
+    dataset, _, absent = datasheet.checked(values)
     texts = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
-    texts += [f"{key}: no value for it" for key in absent(values)]
+    texts += [f"{key}: no value for it" for key in absent]
     refused = value_faults(values)
     if not texts and not refused:
-        refused = ingest_faults(filled(values))
+        refused = ingest_faults(dataset)
     if not texts and not refused and read_yaml(PARAMS).get("dataset") == option_file.stem:
         refused = _errors(config.compose_config, PARAMS)
-    # errors that differ in numbers or files are one line, with the number of the others
-    groups: dict[tuple[str, Any], list[PipelineError]] = {}
-    for error in refused:
-        kind = re.sub(r"[0-9]+", "#", error.message.partition(";")[0])
-        groups.setdefault((kind, error.evidence.get("key")), []).append(error)
-    for first, *others in groups.values():
-        files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]
-        named = f", as {', '.join(files[:3])}{' …' * (len(files) > 3)}" if files else ""
-        texts.append(f"{first}; and {len(others)} more{named}" if others else str(first))
-    return texts
+    return texts + [str(error) for error in refused]
 
 
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     """Return the faults of types, ranges, robot and folder in the ``values`` filled in."""
-    refused, sound = faults(values), deepcopy(values)
+    sound = deepcopy(values)
+    refused: list[PipelineError] = [*datasheet.checked(values)[1]]
     for fault in refused:  # the robot is read without them
         above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
-        if isinstance(node := _nested(sound, above), dict):
+        if isinstance(node := get_nested(sound, above), dict):
             node.pop(name, None)
-    recordings, urdf, robot, logged, joints = (
-        get_filled(sound, key)
-        for key in ("recordings", "robot.urdf", "robot", "joint_log.joints", "robot.joints")
-    )
+    recordings, urdf, robot = (get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot"))
     if recordings and not Path(recordings).is_dir():
         key = "dataset.recordings"
         refused.append(RecordingError("no such folder", file=recordings, key=key))
     if urdf:
-        refused += _errors(read_urdf, Path(urdf)) or (
-            _errors(lambda: chain_of(validated(Robot, robot, "robot"))) if robot else []
-        )
+        unread = _errors(read_urdf, Path(urdf))
+        refused += unread
+        if robot and not unread:
+            refused += _errors(lambda: chain_of(validated(Robot, robot, "robot")))
+    logged, joints = (get_filled(sound, k) for k in ("joint_log.joints", "robot.joints"))
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
         key = "dataset.joint_log.joints"
         refused.append(ConfigError(f"{message} {', '.join(logged)}", key=key))
     return refused
-
-
-def get_filled(values: Any, key: str) -> Any:
-    """Return the value of a nested ``key``, None where it is missing or still ???."""
-    node = _nested(values, key)
-    return None if node is None or [*datasheet.unfilled_keys(node)] else node
-
-
-def _nested(node: Any, key: str) -> Any:
-    for part in filter(None, key.split(".")):
-        node = node.get(part) if isinstance(node, dict) else None
-    return node
 
 
 def ingest_faults(dataset: Dataset) -> list[PipelineError]:

@@ -22,7 +22,6 @@ from pipeline.tools.inspect.kinds import described, numbered_sequence
 
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
-MAX_FILES = 100_000  # of a folder
 DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
 BOUNDS = f"bounds of what a file may be and take, as in dataset.reading (default {DEFAULTS})"
 ARGUMENTS = {
@@ -44,7 +43,7 @@ def inspect(place: Path) -> list[Finding]:
     the files of one bag, are one recording.
 
     A file that cannot be read is a finding too, with the reason in ``stops``. Raises RecordingError
-    where ``place`` does not exist, and for a folder of more than MAX_FILES files.
+    where ``place`` does not exist.
     """
     if not os.path.exists(place):
         raise RecordingError("there is no such file or folder", file=place)
@@ -58,39 +57,36 @@ def inspect(place: Path) -> list[Finding]:
 
         if is_bag(place) or not place.is_dir():
             return [read(place)]
-        files, bags, findings = _files(place)
+        files, bags = _files(place)
         indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
-        findings += [*map(read, bags), *indexes]
         # an index may name depth/../depth/1.png
         placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
-        others = [file for file in files if os.path.normpath(file) not in placed]
-        sequences: dict[Path, set[Path]] = {}  # pattern → frames that differ in their last number
-        for file in others:
-            if file.suffix.lower() in frame_endings() and (parts := NUMBERED.fullmatch(file.stem)):
-                pattern = file.with_name(f"{parts[1]}[0-9]*{parts[3]}{file.suffix}")
-                sequences.setdefault(pattern, set()).add(file)
-        several = {pattern: frames for pattern, frames in sequences.items() if len(frames) > 1}
-        framed = set().union(*several.values())
-        findings += [read(pattern, numbered_sequence) for pattern in several]
-        findings += [read(file) for file in others if file not in framed]
+        sequences: dict[Path, list[Path]] = {}  # pattern → frames that differ in their last number
+        for file in files:
+            if os.path.normpath(file) not in placed:
+                parts = NUMBERED.fullmatch(file.stem)
+                pattern = file
+                if parts and file.suffix.lower() in frame_endings():
+                    pattern = file.with_name(f"{parts[1]}[0-9]*{parts[3]}{file.suffix}")
+                sequences.setdefault(pattern, []).append(file)
+        findings = [*map(read, bags), *indexes]
+        for pattern, frames in sequences.items():
+            many = len(frames) > 1
+            findings.append(read(pattern, numbered_sequence) if many else read(frames[0]))
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
 
-def _files(folder: Path) -> tuple[list[Path], list[Path], list[Finding]]:
-    """Files but hidden ones and those of bags, bags that are folders, folders that are closed."""
-    files, bags, unread = [], [], []
+def _files(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Files but hidden ones and those of bags; bags that are folders."""
+    files, bags = [], []
 
     def closed(error: OSError) -> None:
-        reason = f"the folder cannot be read ({error.strerror})"
-        unread.append(Finding(Path(error.filename or folder), stops=[reason]))
+        raise error
 
     for place, folders, names in os.walk(folder, onerror=closed):
         below = [Path(place, name) for name in folders if not name.startswith(".")]
         bags += filter(is_bag, below)
         folders[:] = [path.name for path in below if not is_bag(path)]
         files += [Path(place, name) for name in names if not name.startswith(".")]
-        if len(files) > MAX_FILES:
-            message = f"more than {MAX_FILES} files; name a folder of recordings"
-            raise RecordingError(message, file=folder)
-    return sorted(files), sorted(bags), unread
+    return sorted(files), sorted(bags)

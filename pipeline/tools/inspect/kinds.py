@@ -1,11 +1,8 @@
-"""Account of one file by the reader of its kind: the table DESCRIBE says which function turns what
-the reader returns into facts and questions.
-"""
+"""Account of one file: by its kind, facts and questions from what its reader returns."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +18,10 @@ from pipeline.formats.depth import cloud, image, messages
 from pipeline.formats.depth.index import dropped_frames, numbered_frames
 from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.bag import WRENCH
-from pipeline.formats.force.record import FORCES, TORQUES, ForceLogOptions, require_record
+from pipeline.formats.force.record import ForceLogOptions, require_record
 from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
 from pipeline.formats.joints import bag as joint_bag
-from pipeline.formats.motion.take import RATE_TOLERANCE, STRAY
+from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.finding import ROBOT, Finding
 from pipeline.tools.inspect.joints import joint_log, table
@@ -32,14 +29,16 @@ from pipeline.tools.inspect.joints import joint_log, table
 LENGTH, UNIT = "dataset.mocap.unit", "dataset.depth.units_per_metre"
 TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
 DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
-# beginnings of files that hold recordings in a form that no format reads
-MARKS = {
-    b"\x89HDF": "an HDF5 file: save its arrays as CSV or .npz",
-    b"\x93NUMPY": "a single array: save it with its times in one .npz",
-    b"PK": "an archive without arrays of NumPy first: unpack it, or export a spreadsheet as CSV",
-    b"\x1f\x8b": "a packed file: unpack it",
-    b"(\xb5/\xfd": "a packed file: unpack it",
-}
+ANALYSED = {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}  # types of messages
+# option → the types of messages of its topic
+TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
+TOPICS |= {"depth.camera_info": (messages.CAMERA_INFO,)}
+NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
+NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
+BINARY = (
+    "binary data of no known format: unpack an archive, save arrays (HDF5, NPY, pickle) with their "
+    "times in one .npz, else export as in pipeline/formats/README.md"
+)
 
 
 def described(file: Path) -> Finding:
@@ -53,8 +52,16 @@ def described(file: Path) -> Finding:
         if file.stat().st_size == 0:
             raise RecordingError("the file is empty")
         head = Head.read(file)
-        form = recognised(head, [URDF, *formats_in(formats)])
-        return _unrecognised(finding, head) if form is None else _read(finding, form)
+        if form := recognised(head, [URDF, *formats_in(formats)]):
+            return _read(finding, form)
+        if head.text is None or head.content.startswith(b"PK"):
+            finding.facts["reason"] = BINARY
+        elif known := foreign(head.text):
+            finding.format, advice = known
+            raise RecordingError(f"{finding.format} is not read: {advice}")
+        else:
+            finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else NO_TABLE
+        return finding
     except OSError as error:
         return finding.refused(RecordingError(f"the file cannot be read ({error.strerror})"))
     except PipelineError as error:
@@ -64,27 +71,6 @@ def described(file: Path) -> Finding:
 def _read(finding: Finding, form: Format) -> Finding:
     finding.format, finding.kind, finding.option = form.name, form.kind, form.option
     (_robot if form is URDF else DESCRIBE[form.kind])(finding, form)
-    return finding
-
-
-def _unrecognised(finding: Finding, head: Head) -> Finding:
-    """Add what to do with a file of no format (fact reason) or of a known program's export."""
-    if head.text is not None and (known := foreign(head.text)):
-        finding.format, advice = known
-        finding.stops.append(f"{finding.format} is not read: {advice}")
-        return finding
-    cells = [re.split(r"[,;\t]", line) for line in head.lines]
-    if mark := next((mark for mark in MARKS if head.content.startswith(mark)), None):
-        reason = MARKS[mark]
-    elif head.text is None:
-        reason = "binary data of no known format: export as in pipeline/formats/README.md"
-    elif head.suffix in TREES:
-        reason = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
-    elif head.suffix in (".csv", ".tsv") or (cells and min(map(len, cells)) > 2):
-        reason = "labels or words without rows of numbers below: record or export it again"
-    else:
-        reason = "text without a table of numbers (between commas, semicolons, tabs or blanks)"
-    finding.facts["reason"] = reason
     return finding
 
 
@@ -99,21 +85,16 @@ def _motion(finding: Finding, form: Format) -> None:
         # no length is reported then; in the smallest unit nothing is too far away
         take, unit = form.read(finding.file, "mm"), "not stated"
     finding.version = take.version if take.version != form.name else None
-    if take.rate_from:
-        finding.facts["rate_from"] = take.rate_from
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
-    if take.printed_rate and abs(take.printed_rate / take.rate - 1) > RATE_TOLERANCE:
-        finding.facts["rate_by_the_printed_times"] = f"{take.printed_rate:.4g} Hz"
-    frames, first, last = len(take.frame), int(take.frame[0]), int(take.frame[-1])
-    finding.duration, finding.bodies = (last - first) / take.rate, list(take.bodies)
-    finding.markers = [name for name in take.markers if not STRAY.fullmatch(name)]
-    finding.facts["unlabelled_markers"] = len(take.markers) - len(finding.markers)
-    if not (finding.markers or finding.bodies):
+    first, steps = int(take.frame[0]), int(take.frame[-1] - take.frame[0])
+    finding.duration = steps / take.rate
+    markers = [name for name in take.markers if not STRAY.fullmatch(name)]
+    if not (markers or take.bodies):
         question = "no marker has a name of its own, and there is no rigid body: label them"
         finding.ask(question, "dataset.mocap.markers")
-    finding.facts |= {"frames": frames, "first_frame": first, "steps": last - first}
-    if (announced := take.counts.get("announced_frames", frames)) != frames:
-        finding.facts["announced_frames"] = announced
+    finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
+    finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
+    finding.count({"unlabelled_markers": len(take.markers) - len(markers)})
     finding.count({name: n for name, n in take.counts.items() if name not in TOTALS})
 
 
@@ -130,16 +111,18 @@ def _force(finding: Finding, form: Format) -> None:
     if not {"lost_packets", "missing_samples"} & {*record.counts}:
         finding.facts["times"] = "none in the log: nothing shows a row that it lost"
     finding.count(record.counts)
-    facts = {"samples": len(record.time), "serial": record.serial, "started": record.started}
-    finding.facts |= {name: value for name, value in facts.items() if value}
+    finding.facts |= {"samples": len(record.time), "serial": record.serial}
     require_record(record, finding.file)
 
 
-def _calibration(finding: Finding, form: Format) -> None:
-    stated = form.read(finding.file)
-    finding.units = {"force": stated.force_unit, "torque": stated.torque_unit}
-    ratings = dict(zip((*FORCES, *TORQUES), stated.full_scale.tolist(), strict=True))
-    finding.facts = {"serial": stated.serial, "ratings": ratings}
+def _stated(finding: Finding, form: Format) -> None:
+    """Add what a calibration states: of a transducer, or of a camera."""
+    values = vars(form.read(finding.file))
+    finding.facts = {name: np.asarray(value).tolist() for name, value in values.items()}
+    if finding.kind == Kind.INTRINSICS and (values["width"], values["height"]) == ANY_SIZE:
+        finding.facts |= {"width": None, "height": None}
+        question = "the size of the images that it holds for is not stated"
+        finding.ask(question, "dataset.depth.width, .height")
 
 
 def _image(finding: Finding, form: Format) -> None:
@@ -151,8 +134,7 @@ def _image(finding: Finding, form: Format) -> None:
     finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
     finding.version = f"{8 * pixels.itemsize} bits"
     if measured.size:
-        low, high = finding.facts["values"] = [float(measured.min()), float(measured.max())]
-        span = f", {low:g} to {high:g}"
+        span = f", {float(measured.min()):g} to {float(measured.max()):g}"
     known = "1000 for millimetres, 5000 for TUM RGB-D, 1 for metres"
     finding.ask(f"the unit of the values{span}, is not stated ({known})", UNIT)
     known = "plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)"
@@ -164,10 +146,9 @@ def _cloud(finding: Finding, form: Format) -> None:
 
     read = form.read(read_whole(finding.file), file=finding.file)
     share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
-    finding.facts |= {"points": len(read.points), "share_without_position": share}
+    finding.facts = {"points": len(read.points), "organised": read.organised}
+    finding.facts["share_without_position"] = share
     finding.version = read.format
-    if read.organised:
-        finding.facts["organised"] = read.organised
     finding.count(read.counts)
     if read.viewpoint != cloud.UNTURNED:
         *place, w, x, y, z = read.viewpoint
@@ -180,32 +161,15 @@ def _cloud(finding: Finding, form: Format) -> None:
     finding.ask(question, UNIT)
 
 
-def _intrinsics(finding: Finding, form: Format) -> None:
-    camera = form.read(finding.file)
-    if size := (camera.width, camera.height) != ANY_SIZE:
-        finding.facts |= {"width": camera.width, "height": camera.height}
-    finding.facts |= {name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
-    finding.facts["distortion"] = list(camera.distortion)
-    if not size:
-        question = "the size of the images that it holds for is not stated"
-        finding.ask(question, "dataset.depth.width, .height")
-
-
 def _index(finding: Finding, form: Format) -> None:
-    index, folder = form.read(finding.file), finding.file.parent
-    frames = [folder / name for name in index.files]
+    index = form.read(finding.file)
     finding.count(index.counts)
-    if outside := [f.name for f in frames if folder.resolve() not in f.resolve().parents]:
-        raise RecordingError(f"the index names {outside[0]}, which is outside its folder")
-    if missing := [n for n, frame in zip(index.files, frames, strict=True) if not frame.is_file()]:
-        count = f"{len(missing)} of {len(frames)} frames of the index are not there"
-        finding.stops.append(f"{count}: {missing[0]} …")
-        finding.count({"missing_frames": len(missing)})
     if len(index.time) > 1:
+        dropped = dropped_frames(index.time)
+        finding.count({"dropped_frames": dropped})
         finding.duration = float(index.time[-1] - index.time[0])
-        finding.count({"dropped_frames": (dropped := dropped_frames(index.time))})
         finding.rate = round((len(index.time) - 1 + dropped) / finding.duration, 3)
-    _frames(finding, frames)
+    _frames(finding, index.files)
 
 
 def numbered_sequence(pattern: Path) -> Finding:
@@ -214,66 +178,69 @@ def numbered_sequence(pattern: Path) -> Finding:
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
     finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
     finding.ask("numbered frames have no times: their rate is not stated", "dataset.depth.rate")
-    _frames(finding, [pattern.parent / name for name in index.files])
+    _frames(finding, index.files)
     return finding
 
 
-def _frames(finding: Finding, frames: list[Path]) -> None:
-    """Add the account of the first frame."""
-    finding.files, finding.facts["frames"] = frames, len(frames)
-    if (there := next((frame for frame in frames if frame.is_file()), None)) is None:
-        return
-    try:
-        first = _read(Finding(there), cloud.FORMAT if cloud.is_cloud(there) else image.FORMAT)
-    except RecordingError as error:
-        finding.stops.append(f"{there.name}: {error.message}")
-        return
-    finding.version = ", ".join(filter(None, [first.format, first.version]))
-    finding.facts["frames_are"] = str(first.kind)
-    for name, value in first.facts.items():
-        finding.facts[name if name in ("width", "height") else f"first_{name}"] = value
-    finding.open += first.open
+def _frames(finding: Finding, names: Sequence[str]) -> None:
+    """Add frames and the account of the first."""
+    finding.files = [finding.file.parent / name for name in names]
+    finding.facts["frames"] = len(names)
+    there = [frame.is_file() for frame in finding.files]
+    if not all(there):
+        count = f"{there.count(False)} of {len(names)} frames of the index are not there"
+        finding.stops.append(f"{count}: {names[there.index(False)]} …")
+    if any(there):
+        frame = finding.files[there.index(True)]
+        try:
+            first = _read(Finding(frame), cloud.FORMAT if cloud.is_cloud(frame) else image.FORMAT)
+        except RecordingError as error:
+            finding.stops.append(f"{frame.name}: {error.message}")
+            return
+        finding.version = ", ".join(filter(None, [first.format, first.version]))
+        sizes = {name: first.facts[name] for name in ("width", "height") if name in first.facts}
+        finding.facts |= sizes | {"frames_are": str(first.kind)}
+        finding.open += first.open
 
 
 def _bag(finding: Finding, form: Format) -> None:
     summary = form.read(finding.file)
     held = {kind for kind, count in summary.topics.values() if count}
-    if joint_bag.JOINT_STATE in held and not held & {*DEPTH_TYPES, *WRENCH}:
+    if held & ANALYSED == {joint_bag.JOINT_STATE}:
         _read(finding, joint_bag.FORMAT)
         return
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
-    topics = sorted(summary.topics.items())
-    finding.facts["topics"] = {n: {"type": kind, "messages": count} for n, (kind, count) in topics}
-    options = {"depth.topic": DEPTH_TYPES, "depth.camera_info": (messages.CAMERA_INFO,)}
-    for option, kinds in (options | {"force.log.topic": WRENCH}).items():
-        several = [name for name, (kind, count) in topics if kind in kinds and count]
-        if len(several) > 1:
-            question = f"several topics could be meant: {', '.join(several)}"
+    topics = finding.facts["topics"] = {n: [*summary.topics[n]] for n in sorted(summary.topics)}
+    finding.facts["frames_are"] = str(Kind.IMAGE if messages.IMAGE in held else Kind.CLOUD)
+    for option, kinds in TOPICS.items():
+        names = [name for name, (kind, count) in topics.items() if kind in kinds and count]
+        if len(names) == 1:
+            finding.facts[option.rpartition(".")[2]] = names[0]
+        elif names:
+            question = f"several topics could be meant: {', '.join(names)}"
             finding.ask(question, f"dataset.{option}")
     if messages.IMAGE in held:
         known = "ROS drivers: 1000; images of 32 bits: 1"
         finding.ask(f"the unit of images of 16 bits is not stated ({known})", UNIT)
-    if not held & {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}:
+    if not held & ANALYSED:
         known = "Image, PointCloud2, WrenchStamped or JointState"
         finding.stops.append(f"no topic of {known} with a message: nothing that is analysed")
 
 
 def _robot(finding: Finding, form: Format) -> None:
     """Add joints, arms (joints from base to tip of a last link) and planar chains of three."""
-    try:
-        tree = read_urdf(finding.file)
-    except ConfigError as error:
-        raise RecordingError(error.message, line=error.evidence.get("line")) from None
+    tree = read_urdf(finding.file)
     joints: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         joints.setdefault(joint.kind, []).append(joint.name)
     # a joint that follows another (mimic) has no coordinate of its own
-    own = lambda joint: joint.kind in SINGLE and joint.follows is None  # noqa: E731
-    arms = [
-        {"joints": [j.name for j in tree.above(end) if own(j)], "tip": end} for end in tree.ends
-    ]
-    most = max((len(arm["joints"]) for arm in arms), default=0)
-    arms = [arm for arm in arms if most and len(arm["joints"]) == most]
+    own = {joint.name for joint in tree.joints.values() if joint.kind in SINGLE}
+    own -= {joint.name for joint in tree.joints.values() if joint.follows is not None}
+    moved = {
+        end: [joint.name for joint in tree.above(end) if joint.name in own] for end in tree.ends
+    }
+    most = max(map(len, moved.values()), default=0)
+    arms = [{"joints": names, "tip": end} for end, names in moved.items() if len(names) == most > 0]
     turning, chains, refused = joints.get("revolute", []), [], []
     for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
         tools = []
@@ -284,15 +251,9 @@ def _robot(finding: Finding, form: Format) -> None:
             except ConfigError as error:
                 refused += [error.message] * error.message.startswith("robot.urdf")
         chains += [{"joints": chain, "tools": tools}] if tools else []
-    finding.facts |= {
-        "robot": tree.root.get("name", ""),
-        "joints": joints,
-        "arms": arms,
-        "chains": chains,
-    }
-    if refused and chains:
-        finding.facts["chains_refused"] = refused[0]
-    elif refused:
+    finding.facts = {"robot": tree.root.get("name", ""), "joints": joints}
+    finding.facts |= {"arms": arms, "chains": chains}
+    if refused and not chains:
         finding.stops.append(refused[0])
     if not (arms or chains):
         finding.stops.append("no joint of one coordinate moves a last link: no arm")
@@ -308,10 +269,10 @@ DESCRIBE: dict[str, Callable[[Finding, Format], None]] = {
     Kind.TRAJECTORY: _trajectory,
     Kind.JOINTS: joint_log,
     Kind.FORCE: _force,
-    Kind.CALIBRATION: _calibration,
+    Kind.CALIBRATION: _stated,
     Kind.IMAGE: _image,
     Kind.CLOUD: _cloud,
-    Kind.INTRINSICS: _intrinsics,
+    Kind.INTRINSICS: _stated,
     Kind.SEQUENCE: _index,
     Kind.BAG: _bag,
     Kind.TABLE: table,

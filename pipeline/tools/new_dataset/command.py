@@ -7,17 +7,18 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from pipeline.core import config, contracts, datasheet
-from pipeline.core.datasheet import OPEN, Draft, unfilled_keys
+from pipeline.core.datasheet import get_filled, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.options.instruments import JointLogSection
@@ -27,52 +28,36 @@ from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.motions import NEARLY, FoundMotion, motions
 from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import REACH
-from pipeline.tools.check.command import get_filled, value_faults
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import ROBOT
+from pipeline.tools.inspect.finding import shown
+from pipeline.tools.new_dataset.draft import Draft, Entry, filled_template, text_of
 from pipeline.tools.new_dataset.layout import RecordingLayout, layout
-from pipeline.tools.new_dataset.values import (
-    KEYS,
-    known_values,
-    path_text,
-    suggested_values,
-    text_of,
-)
+from pipeline.tools.new_dataset.values import KEYS, Entries, entries
 
-SET = {
-    "action": "append",
-    "default": [],
-    "metavar": "KEY=VALUE",
-    "help": "value that no file states, as robot.tool=flange; may be repeated",
-}
+VALUE = "value that no file states, as robot.tool=flange; may be repeated"
+FROM = "folder of the recordings (default: fill in what is ??? in the dataset's files)"
+SET = {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE}
 MOTION = {"type": int, "metavar": "NUMBER", "help": "number of the motion that is analysed"}
 ASK = {"action": "store_true", "help": "questions on the terminal for values still open"}
 ARGUMENTS = {
     "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
-    "--from": {
-        "dest": "folder",
-        "type": Path,
-        "metavar": "FOLDER",
-        "help": "folder of the recordings (default: fill in what is ??? in the dataset's files)",
-    },
+    "--from": {"dest": "folder", "type": Path, "metavar": "FOLDER", "help": FROM},
     "--set": SET,
     "--suggested": {"action": "store_true", "help": "every suggested value is taken"},
     "--motion": MOTION,
     "--ask": ASK,
 }
-LINE = re.compile(r" *(?P<key>\w+):(?: (?P<value>[^#]*?))?(?: # (?P<hint>.*))?")
 UNPLACED = 12  # recordings that are named although they have no place
+NONE = MappingProxyType({})
 
 
 def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
-    """Write the two files, or fill in what is open in those that are there; say what is left.
-    ``options`` are those of :meth:`Filling.fill`.
-    """
+    """Write the two files, or fill in what is open in them; ``options`` as :meth:`Filling.fill`."""
     given = answers(set)
     filling = open_dataset(name, folder, given)
     filling.fill(given, **options)
     filling.write()
-    left = filling.left
+    left = filling.draft.questions()
     if "joint_log.start" in left:
         try:
             filling.show_motions()
@@ -89,21 +74,19 @@ def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> N
 
 def answers(assigned: Sequence[str]) -> dict[str, str]:
     """Return the values of --set by key; ConfigError for a word that assigns none."""
-    for word in assigned:
-        if "=" not in word:
-            raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
-    return {key.strip(): value for key, _, value in (word.partition("=") for word in assigned)}
+    pairs = [word.partition("=") for word in assigned]
+    if wrong := [key for key, mark, _ in pairs if not mark]:
+        raise ConfigError(f"--set takes KEY=VALUE, not {wrong[0]!r}")
+    return {key.strip(): value for key, _, value in pairs}
 
 
-def open_dataset(
-    name: str, folder: Path | None, answered: Iterable[str] = (), urdf: Path | None = None
-) -> Filling:
+def open_dataset(name: str, folder: Path | None, given: Mapping[str, str]) -> Filling:
     """Return the two files of the dataset ``name``, data/raw/NAME/dataset.yaml and
     pipeline/conf/dataset/NAME.yaml, from the recordings in ``folder``, or as they are where it is
     None; not written yet.
 
-    Keys that are ``answered`` stay open; ``urdf`` takes the place of a URDF in the folder. Raises
-    ConfigError or RecordingError for a name or folder that does not fit, and for files in the way.
+    Keys that are ``given`` stay open. Raises ConfigError or RecordingError for a name or folder
+    that does not fit, and for files in the way.
     """
     if not Path("params.yaml").is_file():
         raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
@@ -117,40 +100,33 @@ def open_dataset(
                 raise ConfigError("there is no such dataset; make it with --from FOLDER", file=file)
         draft = Draft({file: file.read_text() for file in files})
         folder = Path(draft.values().get("recordings", ""))
-        return Filling(draft, layout(inspect(folder), folder), folder)
+        return Filling(name, draft, layout(inspect(folder), folder), folder)
     inventory = files[0].with_name("dvc.yaml")
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    if re.search(r'["$`\\\n]', os.path.relpath(folder.resolve())):
-        message = "the folder's name holds a quote, a dollar or a backslash; rename it"
-        raise RecordingError(message, file=folder)
     for file in filter(Path.exists, (*files, inventory)):
         message = "this file is there already, and nothing is overwritten; choose another name, or"
         raise ConfigError(f"{message} leave out --from to fill in what is open there", file=file)
     recorded = layout(inspect(folder), folder)
-    if urdf is not None:
-        recorded.single[ROBOT] = inspect(urdf)
-    texts = dataset_texts(name, recorded, folder, answered)
-    filling = Filling(Draft(dict(zip(files, texts, strict=True))), recorded, folder)
+    texts = dict(zip(files, dataset_texts(name, recorded, folder, given), strict=True))
     if files[0].parent.resolve() not in folder.resolve().parents:
-        filling.beside[inventory] = _template("inventory.yaml", name)
-    return filling
+        texts[inventory] = _template("inventory.yaml", name)
+    return Filling(name, Draft(texts), recorded, folder)
 
 
 def dataset_texts(
-    name: str, recorded: RecordingLayout, folder: Path, answered: Iterable[str] = ()
+    name: str,
+    recorded: RecordingLayout,
+    folder: Path,
+    given: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
-    """Return the texts of datasheet and option file for the recordings ``recorded`` in ``folder``,
-    with ??? for the keys that are ``answered``. An optional key of the template (?) without a value
-    at it or below it is left out, with all below it.
-    """
-    known = known_values(name, recorded, folder)
-    known |= dict.fromkeys(known.keys() & {*answered}, OPEN)
-    texts = _template("template.yaml", name).split("---\n")
-    texts = ["\n".join(_filled(text, known)) + "\n" for text in texts]
-    if unplaced := [path_text(one, folder) for one in recorded.unplaced]:
-        more = f" … ({len(unplaced)})" if len(unplaced) > UNPLACED else ""
-        texts[0] += f"# not placed: {', '.join(unplaced[:UNPLACED])}{more}\n"
+    """Return the texts of datasheet and option file, with ??? for the keys that are ``given``."""
+    known = entries(name, recorded, folder, {"robot": {"urdf": given.get("robot.urdf")}})
+    known |= dict.fromkeys(known.keys() & given.keys(), Entry())
+    templates = _template("template.yaml", name).split("---\n")
+    texts = [filled_template(template, known) for template in templates]
+    if unplaced := [text_of(shown(one.file, folder)) for one in recorded.unplaced]:
+        texts[0] += f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}\n"
     return texts
 
 
@@ -159,52 +135,14 @@ def _template(file: str, name: str) -> str:
     return text.replace("{name}", name)
 
 
-def _filled(text: str, known: Mapping[str, Any]) -> Iterator[str]:
-    path, left_out = [], 1000  # left_out: indentation of the key whose lines are left out
-    for line in text.splitlines():
-        body = line.removeprefix("?")
-        depth = len(body) - len(body.lstrip())
-        if depth > left_out:
-            continue
-        left_out, parts = 1000, LINE.fullmatch(body)
-        if parts is None:
-            yield body  # a comment
-            continue
-        path = [*path[: depth // 2], parts["key"]]
-        key = ".".join(path)
-        if line != body and not any(f"{one}.".startswith(f"{key}.") for one in known):
-            left_out = depth
-            continue
-        given, inner = known.get(key, ""), {}
-        if isinstance(given, Mapping):
-            given, inner = "", given
-        value, _, note = given.partition(" # ")
-        value = "" if inner else value or parts["value"] or ""
-        hint = "; ".join(filter(None, [note, parts["hint"]]))
-        yield f"{body[:depth]}{parts['key']}:{value and ' '}{value}{hint and ' # '}{hint}"
-        yield from _nested(inner, depth + 2)
-
-
-def _nested(values: Mapping[str, Any], depth: int) -> Iterator[str]:
-    for name, value in values.items():
-        inner = value if isinstance(value, Mapping) else {}
-        yield f"{' ' * depth}{text_of(name)}:{'' if inner else f' {value}'}"
-        yield from _nested(inner, depth + 2)
-
-
 @dataclass
 class Filling:
-    """A ``draft`` of both files beside the ``recorded`` files in ``folder``."""
+    """A ``draft`` of the files beside the ``recorded`` files in ``folder``."""
 
+    name: str
     draft: Draft
     recorded: RecordingLayout
     folder: Path
-    beside: dict[Path, str] = field(default_factory=dict)  # other texts to write
-
-    @property
-    def left(self) -> list[str]:
-        """Keys that are still ???."""
-        return [question.key for question in self.draft.questions()]
 
     def fill(
         self,
@@ -219,33 +157,32 @@ class Filling:
         from 1; and what is asked for on the terminal. ConfigError for an answer that does not fit.
         """
         for key, value in given.items():
-            self._answer(key, value)
+            self.draft.answer(key, value)
         while suggested:  # they may follow from each other
-            values, before = self._suggested()[0], self.left
-            for key in [key for key in before if key in values]:
-                with suppress(PipelineError):
-                    self._answer(key, values[key])
-                    print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
-            suggested = self.left != before
+            before = self.draft.questions()
+            for key, value in self._suggested().items():
+                if key in before:
+                    with suppress(PipelineError):
+                        self.draft.answer(key, value)
+                        print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
+            suggested = self.draft.questions() != before
         if motion is not None:
-            self._choose(self.show_motions(), motion)
+            self._choose(motion, self.show_motions())
         if ask:
             self._ask()
 
     def write(self) -> None:
-        """Write the files, with remarks in the comments of the values that are open."""
-        _, remarks = self._suggested()
-        for key in [key for key in self.left if key in remarks]:
-            self.draft.note(key, remarks[key])
-        for file, text in (self.draft.texts | self.beside).items():
+        """Write the files."""
+        for file, text in self.draft.texts.items():
             contracts.write_text(text, file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
 
-    def _answer(self, key: str, value: str) -> None:
-        self.draft.answer(key, value, value_faults)
+    def _entries(self) -> Entries:
+        return entries(self.name, self.recorded, self.folder, self.draft.values())
 
-    def _suggested(self) -> tuple[dict[str, str], dict[str, str]]:
-        return suggested_values(self.recorded, self.folder, self.draft.values())
+    def _suggested(self) -> dict[str, str]:
+        found = {key: entry.value for key, entry in self._entries().items() if entry.value}
+        return {key: value for key, value in found.items() if isinstance(value, str)}
 
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
@@ -256,46 +193,43 @@ class Filling:
             counts = Counter(name for name, _ in motion.places).items()
             pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
             disturbed = ", ".join(f"{name} row {place}" for name, place in motion.disturbed)
-            print(
-                f"motion {number}: {motion.steps} steps, {pause}, in "
-                f"{', '.join(f'{name} ({count})' for name, count in counts)}\n"
-                f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad\n"
-                f"  commands differ by {motion.deviation:.2g} rad, least singular value "
-                f"{motion.least_singular:.2g}" + f", disturbed: {disturbed}" * bool(disturbed)
-            )
+            places = ", ".join(f"{name} ({count})" for name, count in counts)
+            print(f"motion {number}: {motion.steps} steps, {pause}, in {places}")
+            print(f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad")
+            print(f"  commands differ by {motion.deviation:.2g} rad, least singular value", end=" ")
+            print(f"{motion.least_singular:.2g}, disturbed: {disturbed or 'none'}")
         return offered
 
-    def _choose(self, offered: list[FoundMotion], number: int) -> None:
+    def _choose(self, number: int, offered: list[FoundMotion]) -> None:
         if not 1 <= number <= len(offered):
             raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
         motion, rate = offered[number - 1], self.draft.values()["motion"]["rate"]
         rest = motion.rest(rate)
         ends = (_rounded(motion.start, 4), _rounded(motion.end, 4))
         chosen = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
-        for key in [key for key in self.left if key in chosen]:
-            self._answer(key, str(chosen[key]))
+        for key in chosen.keys() & self.draft.questions().keys():
+            self.draft.answer(key, str(chosen[key]))
 
     def _ask(self) -> None:
-        """Ask for one value after another, the robot's first as others follow from them."""
+        """Ask for one value after another, the robot's first as others follow, the motion last."""
         passed: set[str] = set()
         with suppress(EOFError, KeyboardInterrupt):
-            while questions := [one for one in self.draft.questions() if one.key not in passed]:
-                first = min(questions, key=lambda one: (one.key[:6] != "robot.", one.key in KEYS))
-                key = first.key
-                if key in KEYS and "joint_log.start" in self.left and not passed & {*KEYS}:
+            while keys := [key for key in self.draft.questions() if key not in passed]:
+                key = min(keys, key=lambda one: (one[:6] != "robot.", one in KEYS))
+                if key in KEYS and not passed & {*KEYS}:
                     try:
                         offered = self.show_motions()
                         print(f"the motion that is analysed: {', '.join(KEYS)}")
                         prompt = "number, or nothing to give them one by one? "
-                        _accepted(lambda n, found=offered: self._choose(found, int(n)), prompt)
+                        _accepted(lambda n, found=offered: self._choose(int(n), found), prompt)
                     except PipelineError as error:
                         print(f"! {error}")
                 passed.add(key)
-                if key not in self.left:
+                if (question := self.draft.questions().get(key)) is None:
                     continue
-                suggested, remark = (known.get(key) for known in self._suggested())
-                print("; ".join(filter(None, [f"\n{key}: {first.hint}", remark])))
-                if not _accepted(partial(self._answer, key), "? ", suggested):
+                note = self._entries().get(key, Entry()).note
+                print("; ".join(filter(None, [f"\n{key}: {question.hint}", note])))
+                if not _accepted(partial(self.draft.answer, key), "? ", self._suggested().get(key)):
                     print("left as ???")
 
 
@@ -316,6 +250,8 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
     joints first, those through a singular pose or without a repetition last; ConfigError where a
     needed value is still ???, and as the logs' reader.
     """
+    if "joint_log" not in values:
+        raise ConfigError("the dataset has no joint_log: there are no motions to choose from")
     log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
     rate = values["motion"]["rate"]
     needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}

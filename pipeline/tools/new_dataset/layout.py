@@ -15,8 +15,8 @@ from pipeline.recordings.inventory import take_name
 from pipeline.tools.inspect.finding import ROBOT, Finding
 from pipeline.tools.inspect.kinds import DEPTH_TYPES
 
-# kinds of which one recording serves the whole dataset
-SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, ROBOT)
+# kinds of which one recording serves the whole dataset, but for FORCE: one a configuration
+SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, Kind.FORCE, ROBOT)
 
 
 class Group(NamedTuple):
@@ -33,41 +33,20 @@ class Group(NamedTuple):
 
 
 class RecordingLayout(NamedTuple):
-    """The recordings of one folder, by what they are."""
+    """Takes of a folder by section (mocap, encoders, depth, joint_log), other files by kind."""
 
-    training: list[Group]  # takes of motion capture that no depth sequence has the name of
-    test: list[Group]  # those that one has
-    depth: list[Group]  # sequences or bags of a depth camera, by take
-    force: list[Finding]
-    encoders: list[Group]  # joint logs of the names of takes of motion capture
-    movements: list[Group]  # other joint logs, else folders of tables with the same names
-    single: dict[str, list[Finding]]  # by kind, those of SINGLE
+    groups: dict[str, list[Group]]
+    single: dict[str, list[Finding]]
     unplaced: list[Finding]
 
-    @property
-    def takes(self) -> list[Finding]:
-        """All takes of motion capture."""
-        return in_groups([*self.training, *self.test])
+    def takes(self, section: str) -> list[Finding]:
+        """Return all takes of a section."""
+        return [take for group in self.groups[section] for take in group.takes.values()]
 
-    @property
-    def markers(self) -> list[str]:
-        """Markers that all takes of motion capture have."""
-        names = dict.fromkeys(name for take in self.takes for name in take.markers)
-        return [name for name in names if all(name in take.markers for take in self.takes)]
-
-    @property
-    def bodies(self) -> list[str]:
-        """Rigid bodies that all takes of motion capture have, where they are what follows the
-        links: no markers are named by three links, and no depth camera looks at a planar arm.
-        """
-        names = dict.fromkeys(name for take in self.takes for name in take.bodies)
-        alike = [name for name in names if all(name in take.bodies for take in self.takes)]
-        return [] if self.depth or links_of(self.markers) else alike
-
-
-def in_groups(groups: Iterable[Group]) -> list[Finding]:
-    """Return the takes of all ``groups``."""
-    return [take for group in groups for take in group.takes.values()]
+    def shared(self, section: str, fact: str) -> list[str]:
+        """Return the names of a list of facts that all takes of a section have."""
+        lists = [take.facts[fact] for take in self.takes(section)]
+        return [name for name in lists[0] if all(name in names for names in lists)] if lists else []
 
 
 def logs_of(takes: Iterable[Finding]) -> list[Finding]:
@@ -75,71 +54,41 @@ def logs_of(takes: Iterable[Finding]) -> list[Finding]:
     return [one for take in takes for one in (take.facts.get("tables") or {"": take}).values()]
 
 
-def links_of(names: list[str]) -> dict[str, list[str]] | None:
-    """Return link → markers by their names without the last part, if three times three."""
-    links: dict[str, list[str]] = {}
-    for name in names:
-        link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
-        links.setdefault(link, []).append(name)
-    return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else None
-
-
 def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     """Return the recordings in ``folder`` by what they are and how their names belong together."""
     of: dict[str, list[Finding]] = defaultdict(list)
     for one in findings:
         of[one.kind].append(one)
-    motion, joints, tables = (of[kind] for kind in (Kind.MOTION, Kind.JOINTS, Kind.TABLE))
-    names, filmed = {one.file.stem for one in motion}, {}
-    for one in findings:
-        types = {topic["type"] for topic in one.facts.get("topics", {}).values()}
-        if one.kind == Kind.SEQUENCE:
-            # the folder with the name of a take of motion capture, else where the index lies
-            parents = list(one.file.parents)[:3]
-            filmed[next((each for each in parents if each.name in names), parents[0])] = one
-        elif types & {*DEPTH_TYPES}:
+    motion = {one.file: one for one in of[Kind.MOTION] if "markers" in one.facts}  # is not refused
+    names, filmed = {path.stem for path in motion}, {}
+    for one in of[Kind.SEQUENCE]:
+        # the folder with the name of a take of motion capture, else where the index lies
+        parents = list(one.file.parents)[:3]
+        filmed[next((each for each in parents if each.name in names), parents[0])] = one
+    for one in of[Kind.BAG]:
+        if {kind for kind, _ in one.facts.get("topics", {}).values()} & {*DEPTH_TYPES}:
             filmed[one.file] = one
-    depth, groups = _groups(filmed, folder), _groups({one.file: one for one in motion}, folder)
-    tested = {name for group in depth for name in group.named}
-    test = [group for group in groups if tested & {*group.named}]
-    logs = [*joints, *(one for one in tables if one.timed)]
+    logs = of[Kind.JOINTS] + [one for one in of[Kind.TABLE] if one.facts.get("timed")]
     beside = {one.file: one for one in logs if one.file.stem in names}
-    movements = {one.file: one for one in joints if one.file not in beside}
-    if not (motion or joints):
-        movements = _movements(tables, folder)
+    movements = {one.file: one for one in of[Kind.JOINTS] if one.file not in beside}
+    if not (motion or of[Kind.JOINTS]):
+        movements = _movements(of[Kind.TABLE], folder)
+    sections = {"mocap": motion, "encoders": beside, "depth": filmed, "joint_log": movements}
     single = {kind: of[kind] for kind in SINGLE if of[kind]}
-    placed = [*motion, *of[Kind.FORCE], *filmed.values(), *beside.values()]
-    placed += [*logs_of(movements.values()), *(one for held in single.values() for one in held)]
+    placed = [one for held in single.values() for one in held]
+    placed += [one for held in sections.values() for one in logs_of(held.values())]
     files = {one.file for one in placed}
-    return RecordingLayout(
-        training=[group for group in groups if group not in test],
-        test=test,
-        depth=depth,
-        force=of[Kind.FORCE],
-        encoders=_groups(beside, folder),
-        movements=_groups(movements, folder),
-        single=single,
-        unplaced=[one for one in findings if one.file not in files],
-    )
+    groups = {section: _groups(held, folder) for section, held in sections.items()}
+    return RecordingLayout(groups, single, [one for one in findings if one.file not in files])
 
 
 def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
-    """The recordings by the pattern of their paths, or as all files of one folder and ending."""
-    shared = Counter(_pattern(path.relative_to(folder)) for path in recorded)
+    """Recordings by the pattern of their paths; in one group if one pattern names single ones."""
     patterns: dict[str, dict[Path, Finding]] = {}
     for path, finding in recorded.items():
-        below = path.relative_to(folder)
-        pattern = _pattern(below)
-        # a number in a folder's name tells takes apart only where there are several
-        if shared[pattern] == 1 and not re.search(r"\d", path.stem):
-            pattern = glob.escape(below.as_posix())
-        patterns.setdefault(pattern, {})[path] = finding
-    ends = {(path.parent, path.suffix) for path in recorded}
-    if len(patterns) == len(recorded) > 1 and len(ends) == 1:
-        ((parent, suffix),) = ends
-        if {*parent.glob(f"*{glob.escape(suffix)}")} == {*recorded}:
-            place = Path(glob.escape(parent.relative_to(folder).as_posix()), f"*{suffix}")
-            return [Group(place.as_posix(), recorded, folder)]
+        patterns.setdefault(_pattern(path.relative_to(folder)), {})[path] = finding
+    if len(patterns) == len(recorded) > 1 and (one := shared_pattern([*recorded], folder)):
+        return [Group(one, recorded, folder)]
     return [Group(pattern, takes, folder) for pattern, takes in sorted(patterns.items())]
 
 
@@ -150,6 +99,23 @@ def _pattern(path: Path) -> str:
     if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", name, re.DOTALL):
         return f"{glob.escape(parts[1])}*{glob.escape(parts[3] + suffix)}"
     return glob.escape(path.as_posix())
+
+
+def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
+    """Return one pattern of the ``paths``, None if it matches others of their sort too."""
+
+    def alike(names: list[str]) -> str:
+        letters = takewhile(lambda each: len({*each}) == 1, zip(*names, strict=False))
+        return "".join(each[0] for each in letters)
+
+    names = [glob.escape(path.relative_to(folder).as_posix()) for path in paths]
+    names = [re.sub(r"\d+", "*", name) for name in names]
+    start = alike(names)
+    rests = [name[len(start) :] for name in names]
+    pattern = f"{start}*{alike([rest[::-1] for rest in rests])[::-1]}" if any(rests) else start
+    pattern = pattern.replace("**", "*")
+    matched = {path for path in folder.glob(pattern) if path.is_dir() == paths[0].is_dir()}
+    return pattern if matched == {*paths} else None
 
 
 def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
@@ -168,11 +134,3 @@ def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
         for path, inside in held.items()
         if tuple(sorted(inside)) == names
     }
-
-
-def shared_pattern(names: Sequence[str]) -> str:
-    """Return the names as one pattern: a star for each number and for a differing rest."""
-    marked = [re.sub(r"\d+", "*", glob.escape(name)) for name in names]
-    alike = takewhile(lambda letters: len({*letters}) == 1, zip(*marked, strict=False))
-    shared = "".join(letters[0] for letters in alike)
-    return shared if shared == max(marked, key=len) else f"{shared}*".replace("**", "*")

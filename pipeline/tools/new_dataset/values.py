@@ -1,11 +1,7 @@
-"""Values of a dataset's two files that its recordings state, and values that they make likely.
-
-A value is YAML as text, with ` # note` behind it or not, or a mapping of names to values.
-"""
+"""Values of a dataset's keys that its recordings state, and those that they suggest."""
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,313 +10,266 @@ from os.path import relpath
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.datasheet import OPEN
-from pipeline.core.options.instruments import AngleUnit, TimeUnit
-from pipeline.formats.depth.messages import CAMERA_INFO, IMAGE
+from pipeline.core.datasheet import OPEN, get_filled
 from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
 from pipeline.formats.joints.names import named_like
-from pipeline.formats.units import TIME_UNITS, spelled
-from pipeline.tools.check.command import get_filled
+from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.tools.inspect.finding import ROBOT, Finding, shown
-from pipeline.tools.inspect.joints import time_unit, unit_of_angles
-from pipeline.tools.inspect.kinds import DEPTH_TYPES, described
-from pipeline.tools.new_dataset.layout import (
-    Group,
-    RecordingLayout,
-    in_groups,
-    links_of,
-    logs_of,
-    shared_pattern,
-)
+from pipeline.tools.inspect.kinds import described
+from pipeline.tools.new_dataset.draft import Entry, text_of
+from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
 
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # of the motion
-TURN = "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow the full turn, as set up"
 SPACE = 6  # rows of a pose
 PLACE = f"{OPEN} # [x, y, z]"
-RESERVED = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")
-Values = dict[str, Any]  # by dotted key of the template
+CABLE = {
+    "direction": f"{OPEN} # rad, [first cable, second, …]",
+    "tension": f"{OPEN} # N, [first cable, second, …]",
+    "direction_bounds": "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow it, as set up",
+}
+UNITS = {"time_unit": TIME_UNITS, "angle_unit": ANGLE_UNITS}
+account_of = cache(described)
+Entries = dict[str, Entry]
 
 
-def _asked(note: str = "") -> str:
-    return f"{OPEN} # {note}" if note else OPEN
+def _asked(note: str, suggested: str | None = None) -> Entry:
+    return Entry(suggested, note, certain=False)
 
 
-def _one_of(choices: Iterable[str]) -> str:
-    """The only one of the ``choices``, else ??? and what there is to choose from."""
-    listed = [*choices]
-    return listed[0] if len(listed) == 1 else _asked(f"one of {', '.join(listed)}" * bool(listed))
+def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
+    """The only one of the ``choices``, else what there is to choose from."""
+    listed = [*map(text_of, choices)]
+    note = f"one of {', '.join(listed)}" * bool(listed)
+    return Entry(listed[0]) if len(listed) == 1 else _asked(note, suggested)
 
 
-def _agreed(values: Iterable[float | None]) -> str:
-    """The one value that all recordings state, else ???."""
+def _agreed(values: Iterable[float | None]) -> Entry:
+    """The one value that all recordings state."""
     stated = {*values}
-    return f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else OPEN
+    return Entry(f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None)
 
 
 def _several(names: Iterable[str]) -> str:
     return ", ".join(map(text_of, names))
 
 
-def text_of(text: str) -> str:
-    """Return ``text`` as YAML, quoted where it could be read as anything else."""
-    plain = re.fullmatch(r"[A-Za-z_][\w./*-]*|\.\.?/[\w./*-]*", text, re.ASCII)
-    return text if plain and text.lower() not in RESERVED else json.dumps(text, ensure_ascii=False)
-
-
-def path_text(finding: Finding, folder: Path) -> str:
-    """Return the path of a recording below ``folder`` as YAML."""
-    return text_of(shown(finding.file, folder))
-
-
-def known_values(name: str, recorded: RecordingLayout, folder: Path) -> Values:
-    """Return the values of dataset ``name`` that the recordings in ``folder`` and their URDF state,
-    by key of the template; ??? with a note where there is a choice.
-    """
-    takes, logs = recorded.takes, in_groups(recorded.movements)
+def entries(
+    name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
+) -> Entries:
+    """Return what recordings, URDF and the filled in ``values`` say, by key of dataset ``name``."""
+    takes, depth = recorded.takes("mocap"), recorded.takes("depth")
+    logs, force = logs_of(recorded.takes("joint_log")), recorded.single.get(Kind.FORCE, [])
     trajectories, calibrations, cameras = (
-        [path_text(one, folder) for one in recorded.single.get(kind, [])]
+        [shown(one.file, folder) for one in recorded.single.get(kind, [])]
         for kind in (Kind.TRAJECTORY, Kind.CALIBRATION, Kind.INTRINSICS)
     )
-    known: Values = {"name": text_of(name), "recordings": text_of(relpath(folder.resolve()))}
-    if trajectories or takes:
-        known["trajectory"] = _one_of(trajectories)
+    links = _links_of(recorded.shared("mocap", "markers"))
+    # rigid bodies follow the links where no markers are named by three links, and no depth camera
+    # looks at a planar arm
+    bodies = [] if depth or links else recorded.shared("mocap", "bodies")
+    robot = _robot(recorded.single.get(ROBOT, []), values, bool(depth or (takes and not bodies)))
     sections = {
-        "mocap": _mocap(recorded, takes) if takes else {},
-        "encoders": _encoders(recorded) if recorded.encoders else {},
-        "depth": _depth(recorded, cameras) if recorded.depth else {},
-        "force": _force(recorded.force, calibrations, folder) if recorded.force else {},
-        "joint_log": _joint_log(recorded.movements, logs) if logs else {},
+        "mocap": _mocap(recorded, links, bodies) if takes else {},
+        "encoders": _encoders(recorded) if recorded.groups["encoders"] else {},
+        "depth": _depth(recorded.groups["depth"], cameras) if depth else {},
+        "force": _force(force, calibrations, folder) if force else {},
+        "joint_log": _joint_log(recorded.groups["joint_log"], folder, robot) if logs else {},
     }
-    known |= {f"{part}.{key}": value for part, of in sections.items() for key, value in of.items()}
-    rates = [None if one.rate is None else float(f"{one.rate:.4g}") for one in (*takes, *logs)]
-    known["motion.rate"] = _agreed(rates)
-    known["motion.steps"] = _agreed(take.facts.get("steps") for take in takes)
-    if any(log.suggested.get("rest") == "0" for log in logs):
-        known["motion.pose_noise"] = OPEN
-    if recorded.encoders:
-        known["measurement"] = ""
-    planar = bool(takes and not recorded.bodies) or bool(recorded.depth)
-    return known | _robot(recorded.single.get(ROBOT, []), planar)
+    found = _questions([{"": one} for one in (*takes, *force, *depth)])
+    found |= _questions([group.named for group in recorded.groups["joint_log"]])
+    kept = {section for section, of in sections.items() if of} | {"motion"}
+    found = {key: entry for key, entry in found.items() if key.partition(".")[0] in kept}
+    found |= {
+        f"{section}.{key}": one for section, of in sections.items() for key, one in of.items()
+    }
+    found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(relpath(folder.resolve())))}
+    for file in sorted(folder.glob("*")):
+        if re.match("(?i)licen[cs]e|copying", file.name) and file.is_file():
+            lines = file.read_text(errors="replace").splitlines()[:20]
+            words = [" ".join(line.split()) for line in lines if line.strip()]
+            found["about.licence"] = _asked("", text_of(", ".join(words[:2])))
+    if trajectories or takes:
+        found["trajectory"] = _one_of(trajectories)
+    if recorded.groups["encoders"]:
+        found["measurement"] = Entry("")
+    unit = get_filled(values, "joint_log.time_unit")
+    steps = [one.facts["step_of_time"] for one in logs if "step_of_time" in one.facts]
+    rates = {f"{one.rate:.4g}" for one in (*takes, *logs) if one.rate}
+    rates |= {f"{1 / (step * TIME_UNITS[unit]):.4g}" for step in steps if unit}
+    stated = not any("time_unit" in one.suggested for one in logs)
+    found["motion.rate"] = Entry(rates.pop() if len(rates) == 1 else None, certain=stated)
+    found["motion.steps"] = _agreed(take.facts["steps"] for take in takes)
+    return found | robot
 
 
-def _mocap(recorded: RecordingLayout, takes: list[Finding]) -> Values:
-    values: Values = _parts(recorded.training, recorded.test, "null")
-    if any(take.units.get("length") == "not stated" for take in takes):
-        values["unit"] = OPEN
-    if recorded.bodies:
-        values["markers"] = dict.fromkeys(recorded.bodies, _asked("{a: [x, y, z], b: …, c: …}"))
-        mount = {"position": PLACE, "rpy": _asked("rad")}
-        values["bodies"] = {n: {"name": text_of(n), "mount": mount} for n in recorded.bodies}
-    elif links := links_of(recorded.markers):
-        values["markers"] = {link: dict.fromkeys(names, PLACE) for link, names in links.items()}
+def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
+    """Open questions of takes by key, with the suggested value: of all takes, or by their names."""
+    notes: dict[str, str] = {}
+    values: dict[str, dict[str, str]] = {}
+    for name, take in (each for named in groups for each in named.items()):
+        for question, option, value in (one for log in logs_of([take]) for one in log.open):
+            key = option.removeprefix("dataset.")
+            if key not in KEYS:
+                notes.setdefault(key, question)
+                named = values.setdefault(key, {})
+                if value is not None:
+                    named.setdefault(name, value)
+    found = {}
+    for key, named in values.items():
+        value = f"{{{', '.join(f'{text_of(name)}: {one}' for name, one in named.items())}}}"
+        if len({*named.values()}) < 2:
+            value = next(iter(named.values()), None)
+        elif key == "motion.pose_noise":
+            value = max(named.values(), key=float)
+        found[key] = _asked(notes[key], value)
+    return found
+
+
+def _links_of(names: list[str]) -> dict[str, list[str]]:
+    """Return link → markers by their names without the last part, if three times three."""
+    links: dict[str, list[str]] = {}
+    for name in names:
+        link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
+        links.setdefault(link, []).append(name)
+    return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else {}
+
+
+def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[str]) -> Entries:
+    found = _parts(recorded, "mocap", Entry("null"))
+    if bodies:
+        mount = {"position": PLACE, "rpy": f"{OPEN} # rad"}
+        found["markers"] = Entry(dict.fromkeys(bodies, f"{OPEN} # {{a: [x, y, z], b: …, c: …}}"))
+        found["bodies"] = Entry({n: {"name": text_of(n), "mount": mount} for n in bodies})
+    elif links:
+        found["markers"] = Entry({k: dict.fromkeys(names, PLACE) for k, names in links.items()})
     else:
-        names = _several(recorded.markers) or "none in all takes"
-        values["markers"] = _asked(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
-    return values
+        names = _several(recorded.shared("mocap", "markers")) or "none in all takes"
+        found["markers"] = _asked(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
+    return found
 
 
-def _parts(training: Sequence[Group], test: Sequence[Group], none: str) -> Values:
-    """Patterns of both parts, where one group is left to fit to; ``none`` without a test part."""
+def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
+    """Patterns of both parts, where one group is left to fit to: takes of a name that a depth
+    sequence has are the test part; ``none`` without one.
+    """
+    filmed = {name for group in recorded.groups["depth"] for name in group.named}
+    groups = recorded.groups[section]
+    test = [group.pattern for group in groups if filmed & {*group.named}]
+    training = [group.pattern for group in groups if group.pattern not in test]
     if len(training) == 1 and len(test) <= 1:
-        tested = text_of(test[0].pattern) if test else none
-        return {"training": text_of(training[0].pattern), "test": tested}
-    patterns = _several(group.pattern for group in (*training, *test))
-    return dict.fromkeys(("training", "test"), _asked(f"one of {patterns}"))
+        return {"training": _one_of(training), "test": _one_of(test) if test else none}
+    return dict.fromkeys(("training", "test"), _one_of(group.pattern for group in groups))
 
 
-def _encoders(recorded: RecordingLayout) -> Values:
-    takes = {name for group in recorded.training for name in group.named}
-    training = [group for group in recorded.encoders if takes & {*group.named}]
-    test = [group for group in recorded.encoders if group not in training]
-    finding = in_groups(recorded.encoders)[0]
-    labels = [str(label) for label in finding.facts.get("labels", [])]
+def _encoders(recorded: RecordingLayout) -> Entries:
+    found = _parts(recorded, "encoders", Entry())
+    first = recorded.takes("encoders")[0].facts
+    labels = [str(label) for label in first.get("labels", [])]
+    found["time"] = Entry(text_of(labels[0]) if labels and first.get("timed") else "0")
     measured = named_like("actual", labels)
-    return _parts(training, test, OPEN) | {
-        "time": text_of(labels[0]) if labels and finding.timed else "0",
-        "actual": f"[{_several(measured)}]" if measured else _asked(f"of {_several(labels)}"),
-    }
+    stated = Entry(f"[{_several(measured)}]") if measured else None
+    return found | {"actual": stated or _asked(f"of {_several(labels)}")}
 
 
-def _depth(recorded: RecordingLayout, calibrations: Sequence[str]) -> Values:
-    group = max(recorded.depth, key=lambda group: len(group.takes))
+def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
+    group = max(groups, key=lambda group: len(group.takes))
     takes, (place, first) = list(group.takes.values()), next(iter(group.takes.items()))
-    topics = first.facts.get("topics")
-    values = {"takes": _one_of(text_of(each.pattern) for each in recorded.depth)}
-    if topics is None:
+    found = {"takes": _one_of(each.pattern for each in groups)}
+    if first.kind == Kind.SEQUENCE:
         key = "index" if first.option == "index" else "frames"
-        values[key] = text_of(first.file.relative_to(place).as_posix())
-        clouds = first.facts.get("frames_are") == Kind.CLOUD
+        found[key] = _one_of([first.file.relative_to(place).as_posix()])
         if rates := sorted(take.rate for take in takes if take.rate):
-            values["rate"] = f"{rates[len(rates) // 2]:.4g} # as the indexes state"
-    else:
-        types = {name: topic["type"] for name, topic in topics.items() if topic["messages"]}
-        for key, kinds in (("topic", DEPTH_TYPES), ("camera_info", (CAMERA_INFO,))):
-            if names := [text_of(name) for name, kind in types.items() if kind in kinds]:
-                values[key] = _one_of(names)
-        clouds = IMAGE not in types.values()
-    if clouds:
-        values["encoding"] = "plain"
-    else:
-        if calibrations or topics is None:
-            values["intrinsics"] = _one_of(calibrations)
-        values |= {k: _agreed(one.facts.get(k) for one in takes) for k in ("width", "height")}
-    if span := first.facts.get("first_values"):
-        values["units_per_metre"] = _asked(f"the first frame holds {span[0]:g} to {span[1]:g}")
-    return values
+            found["rate"] = Entry(f"{rates[len(rates) // 2]:.4g}", "as the indexes state")
+    for key in {"topic", "camera_info"} & first.facts.keys():
+        found[key] = _one_of([first.facts[key]])
+    if first.facts.get("frames_are") == Kind.CLOUD:
+        return found | {"encoding": Entry("plain")}
+    if calibrations or first.kind == Kind.SEQUENCE:
+        found["intrinsics"] = _one_of(calibrations)
+    return found | {k: _agreed(one.facts.get(k) for one in takes) for k in ("width", "height")}
 
 
-def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -> Values:
-    """Configurations, and of the section log format, calibration and each open question."""
+def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -> Entries:
+    """Configurations, and format and calibration of the logs."""
     stems, configurations = Counter(finding.file.stem for finding in logs), {}
     for finding in logs:
         stem = finding.file.stem
-        configurations[stem if stems[stem] == 1 else f"{finding.file.parent.name}_{stem}"] = {
-            "file": path_text(finding, folder),
-            "direction": _asked("rad, [first cable, second, …]"),
-            "tension": _asked("N, [first cable, second, …]"),
-            "direction_bounds": TURN,
-        }
-    values: Values = {"configurations": configurations}
+        name = stem if stems[stem] == 1 else f"{finding.file.parent.name}_{stem}"
+        configurations[name] = {"file": text_of(shown(finding.file, folder))} | CABLE
+    found = {"configurations": Entry(configurations)}
     options = {finding.option for finding in logs}
-    if len(options) == 1 and (option := options.pop()):
-        values["log.format"] = option
-    if len(calibrations) == 1:
-        values["log.calibration"] = calibrations[0]
-    for question, option in (each for finding in logs for each in finding.open):
-        if option.startswith("dataset.force.log.") and not option.endswith(".format"):
-            values.setdefault(option.removeprefix("dataset.force."), _asked(question))
-    return values
+    for key, stated in (("log.format", options), ("log.calibration", {*calibrations})):
+        if len(stated) == 1 and (value := stated.pop()):
+            found[key] = Entry(text_of(value))
+    return found
 
 
-def _joint_log(movements: Sequence[Group], takes: Sequence[Finding]) -> Values:
+def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entries:
+    paths = [path for group in movements for path in group.takes]
+    takes = [take for group in movements for take in group.takes.values()]
+    pattern = shared_pattern(paths, folder)
+    patterns = [group.pattern for group in movements]
+    found = {"movements": _one_of(patterns, pattern and text_of(pattern))}
     first = takes[0]
-    values = {"movements": _one_of(text_of(group.pattern) for group in movements)}
     tables: Mapping[str, Finding] = first.facts.get("tables", {})
-    signals, joints = first.facts.get("signals", {}), first.facts.get("joints")
-    stated = {tuple(take.facts.get("joint_names", ())) for take in takes}
+    signals, count = first.facts.get("signals", {}), first.facts.get("joints")
     if tables:
-        choice = _one_of(map(text_of, sorted(tables)))
-        values |= {"actual": choice, "target": choice, "speed": "null"}
+        choice = _one_of(sorted(tables))
+        found |= {"actual": choice, "target": choice, "speed": Entry("null")}
         for name, table in tables.items():
             if "role" in table.facts:
-                values[table.facts["role"]] = f"{text_of(name)} # by its name"
+                found[table.facts["role"]] = Entry(text_of(name), "by its name")
         first = next(iter(tables.values()))
-        widths = {table.facts.get("columns") for table in tables.values()}
-        values["time"] = "0" if first.timed else OPEN
-        joints = widths.pop() - 1 if len(widths) == 1 and first.timed else None
+        found["time"] = Entry("0" if first.facts.get("timed") else None)
+        count = first.facts["columns"] - 1 if first.facts.get("timed") else None
     elif first.kind != Kind.JOINTS:
         if "signals" not in first.suggested:
             named = [f"{name}: [{_several(labels)}]" for name, labels in signals.items()]
-            values["signals"] = f"{{{', '.join(named)}}}"
-        joints = len(next(iter(signals.values())))
+            found["signals"] = Entry(f"{{{', '.join(named)}}}")
+        count = len(next(iter(signals.values())))
         none = _asked("null: the rows follow each other at motion.rate")
-        values["time"] = text_of(first.facts["time"]) if "time" in first.facts else none
-    values["joints"] = _asked(f"{joints} joints" if joints else "")
+        found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
+    stated = {tuple(take.facts.get("joint_names", ())) for take in takes}
     if len(stated) == 1 and (names := next(iter(stated))):
-        values["joints"] = f"[{_several(names)}] # as the logs name them"
-    if first.format != bag.FORMAT.name:
-        units = {spelled(unit) for unit in first.units.values()}
-        for key, known in (("time_unit", TimeUnit), ("angle_unit", AngleUnit)):
-            own = units & {*known}
-            values[key] = f"{own.pop()} # by the labels" if len(own) == 1 else OPEN
-    for question, option in (each for finding in logs_of(takes) for each in finding.open):
-        key = option.rpartition(".")[2]
-        if key not in ("rest", "angle_unit", "time_unit") and "; suggested is " in question:
-            values[key] = _asked(question.rpartition(";")[0])
-    return values
+        found["joints"] = Entry(f"[{_several(names)}]", "as the logs name them")
+    else:
+        arm = robot.get("robot.joints", Entry()).value
+        fits = arm is not None and count in (None, arm.count(",") + 1)
+        found["joints"] = _asked(f"{count} joints" if count else "", arm if fits else None)
+    asked = _questions([{"": log} for log in logs_of(takes)])
+    for key, known in UNITS.items() if first.format != bag.FORMAT.name else ():
+        own = {spelled(unit) for unit in first.units.values()} & {*known}
+        found[key] = asked.get(f"joint_log.{key}", Entry())
+        if len(own) == 1:
+            found[key] = Entry(own.pop(), "by the labels")
+    return found
 
 
-def _robot(robots: Sequence[Finding], planar: bool) -> Values:
-    """The URDF, its planar chain, or its arm in space."""
-    facts = robots[0].facts if len(robots) == 1 else {}
-    arms, chains, values = facts.get("arms", []), facts.get("chains", []), {}
-    if len(robots) == 1:
-        values["robot.urdf"] = text_of(shown(Path(relpath(robots[0].file.resolve()))))
+def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -> Entries:
+    """Planar chain or arm of the URDF in ``values``, else of the only one of ``robots``."""
+    found: Entries = {}
+    facts: Mapping[str, Any] = {}
+    if given := get_filled(values, "robot.urdf"):
+        facts = account_of(Path(given)).facts
+    elif len(robots) == 1:
+        facts = robots[0].facts
+        found["robot.urdf"] = Entry(text_of(shown(Path(relpath(robots[0].file.resolve())))))
+    arms, chains = facts.get("arms", []), facts.get("chains", [])
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
         if arms:
-            joints = f"[{_several(arms[0]['joints'])}] # all that move the last link"
-            tips = _one_of(text_of(arm["tip"]) for arm in arms)
-            values |= {"robot.joints": joints, "robot.tool": tips}
-            if len(arms[0]["joints"]) < SPACE:
-                values["robot.task"] = OPEN
-        return values
+            joints = arms[0]["joints"]
+            found["robot.joints"] = Entry(f"[{_several(joints)}]", "all that move the last link")
+            found["robot.tool"] = _one_of(arm["tip"] for arm in arms)
+            if len(joints) < SPACE:
+                found["robot.task"] = _asked("", "[x, y, z]" if len(joints) >= 3 else None)
+        return found
     others = facts.get("joints", {}).get("revolute", [])
-    joints = _asked(f"three parallel ones of {_several(others) or 'the URDF'}")
+    chain = _asked(f"three parallel ones of {_several(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
-        joints = f"[{_several(own)}] # the only three in a row that are parallel"
-        values["robot.tool"] = _one_of(map(text_of, chains[0]["tools"]))
+        chain = Entry(f"[{_several(own)}]", "the only three in a row that are parallel")
+        found["robot.tool"] = _one_of(chains[0]["tools"])
         others = [joint for joint in others if joint not in own]
-    locked = _asked(_several(others)) if others or not chains else "{}"
-    return values | {"robot.plane": "", "robot.joints": joints, "robot.locked": locked}
-
-
-def suggested_values(
-    recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
-) -> tuple[dict[str, str], dict[str, str]]:
-    """Return values by key that the recordings, the robot and the other ``values`` of the dataset
-    make likely, and remarks by key on what there is to choose from.
-    """
-    logs = in_groups(recorded.movements)
-    tables = [one for one in logs_of(logs) if one.kind == Kind.TABLE]
-    found: dict[str, str | None] = {}
-    for file in sorted(folder.iterdir(), reverse=True):
-        if file.is_file() and re.match("(?i)licen[cs]e|copying", file.name):
-            lines = [
-                " ".join(line.split()) for line in file.read_text(errors="replace").split("\n")
-            ]
-            if stated := [*filter(None, lines[:20])][:2]:
-                found["about.licence"] = text_of(", ".join(stated))
-    # movement → suggestions of the first of its logs that has some
-    named = {
-        name: next((one.suggested for one in logs_of([take]) if one.suggested), {})
-        for group in recorded.movements
-        for name, take in group.named.items()
-    }
-    for key in dict.fromkeys(key for own in named.values() for key in own):
-        each = {name: own[key] for name, own in named.items() if key in own}
-        differing = ", ".join(f"{text_of(name)}: {value}" for name, value in each.items())
-        alike = len({*each.values()}) == 1
-        found[f"joint_log.{key}"] = next(iter(each.values())) if alike else f"{{{differing}}}"
-    steps = {one.facts.get("step_of_time") for one in tables} - {None}
-    units = {time_unit(step) for step in steps}
-    if len(units) == 1:
-        found.setdefault("joint_log.time_unit", units.pop())
-    if greatest := max((one.facts.get("greatest", 0.0) for one in tables), default=0.0):
-        found.setdefault("joint_log.angle_unit", unit_of_angles(greatest))
-    unit = get_filled(values, "joint_log.time_unit")
-    rates = {one.rate for one in logs if one.rate}
-    rates |= {1 / (step * TIME_UNITS[unit]) for step in steps if unit}
-    meant = {f"{rate:.4g}" for rate in rates}
-    found["motion.rate"] = meant.pop() if len(meant) == 1 else None
-    noise = [log.facts["noise"] for log in logs if "noise" in log.facts]
-    found["motion.pose_noise"] = f"{max(noise):.1e}" if noise else None
-    if paths := [path for group in recorded.movements for path in group.takes]:
-        # one pattern of all groups of movements, if it matches nothing else of their sort
-        pattern = shared_pattern([path.relative_to(folder).as_posix() for path in paths])
-        matched = {path for path in folder.glob(pattern) if path.is_dir() == paths[0].is_dir()}
-        found["joint_log.movements"] = text_of(pattern) if matched == {*paths} else None
-    urdf, remarks = get_filled(values, "robot.urdf"), {}
-    arms = _arms(Path(urdf)) if urdf and not get_filled(values, "robot.plane") else []
-    if len({tuple(arm["joints"]) for arm in arms}) == 1:
-        joints, tips = arms[0]["joints"], [text_of(arm["tip"]) for arm in arms]
-        found["robot.joints"] = f"[{_several(joints)}]"
-        found["robot.task"] = "[x, y, z]" if 3 <= len(joints) < SPACE else None
-        logged = {one.facts["joints"] for one in logs if "joints" in one.facts}
-        signals = [one.facts.get("signals") for one in tables]
-        logged |= {len(held) for each in signals if each for held in each.values()}
-        logged |= {one.facts["columns"] - 1 for one in tables if "signals" not in one.facts}
-        if logged <= {len(joints)}:
-            found["joint_log.joints"] = found["robot.joints"]
-        if len(tips) == 1:
-            found["robot.tool"] = tips[0]
-        else:
-            remarks["robot.tool"] = f"one of {', '.join(tips)}"
-    suggested = {key: value for key, value in found.items() if value and key not in KEYS}
-    return suggested, remarks | {key: f"suggested is {v}" for key, v in suggested.items()}
-
-
-@cache
-def _arms(urdf: Path) -> list[dict[str, Any]]:
-    return described(urdf).facts.get("arms", [])
+    locked = _asked(_several(others)) if others or not chains else Entry("{}")
+    return found | {"robot.plane": Entry(""), "robot.joints": chain, "robot.locked": locked}
