@@ -56,7 +56,7 @@ def planar_jacobian(
 @inlined
 def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
     """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block, for the task step
-    (``vx``, ``vz``, ``phi``): the first two joints give the wrist O3 its velocity v − φ·k×(EE − O3),
+    (``vx``, ``vz``, ``phi``): the first two joints give the wrist O3 its velocity v − φk×(EE − O3),
     the third takes up the rest of φ.
     """
     first = PLANAR.jacobian * WIDTH
