@@ -39,28 +39,26 @@ def run() -> None:
     trials = partial(run_trials, compute=settings.compute)
     each = partial(trials, label="wrench: study")
     sigma, errors, spread = run_study(study_bounds(options), *sizes, stream, each)
+    tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
     metrics = _study_metrics(errors, spread)
+    if force is None:
+        print("wrench: the dataset has no force transducer; the study alone is done")
+    else:
+        measured = partial(_configuration, force=force, options=options, seed=settings.seed)
+        names, done = list(enumerate(force.configurations)), {}
+        for own in trials(measured, names, label="wrench: configurations"):
+            for name, table in own.items():
+                done.setdefault(name, []).append(table)
+        metrics |= _configuration_metrics({name: _joined(each) for name, each in done.items()})
+        tables = {name: tables.get(name, []) + done.get(name, []) for name in {**tables, **done}}
     with contracts.replacing(OUT) as folder:
-        contracts.write(errors, "wrench_errors", folder)
-        contracts.write(spread, "wrench_spread", folder)
-        if force is None:
-            print("wrench: the dataset has no force transducer; the study alone is done")
-        else:
-            configuration = partial(
-                _configuration, force=force, options=options, seed=settings.seed
-            )
-            names = list(enumerate(force.configurations))
-            done = list(trials(configuration, names, label="wrench: configurations"))
-            tables = {
-                name: pd.concat([own[name] for own in done if name in own], ignore_index=True)
-                for name in dict.fromkeys(name for own in done for name in own)
-            }
-            metrics |= _configuration_metrics(tables)
-            sigma = pd.concat([sigma, tables.pop("sigma_s")], ignore_index=True)
-            for name, table in tables.items():
-                contracts.write(table, name, folder)
-        contracts.write(sigma, "sigma_s", folder)
+        for name, parts in tables.items():
+            contracts.write(_joined(parts), name, folder)
         contracts.write_metrics(metrics, folder / "wrench.json")
+
+
+def _joined(tables: list[pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat(tables, ignore_index=True)
 
 
 def _study_metrics(errors: pd.DataFrame, spread: pd.DataFrame) -> dict[str, float]:
@@ -136,9 +134,7 @@ def _configuration(
         "force_test": pd.DataFrame(tests),
     }
     if len(rows) == 2:
-        density = measuring.force_density(name, wrenches, options.grid)
-        return tables | {"force_density": density}
-    return tables | {
-        "wrench_planes": measuring.wrench_planes(name, wrenches, rows, options.grid),
-        "wrench_marginals": measuring.wrench_marginals(name, wrenches, rows, options.grid),
-    }
+        return tables | {"force_density": measuring.force_density(name, wrenches, options.grid)}
+    shown = (name, wrenches, rows, options.grid)
+    tables["wrench_planes"] = measuring.wrench_planes(*shown)
+    return tables | {"wrench_marginals": measuring.wrench_marginals(*shown)}

@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import time
-import tracemalloc
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
@@ -60,7 +59,7 @@ def filtered(number: int) -> bytes:
 
 
 def layout(array: np.ndarray, kept: list[int]) -> tuple[int, str, np.ndarray]:
-    """Take from what the trials share; tell how ``array`` is laid out, and return a part of it."""
+    """Take from what the trials share; the layout of ``array``, and a part of it."""
     return kept.pop(), str(array.flags), array[:, :-1]
 
 
@@ -151,24 +150,6 @@ def test_a_worker_process_that_is_killed_is_named_as_the_reason(at_once):
         results(give_up, range(6), TWO, "filter: takes")
 
 
-def test_memory_does_not_grow_with_the_number_of_trials(monkeypatch):
-    monkeypatch.setattr(module, "WINDOW", 4)
-
-    def peak(number: int, keep: bool = False) -> int:
-        """Bytes that are held at once while results are taken, and dropped or kept."""
-        arrays = (np.full(50_000, n) for n in range(number))
-        taken = run_trials(np.negative, arrays, compute=SERIAL, label="trials")
-        tracemalloc.start()
-        kept = [result if keep else None for result in taken]
-        most = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        assert len(kept) == number
-        return most
-
-    few = peak(20)
-    assert peak(100) < 1.3 * few and peak(100, keep=True) > 3 * few
-
-
 # a Dask cluster
 
 
@@ -198,15 +179,6 @@ def scheduler(folder: Path) -> Iterator[tuple[subprocess.Popen, str]]:
             assert started.poll() is None and time.monotonic() < end, "no scheduler starts"
             time.sleep(0.05)
         yield started, json.loads(file.read_text())["address"]
-
-
-def documented_workers(address: str):
-    """Two as pipeline/conf/compute/dask.yaml says, of a person who has set none of our environment
-    variables.
-    """
-    options = "--nthreads 1 --nworkers 2 --preload pipeline.core.environment"
-    path = {"PATH": os.environ["PATH"], "PYTHONPATH": "."}
-    return process("worker", address, *options.split(), **path)
 
 
 def on(address: str, timeout: float = WAIT) -> Compute:
@@ -244,7 +216,10 @@ def test_trials_go_out_in_blocks_that_the_dashboard_shows_by_name(monkeypatch, t
 
 @pytest.mark.slow
 def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_time_alone(tmp_path):
-    with scheduler(tmp_path) as (_, address), documented_workers(address):
+    # as pipeline/conf/compute/dask.yaml says, of a person who has set none of our variables
+    words = "--nthreads 1 --nworkers 2 --preload pipeline.core.environment".split()
+    path = {"PATH": os.environ["PATH"], "PYTHONPATH": "."}
+    with scheduler(tmp_path) as (_, address), process("worker", address, *words, **path):
         compute = on(address)
         assert results(filtered, range(6), compute) == results(filtered, range(6), SERIAL)
         # what Dask sends without pickle may be read-only or lie in another order
@@ -268,9 +243,8 @@ def test_a_cluster_gives_the_bytes_of_this_process_and_a_killed_worker_costs_tim
 def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
     with ExitStack() as stack:
         started, address = stack.enter_context(scheduler(tmp_path))
-        variables = os.environ | {"PYTHONPATH": "."}
         words = "worker", address, "--nthreads", "1", "--no-nanny"
-        stack.enter_context(process(*words, **variables))
+        stack.enter_context(process(*words, **os.environ | {"PYTHONPATH": "."}))
         with Client(address, timeout=WAIT, set_as_default=False) as client:
             client.wait_for_workers(1, timeout=WAIT)
         taken = run_trials(pause, [0.05] * 400, compute=on(address, 5.0), label="trials")
@@ -284,10 +258,10 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
         assert time.monotonic() - before < 18
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere"])
-def test_what_is_no_address_of_a_scheduler_is_refused(address):
-    with pytest.raises(ComputeError, match="no Dask scheduler answers"):
-        results(operator.neg, [1], on(address, 1.0))
+def test_what_is_no_address_of_a_scheduler_is_refused():
+    for address in ("tcp://127.0.0.1:9", "nowhere"):
+        with pytest.raises(ComputeError, match="no Dask scheduler answers"):
+            results(operator.neg, [1], on(address, 1.0))
 
 
 @pytest.mark.slow
