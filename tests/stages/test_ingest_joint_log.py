@@ -126,29 +126,21 @@ SIGNALS = {signal: [f"{label}_{j}" for j in range(1, 7)] for signal, label in LA
 ANGLES = {signal: SIGNALS[signal] for signal in ("actual", "target")}
 
 
-def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
+@pytest.mark.parametrize("speed", [True, False])
+def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path, speed):
+    """Without a speed the steps of the commanded angles are it."""
     write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
     names, q = read(tmp_path / "logs")
-    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=True)
-    result = read(tmp_path / "tables", **TABLES, signals=SIGNALS)
-    assert result[0] == names
-    np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9)
-    assert quality("speed_from_angles", "move") == 0
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=speed)
+    signals = {"signals": SIGNALS} if speed else {"signals": ANGLES, "rest_speed": 1e-3}
+    result = read(tmp_path / "tables", **TABLES, **signals)
+    assert result[0] == names and quality("speed_from_angles", "move") == (not speed)
+    np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9 if speed else 1e-4)
     # tables are held against the command as files are
     with pytest.raises(RecordingError, match="are no pair"):
-        read(tmp_path / "tables", **TABLES, signals=SIGNALS, target_factor=0.5)
+        read(tmp_path / "tables", **TABLES, **signals, target_factor=0.5)
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
-
-
-def test_without_a_speed_the_steps_of_the_commanded_angles_are_it(read, tmp_path):
-    write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
-    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=False)
-    names, q = read(tmp_path / "tables", **TABLES, signals=ANGLES, rest_speed=1e-3)
-    assert names == ["move_1_1", "move_1_2", "move_1_3"] and q.shape == (3, 141, 3)
-    assert quality("speed_from_angles", "move") == 1
-    ends = np.array([[HOME, AWAY]])[:, :, 1:4].repeat(3, axis=0)
-    np.testing.assert_allclose(q[:, [0, -1]], ends, atol=1e-4)
 
 
 def push(folder: Path, way: int, size: float) -> None:

@@ -100,7 +100,8 @@ def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float
         if len(still) > len(chain.task):  # rows of a pose in space
             # φ is a turn about y
             named = table.rename(columns={PLANE[2]: "ry"}).reindex(columns=SPACE, fill_value=0.0)
-            rotation = Rotation.from_rotvec(named[[*SPACE[3:]]].to_numpy()).as_matrix()
+            turn = named[[*SPACE[3:]]].to_numpy(copy=True)
+            rotation = Rotation.from_rotvec(turn).as_matrix()
             if PLANE[2] in chain.task:
                 rotation = rotation @ still[3:].reshape(3, 3)
             poses = np.hstack([named[[*SPACE[:3]]].to_numpy(), rotation.reshape(-1, 9)])
