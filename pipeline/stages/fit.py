@@ -1,5 +1,5 @@
 """fit@model: parameters of one motion model from the process noise of the training takes, and
-realisations of it along the commanded motion.
+moments of its realisations along the commanded motion.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread
@@ -176,7 +175,7 @@ def _likelihood(recorded: Recorded, estimate: Estimate | None) -> Metrics:
 def _realise(
     model: str, fitted: MotionModel, recorded: Recorded, settings, folder: Path
 ) -> Metrics:
-    """Write realisations from the training takes' poses in turn, and their moments."""
+    """Write the moments of realisations from the training takes' poses in turn."""
     options, joints = settings.simulation, contracts.read("joints", TRACK)
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
@@ -190,10 +189,6 @@ def _realise(
         raise ModelDomainError(error.message, **{"model": model} | error.evidence) from None
     if refused:
         print(f"fit: the spread of {model} is a gap, as a sample's would mean nothing: {refused}")
-    numbers = np.repeat(np.arange(len(simulated)), len(grid))
-    rows = pd.concat([grid] * len(simulated), ignore_index=True)
-    rows = rows.assign(realization=numbers, **spread("q", recorded.joints, simulated))
-    contracts.write(rows.dropna(), "realizations", folder)
     moments = spread("m", recorded.joints, mean) | spread("s", recorded.joints, deviation)
     contracts.write(grid.assign(**moments), "moments", folder)
     return {
