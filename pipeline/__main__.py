@@ -67,14 +67,11 @@ def main() -> int:
             gc.enable()
             run()
             code = 0
-        except SystemExit as stopped:
-            code = stopped.code or 0
-            if isinstance(code, str):
-                print(code, file=sys.stderr)
-                code = 1
+        except SystemExit as stopped:  # of argparse, which has printed why
+            code = int(stopped.code or 0)
         if sys.stdout is not None:
             sys.stdout.flush()
-        return int(code)
+        return code
     except KeyboardInterrupt:
         print(f"error: {name}: interrupted", file=sys.stderr)
         return 130
@@ -137,7 +134,7 @@ def _discard_output() -> None:
 
 
 def _chosen(name: str, words: list[str]) -> Callable[[], object]:
-    """Return the call that runs ``name`` with ``words``; SystemExit for no such name."""
+    """Return the call that runs ``name`` with ``words``; PipelineError for no such name."""
     stages = sorted(file.stem for file in HERE.glob("stages/[a-z]*.py"))
     studies, tools = (
         sorted(file.parent.name for file in HERE.glob(pattern))
@@ -151,7 +148,8 @@ def _chosen(name: str, words: list[str]) -> Callable[[], object]:
         usage = USAGE.format(**{part: " ".join(names) for part, names in parts.items()})
         if name in ("-h", "--help"):
             return partial(print, usage)
-        raise SystemExit(f"{usage}\n\nerror: there is no {name!r}")
+        print(usage, file=sys.stderr)
+        raise PipelineError("there is no such stage, study or tool")
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
     if {"-h", "--help"} & set(words):
         source = HERE / f"{place.replace('.', '/')}.py"
@@ -160,7 +158,7 @@ def _chosen(name: str, words: list[str]) -> Callable[[], object]:
     run = import_module(f"pipeline.{place}").run
     if len(items := signature(run).parameters) != len(words):
         takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
-        raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
+        raise PipelineError(f"{takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
 
 

@@ -28,15 +28,15 @@ def run(monkeypatch, *words: str) -> int:
 def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, capsys):
     assert run(monkeypatch, "nonsense") == 1
     message = capsys.readouterr().err
-    assert message.endswith("error: there is no 'nonsense'\n")
+    assert message.endswith("error: nonsense: there is no such stage, study or tool\n")
     listed = {kind: line.split()[1:] for line in message.splitlines() for kind in line.split()[:1]}
     assert listed["stages"] == STAGES and {"track", "report"} < set(STAGES)
     assert listed["studies"] == STUDIES
     assert listed["tools"] == [tool.replace("_", "-") for tool in TOOLS]
     for words, message in (
-        (["fit"], "error: fit takes one item (model), got none\n"),
-        (["track", "wishart"], "error: track takes no item, got wishart\n"),
-        (["fit", "a", "b"], "error: fit takes one item (model), got a b\n"),
+        (["fit"], "error: fit: takes one item (model), got none\n"),
+        (["track", "wishart"], "error: track: takes no item, got wishart\n"),
+        (["fit", "a", "b"], "error: fit: takes one item (model), got a b\n"),
     ):
         assert run(monkeypatch, *words) == 1
         assert capsys.readouterr().err == message

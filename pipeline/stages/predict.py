@@ -4,7 +4,6 @@ models on motions that they were not fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -31,6 +30,7 @@ TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 BESIDE = ("scaled", "scaled_full")
 CONTROL = "wishart_qr_transposed"
 MATRIX_KINDS = ("gaussian", "wishart")
+Models = dict[str, Options]  # options by name, of the run and beside it
 
 
 def run() -> None:
@@ -41,15 +41,20 @@ def run() -> None:
             print("predict: the dataset has no robot; there is no pose to predict")
             return
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+        beside = list(BESIDE)
+        if any(own.kind == "wishart" for own in settings.models.values()):
+            beside.append(CONTROL)
+        beside = config.model_options([name for name in beside if name not in settings.models])
+        options = {**settings.models, **beside}
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
-        tables = {"ranges": ranges} | _other_motions(settings, recorded)
-        for name, table in (tables | _predictions(settings, recorded)).items():
+        tables = {"ranges": ranges} | _other_motions(settings, recorded, options)
+        for name, table in (tables | _predictions(settings, recorded, options)).items():
             contracts.write(table, name, folder)
 
 
-def _other_motions(settings, recorded: Recorded) -> dict[str, pd.DataFrame]:
+def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
     """Tables of ``other_motions`` over all motions of the dataset's logs."""
-    dataset, models = settings.dataset, with_control(settings.models).items()
+    dataset = settings.dataset
     motions = logged_motions(dataset) if dataset.joint_log else []
     try:
         return other_motions(
@@ -58,28 +63,22 @@ def _other_motions(settings, recorded: Recorded) -> dict[str, pd.DataFrame]:
             dataset.motion.rate,
             pose_noise=dataset.motion.pose_noise,
             chain=recorded.chain,
-            matrix={name: own for name, own in models if own.kind in MATRIX_KINDS},
+            matrix={name: own for name, own in options.items() if own.kind in MATRIX_KINDS},
         ).tables
     except ModelDomainError as error:
         print(f"predict: no plain model: {error}")
         return {}
 
 
-def with_control(models: Mapping[str, Options]) -> dict[str, Options]:
-    """``models`` and, beside a Wishart model, the control that depends on no unit."""
-    wishart = any(options.kind == "wishart" for options in models.values())
-    beside = [CONTROL] if wishart and CONTROL not in models else []
-    return {**models, **config.model_options(beside)}
-
-
-def _predictions(settings, recorded: Recorded) -> dict[str, pd.DataFrame]:
+def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
     """Scores by group of steps, and the differences of the log scores with their intervals."""
     try:
         pose = recorded.measurement / 2
     except ModelDomainError as error:
         print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
         return {}
-    scored, tables = _scored(settings, recorded, pose), {"predictions": {}, "prediction_pairs": {}}
+    scored = _scored(settings, recorded, options, pose)
+    tables = {"predictions": {}, "prediction_pairs": {}}
     for steps, inside in groups_by_speed(recorded, settings.dataset.motion.rate).items():
         scores = {}
         for model, own in scored.items():
@@ -93,7 +92,7 @@ def _predictions(settings, recorded: Recorded) -> dict[str, pd.DataFrame]:
     }
 
 
-def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
+def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
     """Scores (takes, M) of every baseline and model by name: of the test takes, or, where there
     are none, of each training take by its fit to the others. ``pose`` (n, n) rad² is the noise of a
     measured pose.
@@ -101,8 +100,6 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     joints, chosen = contracts.read("joints", TRACK), settings.models
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
-    beside = config.model_options([name for name in BESIDE if name not in chosen])
-    options = with_control({**chosen, **beside})
     training, fitted = measured_poses(recorded), fitted_models(chosen, FIT, "predict")
     models = {}
     if test.empty:

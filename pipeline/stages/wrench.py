@@ -33,6 +33,15 @@ def run() -> None:
     each = partial(trials, label="wrench: study")
     sigma, errors, spread = run_study(study_bounds(options), *sizes, stream, each)
     tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
+    metrics = {}  # of the study, by the number m of cables
+    for m, rows in errors.groupby("agents"):
+        metrics[f"study_m{m}_mean_error"] = rows["error"].mean()
+        metrics[f"study_m{m}_greatest_error"] = rows["error"].max()
+        for form in FORMS:
+            mean = rows[f"covariance_error_{form}"].mean()
+            metrics[f"study_m{m}_mean_covariance_error_{form}"] = mean
+    for m, median in spread.groupby("agents")["maximum"].median().items():
+        metrics[f"study_m{m}_greatest_error_median_over_repeats"] = median
     if force is None:
         print("wrench: the dataset has no force transducer; the study alone is done")
     else:
@@ -44,21 +53,7 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         for name, parts in tables.items():
             contracts.write(pd.concat(parts, ignore_index=True), name, folder)
-        contracts.write_metrics(_study_metrics(errors, spread), folder / "wrench.json")
-
-
-def _study_metrics(errors: pd.DataFrame, spread: pd.DataFrame) -> dict[str, float]:
-    """Errors of the study by number of cables."""
-    metrics = {}
-    for m, rows in errors.groupby("agents"):
-        metrics[f"study_m{m}_mean_error"] = rows["error"].mean()
-        metrics[f"study_m{m}_greatest_error"] = rows["error"].max()
-        for form in FORMS:
-            mean = rows[f"covariance_error_{form}"].mean()
-            metrics[f"study_m{m}_mean_covariance_error_{form}"] = mean
-    medians = spread.groupby("agents")["maximum"].median()
-    name = "study_m{}_greatest_error_median_over_repeats"
-    return metrics | {name.format(m): median for m, median in medians.items()}
+        contracts.write_metrics(metrics, folder / "wrench.json")
 
 
 def _configuration(
