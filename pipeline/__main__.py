@@ -15,6 +15,7 @@ import os
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from inspect import signature
@@ -38,16 +39,16 @@ NO_ENVIRONMENT = (
     "enters it"
 )
 TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an unknown error
+OUT_OF_MEMORY = "free some memory and run the command again"
+PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
 # error number of the system → what to do
 REMEDIES = {
     errno.ENOSPC: "free some space and run the command again",
-    errno.EDQUOT: "free some of your quota and run the command again",
     errno.EROFS: "the file system is read-only: run the command in a copy that can be written",
-    errno.EACCES: "change the permissions of the file or of its folder (ls -ld shows them)",
-    errno.EPERM: "change the permissions of the file or of its folder (ls -ld shows them)",
+    errno.EACCES: PERMISSIONS,
+    errno.EPERM: PERMISSIONS,
     errno.ENOENT: "run the stage or the tool that writes it, from the project's root",
-    errno.EMFILE: "raise the number of open files (ulimit -n)",
-    errno.ENOMEM: "free some memory and run the command again",
+    errno.ENOMEM: OUT_OF_MEMORY,
 }
 
 
@@ -66,26 +67,21 @@ def main() -> int:
             gc.enable()
             run()
             code = 0
-        except SystemExit as stopped:
-            code = stopped.code or 0
-            if isinstance(code, str):
-                print(code, file=sys.stderr)
-                code = 1
+        except SystemExit as stopped:  # of argparse, which has printed why
+            code = int(stopped.code or 0)
         if sys.stdout is not None:
             sys.stdout.flush()
-        return int(code)
-    except BrokenPipeError:
-        _discard_output()  # the reader of the output has stopped reading
-        return 1
+        return code
     except KeyboardInterrupt:
         print(f"error: {name}: interrupted", file=sys.stderr)
         return 130
     except Exception as error:
         if isinstance(error, OSError):
             _discard_output()
-        if os.environ.get(TRACE):
-            traceback.print_exception(error)
-        print(f"error: {name}: {error_summary(error)}{_restoring()}", file=sys.stderr)
+        if not isinstance(error, BrokenPipeError):  # the reader of the output has stopped reading
+            if os.environ.get(TRACE):
+                traceback.print_exception(error)
+            print(f"error: {name}: {error_summary(error)}{_restoring()}", file=sys.stderr)
         return 1
 
 
@@ -101,7 +97,7 @@ def error_summary(error: Exception) -> str:
         remedy = REMEDIES.get(error.errno, "check the file and run the command again")
         return f"{place}: {os.strerror(error.errno)}; {remedy}"
     if isinstance(error, MemoryError):
-        return f"out of memory; {REMEDIES[errno.ENOMEM]}"
+        return f"out of memory; {OUT_OF_MEMORY}"
     # a fault of the program, or input that none of its checks knows
     place = traceback.extract_tb(error.__traceback__)
     inside = [frame for frame in place if HERE in Path(frame.filename).parents]
@@ -133,37 +129,36 @@ def _restoring() -> str:
 
 def _discard_output() -> None:
     """Send what is left of the output nowhere: Python would fail on it again at the end."""
-    if sys.stdout is not None:
-        try:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        except (OSError, ValueError):  # an output without a file descriptor
-            return
+    with suppress(OSError, ValueError, AttributeError):  # an output without a file descriptor
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _chosen(name: str, words: list[str]) -> Callable[[], None]:
-    """Return the call that runs ``name`` with ``words``; SystemExit for no such name."""
-    folder = name.replace("-", "_")
-    if folder in (tools := _named("tools/*/command.py")):
+def _chosen(name: str, words: list[str]) -> Callable[[], object]:
+    """Return the call that runs ``name`` with ``words``; PipelineError for no such name."""
+    stages = sorted(file.stem for file in HERE.glob("stages/[a-z]*.py"))
+    studies, tools = (
+        sorted(file.parent.name for file in HERE.glob(pattern))
+        for pattern in ("studies/*/stage.py", "tools/*/command.py")
+    )
+    if (folder := name.replace("-", "_")) in tools:
         return tool_call(folder, words)
-    stages, studies = _named("stages/[a-z]*.py"), _named("studies/*/stage.py")
     if name not in stages + studies:
-        usage = USAGE.format(
-            stages=" ".join(stages),
-            studies=" ".join(studies),
-            tools=" ".join(tool.replace("_", "-") for tool in tools),
-        )
+        named = [tool.replace("_", "-") for tool in tools]
+        parts = {"stages": stages, "studies": studies, "tools": named}
+        usage = USAGE.format(**{part: " ".join(names) for part, names in parts.items()})
         if name in ("-h", "--help"):
-            print(usage)
-            raise SystemExit(0)
-        raise SystemExit(f"{usage}\n\nerror: there is no {name!r}")
+            return partial(print, usage)
+        print(usage, file=sys.stderr)
+        raise PipelineError("there is no such stage, study or tool")
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
     if {"-h", "--help"} & set(words):
-        print(purpose(HERE / f"{place.replace('.', '/')}.py"))
-        raise SystemExit(0)
+        source = HERE / f"{place.replace('.', '/')}.py"
+        text = ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or ""
+        return partial(print, " ".join(text.partition("\n\n")[0].split()))
     run = import_module(f"pipeline.{place}").run
     if len(items := signature(run).parameters) != len(words):
         takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
-        raise SystemExit(f"error: {name} {takes}, got {' '.join(words) or 'none'}")
+        raise PipelineError(f"{takes}, got {' '.join(words) or 'none'}")
     return partial(run, *words)
 
 
@@ -178,17 +173,6 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
     for name, options in tool.ARGUMENTS.items():
         parser.add_argument(name, **options)
     return partial(tool.run, **vars(parser.parse_args(words)))
-
-
-def purpose(program: Path) -> str:
-    """Return the first paragraph of the docstring of ``program`` on one line."""
-    text = ast.get_docstring(ast.parse(program.read_text(encoding="utf-8"))) or ""
-    return " ".join(text.partition("\n\n")[0].split())
-
-
-def _named(pattern: str) -> list[str]:
-    files = sorted(HERE.glob(pattern))
-    return [file.stem if file.parent.name == "stages" else file.parent.name for file in files]
 
 
 if __name__ == "__main__":

@@ -25,14 +25,21 @@ def run(monkeypatch, *words: str) -> int:
     return command.main()
 
 
-def test_an_unknown_name_is_answered_with_those_there_are(monkeypatch, capsys):
+def test_an_unknown_name_and_the_wrong_number_of_items_are_refused(monkeypatch, capsys):
     assert run(monkeypatch, "nonsense") == 1
     message = capsys.readouterr().err
-    assert message.endswith("error: there is no 'nonsense'\n")
+    assert message.endswith("error: nonsense: there is no such stage, study or tool\n")
     listed = {kind: line.split()[1:] for line in message.splitlines() for kind in line.split()[:1]}
     assert listed["stages"] == STAGES and {"track", "report"} < set(STAGES)
     assert listed["studies"] == STUDIES
     assert listed["tools"] == [tool.replace("_", "-") for tool in TOOLS]
+    for words, message in (
+        (["fit"], "error: fit: takes one item (model), got none\n"),
+        (["track", "wishart"], "error: track: takes no item, got wishart\n"),
+        (["fit", "a", "b"], "error: fit: takes one item (model), got a b\n"),
+    ):
+        assert run(monkeypatch, *words) == 1
+        assert capsys.readouterr().err == message
 
 
 def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, capsys):
@@ -46,22 +53,6 @@ def test_help_lists_the_names_and_names_each_stage_study_and_tool(monkeypatch, c
     for tool in (name.replace("_", "-") for name in TOOLS):
         assert run(monkeypatch, tool, "--help") == 0
         assert capsys.readouterr().out.startswith(f"usage: python -m pipeline {tool}")
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["fit"], "error: fit takes one item (model), got none\n"),
-        (["track", "wishart"], "error: track takes no item, got wishart\n"),
-        (
-            ["fit", "wishart", "gaussian"],
-            "error: fit takes one item (model), got wishart gaussian\n",
-        ),
-    ],
-)
-def test_the_wrong_number_of_items_is_refused(monkeypatch, capsys, words, message):
-    assert run(monkeypatch, *words) == 1
-    assert capsys.readouterr().err == message
 
 
 FULL, READ_ONLY = OSError(errno.ENOSPC, "", "a.parquet"), OSError(errno.EROFS, "", "a", None, "b")
@@ -94,19 +85,22 @@ def test_every_error_is_one_line_that_names_the_stage(monkeypatch, capsys, fault
     assert ("in run" in capsys.readouterr().err) == (code == 1)
 
 
+def called(words: str, shell: bool = False, **environment: str) -> subprocess.CompletedProcess:
+    """Call of Python in the project's root."""
+    line = f"{shlex.quote(sys.executable)} {words}"
+    command = ["sh", "-c", line] if shell else shlex.split(line)
+    return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+
+
 def test_without_the_environment_one_line_names_the_command_that_makes_it():
-    def bare(*words: str) -> subprocess.CompletedProcess:
-        python = [sys.executable, "-S", "-E", "-m", "pipeline", *words]
-        path = {"PATH": os.environ["PATH"]}
-        return subprocess.run(
-            python, cwd=ROOT, env=path, capture_output=True, text=True, check=False
-        )
+    def bare(words: str) -> subprocess.CompletedProcess:
+        return called(f"-S -E -m pipeline {words}", PATH=os.environ["PATH"])
 
     done = bare("track")
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: track: no module ") and done.returncode == 1
     assert "`make env`" in line and ".venv/bin/activate" in line
-    assert bare("--help").returncode == bare("fit", "--help").returncode == 0
+    assert bare("--help").returncode == bare("fit --help").returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -122,22 +116,14 @@ def test_output_that_cannot_be_written_ends_without_a_traceback(
     output, code, message, words, unbuffered
 ):
     environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
-    shell = f"{shlex.quote(sys.executable)} -m pipeline {words} {output}"
-    done = subprocess.run(
-        ["sh", "-c", shell], cwd=ROOT, env=environment, capture_output=True, text=True
-    )
+    done = called(f"-m pipeline {words} {output}", shell=True, **environment)
     assert done.returncode == code
     assert message in done.stderr and len(done.stderr.splitlines()) == bool(message)
 
 
 def test_characters_that_the_locale_lacks_are_replaced(tmp_path):
     (tmp_path / "Prüfstand … 1.csv").write_text("t,a,b\n0,1,2\n1,2,3\n")
-    done = subprocess.run(
-        [sys.executable, "-m", "pipeline", "inspect", str(tmp_path)],
-        cwd=ROOT,
-        env=os.environ | {"PYTHONIOENCODING": "ascii"},
-        capture_output=True,
-        check=False,
-    )
-    assert done.returncode == 0 and done.stderr == b""
-    assert b"Pr?fstand ? 1.csv" in done.stdout
+    ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = called(f"-m pipeline inspect {shlex.quote(str(tmp_path))}", **ascii_only)
+    assert done.returncode == 0 and done.stderr == ""
+    assert "Pr?fstand ? 1.csv" in done.stdout

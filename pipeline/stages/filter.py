@@ -34,9 +34,13 @@ def run(model: str) -> None:
         if not takes:
             print("filter: the dataset has no measurements of its test takes; nothing to filter")
             return contracts.write_metrics(metrics, folder / "filter.json")
-        recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+        recorded, loops = training_steps(settings.dataset.robot, settings.dataset.motion), {}
         first = recorded.q[:, 0]
-        for loop, law in _loops(model, recorded).items():
+        if fitted := fitted_models([model], FIT, "filter"):
+            loops[""] = (fitted[model], open_loop(recorded.v))
+        if (closed := fitted_closed_loop(FIT / model)) is not None:
+            loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))
+        for loop, law in loops.items():
             label = " ".join(filter(None, ("filter", model, loop)))
             trial = partial(
                 filter_take,
@@ -62,16 +66,6 @@ def run(model: str) -> None:
             }
             metrics |= {f"{'closed_loop_' * bool(loop)}{name}": n for name, n in own.items()}
         contracts.write_metrics(metrics, folder / "filter.json")
-
-
-def _loops(model: str, recorded: Recorded) -> dict[str, tuple[MotionModel, Commands]]:
-    """The model and its commands in an open and a closed loop, of those that it is fitted in."""
-    loops = {}
-    if fitted := fitted_models([model], FIT, "filter"):
-        loops[""] = (fitted[model], open_loop(recorded.v))
-    if (closed := fitted_closed_loop(FIT / model)) is not None:
-        loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))
-    return loops
 
 
 def filter_take(

@@ -4,7 +4,6 @@ models on motions that they were not fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -31,6 +30,7 @@ TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 BESIDE = ("scaled", "scaled_full")
 CONTROL = "wishart_qr_transposed"
 MATRIX_KINDS = ("gaussian", "wishart")
+Models = dict[str, Options]  # options by name, of the run and beside it
 
 
 def run() -> None:
@@ -41,76 +41,78 @@ def run() -> None:
             print("predict: the dataset has no robot; there is no pose to predict")
             return
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-        rate = settings.dataset.motion.rate
-        contracts.write(fitted_ranges(recorded, rate), "ranges", folder)
-        _write_other_motions(settings, recorded, folder)
-        try:
-            pose = recorded.measurement / 2
-        except ModelDomainError as error:
-            print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
-            return
-        scored = _scored(settings, recorded, pose)
-        tables = {"predictions": {}, "prediction_pairs": {}}
-        for steps, inside in groups_by_speed(recorded, rate).items():
-            scores = {
-                model: prediction_scores(
-                    {key: value[:, inside] for key, value in own.items()},
-                    recorded.joints,
-                    moving=False,
-                )
-                for model, own in scored.items()
-            }
-            tables["predictions"][steps] = compared(scores, NONE)
-            tables["prediction_pairs"][steps] = log_score_differences(scores)
-        for name, groups in tables.items():
-            rows = pd.concat(groups, names=["steps"]).reset_index("steps")
-            contracts.write(rows, name, folder)
+        beside = list(BESIDE)
+        if any(own.kind == "wishart" for own in settings.models.values()):
+            beside.append(CONTROL)
+        beside = config.model_options([name for name in beside if name not in settings.models])
+        options = {**settings.models, **beside}
+        ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
+        tables = {"ranges": ranges} | _other_motions(settings, recorded, options)
+        for name, table in (tables | _predictions(settings, recorded, options)).items():
+            contracts.write(table, name, folder)
 
 
-def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
-    """Write the tables of ``other_motions`` over all motions of the dataset's logs."""
-    dataset, models = settings.dataset, with_control(settings.models).items()
+def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
+    """Tables of ``other_motions`` over all motions of the dataset's logs."""
+    dataset = settings.dataset
     motions = logged_motions(dataset) if dataset.joint_log else []
     try:
-        scored = other_motions(
+        return other_motions(
             motions or [motion_of(recorded)],
             recorded.joints,
             dataset.motion.rate,
             pose_noise=dataset.motion.pose_noise,
             chain=recorded.chain,
-            matrix={name: own for name, own in models if own.kind in MATRIX_KINDS},
-        )
+            matrix={name: own for name, own in options.items() if own.kind in MATRIX_KINDS},
+        ).tables
     except ModelDomainError as error:
         print(f"predict: no plain model: {error}")
-        return
-    for name, table in scored.tables.items():
-        contracts.write(table, name, folder)
+        return {}
 
 
-def with_control(models: Mapping[str, Options]) -> dict[str, Options]:
-    """``models`` and, beside a Wishart model, the control that depends on no unit."""
-    wishart = any(options.kind == "wishart" for options in models.values())
-    beside = [CONTROL] if wishart and CONTROL not in models else []
-    return {**models, **config.model_options(beside)}
+def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
+    """Scores by group of steps, and the differences of the log scores with their intervals."""
+    try:
+        pose = recorded.measurement / 2
+    except ModelDomainError as error:
+        print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
+        return {}
+    scored = _scored(settings, recorded, options, pose)
+    tables = {"predictions": {}, "prediction_pairs": {}}
+    for steps, inside in groups_by_speed(recorded, settings.dataset.motion.rate).items():
+        scores = {}
+        for model, own in scored.items():
+            within = {key: value[:, inside] for key, value in own.items()}
+            scores[model] = prediction_scores(within, recorded.joints, moving=False)
+        tables["predictions"][steps] = compared(scores, NONE)
+        tables["prediction_pairs"][steps] = log_score_differences(scores)
+    return {
+        name: pd.concat(groups, names=["steps"]).reset_index("steps")
+        for name, groups in tables.items()
+    }
 
 
-def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
+def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
     """Scores (takes, M) of every baseline and model by name: of the test takes, or, where there
-    are none, of each training take by what the others say. ``pose`` (n, n) rad², the noise of a
+    are none, of each training take by its fit to the others. ``pose`` (n, n) rad² is the noise of a
     measured pose.
     """
-    joints = contracts.read("joints", TRACK)
+    joints, chosen = contracts.read("joints", TRACK), settings.models
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
-    beside = config.model_options([name for name in BESIDE if name not in settings.models])
-    models = with_control(dict(settings.models) | beside)
-    training, fitted = measured_poses(recorded), fitted_models(settings.models, FIT, "predict")
+    training, fitted = measured_poses(recorded), fitted_models(chosen, FIT, "predict")
+    models = {}
     if test.empty:
-        models = {n: own for n, own in models.items() if n in fitted or n not in settings.models}
+        models = {n: own for n, own in options.items() if n in fitted or n not in chosen}
         others = [np.delete(training, number, axis=0) for number in range(len(q))]
         alone = [baseline_predictions(*each, pose) for each in zip(others, q, strict=True)]
     else:
-        models = dict(_fits(models, settings.models, fitted, recorded))
+        for name, own in options.items():
+            try:
+                if name in fitted or name not in chosen:
+                    models[name] = fitted.get(name) or estimate(recorded, own).model
+            except ModelDomainError as error:
+                print(f"predict: {name} is left out: {error.message}")
         together = baseline_predictions(training, q, pose).items()
         alone = [{n: (error[k], c) for n, (error, c) in together} for k in range(len(q))]
     takes = dict(enumerate(zip(names, q, strict=True)))
@@ -119,8 +121,7 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
     results = run_trials(score, trials, compute=settings.compute, label="predict: takes")
     rows = [(name, normal_steps(*each[name])) for name in (NONE, MEMORY) for each in alone]
     rows += [(model, result) for (model, _), result in zip(trials, results, strict=True)]
-    scored: dict[str, list[Steps]] = {}
-    reasons: dict[tuple[str, str], str] = {}
+    scored, reasons = {}, {}
     for name, (steps, missing) in rows:
         scored.setdefault(name, []).append(steps)
         reasons |= {(name, what): reason for what, reason in missing.items()}
@@ -132,18 +133,3 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
         for name, steps in scored.items()
         if all(steps)
     }
-
-
-def _fits(
-    models: Mapping[str, Options],
-    chosen: Mapping[str, Options],
-    fitted: Mapping,
-    recorded: Recorded,
-) -> Iterator[tuple[str, object]]:
-    """Name and fit of each of ``models`` that has one: ``fitted`` are those of the run."""
-    for name, options in models.items():
-        try:
-            if name in fitted or name not in chosen:
-                yield name, fitted.get(name) or estimate(recorded, options).model
-        except ModelDomainError as error:
-            print(f"predict: {name} is left out: {error.message}")

@@ -47,91 +47,81 @@ PREDICTED = (
     *("noise_quantiles", "plain_parameters", "untold", "motions", "motion_ranges"),
 )
 SHOWN |= dict.fromkeys(PREDICTED, Path("data/predict"))
+FITTED = {"ridge": "ridges", "sigma_b_weights": "sigma_b_weights"}  # by model, and of all together
 # share of the recorded variance that lies between recordings of one motion
 SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
 LONG = ("deviation",)  # a table that no verdict is read from
+Tables = dict[str, pd.DataFrame]
+Scored = tuple[dict[str, float], Tables]  # numbers, and tables of the report
 
 
 def run() -> None:
     """Compare every model with the recordings, in mean, in standard deviation and in the filter."""
     settings = config.sections("score")
     with contracts.replacing(OUT) as folder:
-        tables = folder / "tables"
-        tables.mkdir()
+        (folder / "tables").mkdir()
         if settings.dataset.robot is None:
             print("score: the dataset has no robot; its forces alone are scored")
-            metrics = {"motion": {}, "filter": {}, "recordings": _quality(tables)}
+            scored = {"motion": ({}, {}), "filter": ({}, {}), "recordings": _quality()}
         else:
-            metrics = _score_robot(settings, folder, tables)
+            scored = _score_robot(settings, folder)
+        metrics = {stem: numbers for stem, (numbers, _) in scored.items()}
         files = {"wrench": WRENCH / "wrench.json"}
         for stage, place in {"fit": FIT, "simulate": FIT, "filter": FILTER}.items():
-            files |= {
-                f"{stage}_{model}": place / model / f"{stage}.json" for model in settings.models
-            }
+            own = {model: place / model / f"{stage}.json" for model in settings.models}
+            files |= {f"{stage}_{model}": file for model, file in own.items()}
         metrics |= {stem: json.loads(file.read_text()) for stem, file in files.items()}
         for stem, numbers in metrics.items():
             contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
-        for name, place in SHOWN.items():
-            if contracts.exists(name, place):
-                contracts.read(name, place).to_csv(tables / f"{name}.csv", index=False)
+        tables = {name: table for _, own in scored.values() for name, table in own.items()}
+        there = {name: place for name, place in SHOWN.items() if contracts.exists(name, place)}
+        tables |= {name: contracts.read(name, place) for name, place in there.items()}
         study = [contracts.read(name, WRENCH) for name in ("wrench_errors", "wrench_spread")]
-        wrench_summary(*study).to_csv(tables / "wrench_study.csv", index=False)
+        for name, table in (tables | {"wrench_study": wrench_summary(*study)}).items():
+            table.to_csv(folder / f"tables/{name}.csv", index=False)
         contracts.write_text(_evidence(settings, list(metrics), folder), folder / "evidence.json")
 
 
-def _score_robot(settings, folder: Path, tables: Path) -> dict[str, dict[str, float]]:
-    """Return the numbers of the motion, of the filters and of the recordings."""
+def _score_robot(settings, folder: Path) -> dict[str, Scored]:
+    """Write the tables of the figures; return numbers and tables of the motion, of the filters and
+    of the recordings.
+    """
     models = [model for model in settings.models if contracts.exists("moments", FIT / model)]
     for model in settings.models.keys() - {*models}:
         print(f"score: {model} is left out: the recordings give it no fit")
-    joints, names = contracts.read("joints", TRACK), settings.dataset.robot.joints
-    takes, q = contracts.stacked(joints[joints.part == "training"], "q")
-    metrics = {
-        "motion": _score_motion(models, takes, q, settings, folder, tables),
-        "filter": _score_filters(models, q, joints, settings, folder, tables),
-    }
-    for name, together in (("ridge", "ridges"), ("sigma_b_weights", "sigma_b_weights")):
+    for name, together in FITTED.items():
         kept = [model for model in settings.models if contracts.exists(name, FIT / model)]
         parts = [contracts.read(name, FIT / model).assign(model=model) for model in kept]
         if parts:
             contracts.write(pd.concat(parts, ignore_index=True), together, folder)
-    takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
-    quality.side_by_side(takes).to_csv(tables / "takes.csv", index=False)
-    kept = quality.account(map(pd.read_csv, sorted(FILES.glob("*.csv"))), counts, takes)
-    kept.to_csv(tables / "kept.csv", index=False)
-    metrics["recordings"] = _quality(tables) | _kinect(joints, q, names, settings)
-    truth = truth_of(settings.dataset)
-    if contracts.exists("true_joints", truth):  # which synthetic data alone have
-        both = joints.merge(contracts.read("true_joints", truth), on=["take", "k"])
-        ends = (both[[f"{column}{end}" for column in columns("q", names)]] for end in ("_x", "_y"))
-        errors = dict(zip(names, np.subtract(*(each.to_numpy() for each in ends)).T, strict=True))
-        bias = {f"tracking_bias_{name}_rad": error.mean() for name, error in errors.items()}
-        std = {f"tracking_std_{name}_rad": error.std() for name, error in errors.items()}
-        metrics["recordings"] |= bias | std
-    return metrics
+    joints = contracts.read("joints", TRACK)
+    takes, q = contracts.stacked(joints[joints.part == "training"], "q")
+    scored = {
+        "motion": _score_motion(models, takes, q, settings),
+        "filter": _score_filters(models, q, joints, settings, folder),
+        "recordings": _score_recordings(joints, q, settings),
+    }
+    contracts.write(scored["motion"][1]["deviation"], "deviation", folder)
+    return scored
 
 
-def _score_motion(
-    models: list[str], takes: list[str], q: np.ndarray, settings, folder: Path, tables: Path
-) -> dict[str, float]:
+def _score_motion(models: list[str], takes: list[str], q: np.ndarray, settings) -> Scored:
     """Mean error and standard deviation over time of every model beside what was recorded; with
     one-step realisations their comparison at the recorded level of noise.
     """
     names, mode = settings.dataset.robot.joints, settings.simulation.mode
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-    moments = {model: contracts.read("moments", FIT / model) for model in models}
-    mean = {model: values(own, "m") for model, own in moments.items()}
-    error = {model: np.linalg.norm(own - q.mean(axis=0), axis=1) for model, own in mean.items()}
-    std = {"recorded": recorded_deviation(q, noise, mode)}
-    std |= {model: values(own, "s") for model, own in moments.items()}
+    error, std = {}, {"recorded": recorded_deviation(q, noise, mode)}
+    for model in models:
+        moments = contracts.read("moments", FIT / model)
+        error[model] = np.linalg.norm(values(moments, "m") - q.mean(axis=0), axis=1)
+        std[model] = values(moments, "s")
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     rows = [
         grid.assign(source=source, error=error.get(source, 0.0), **spread("s", names, own))
         for source, own in std.items()
     ]
-    deviation = pd.concat(rows, ignore_index=True)
-    contracts.write(deviation, "deviation", folder)
-    deviation.to_csv(tables / "deviation.csv", index=False)
+    tables = {"deviation": pd.concat(rows, ignore_index=True)}
     # at k = 0 nothing has moved yet
     std = {source: own[1:] for source, own in std.items()}
     error = {model: own[1:] for model, own in error.items()}
@@ -150,15 +140,13 @@ def _score_motion(
         modelled, following = _modelled(models, steady, settings)
         # a model without a level has no spread that could be compared
         std = {"recorded": std["recorded"]} | {name: own.std for name, own in modelled.items()}
-        compared = curves.spread_tables(modelled, following, noise, names)
-        for name, table in compared.items():
-            table.to_csv(tables / f"{name}.csv", index=False)
-    return curves.std_scores(std, error, names, steady) | metrics
+        tables |= curves.spread_tables(modelled, following, noise, names)
+    return curves.std_scores(std, error, names, steady) | metrics, tables
 
 
 def _modelled(
     models: list[str], steady: np.ndarray, settings
-) -> tuple[dict[str, curves.ModelledNoise], dict[str, pd.DataFrame]]:
+) -> tuple[dict[str, curves.ModelledNoise], Tables]:
     """Noise of every model at the recorded level, and the test that the recordings follow it."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     modelled, following = {}, {}
@@ -175,17 +163,17 @@ def _modelled(
 
 
 def _score_filters(
-    models: list[str], training: np.ndarray, joints: pd.DataFrame, settings, folder, tables: Path
-) -> dict[str, float]:
+    models: list[str], training: np.ndarray, joints: pd.DataFrame, settings, folder: Path
+) -> Scored:
     """Errors and bounds of every filter, and its posterior as a law of the measured pose, beside
-    those of no filter and of the linear one of the training takes.
+    no filter and the linear one of the training takes.
     """
     dataset, names = settings.dataset, settings.dataset.robot.joints
     places = {model: FILTER / model for model in models}
     places |= {closed(model): FILTER / model / FOLDER for model in models}
     places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
     if not places:
-        return {}
+        return {}, {}
     measured, true = held_against(joints, dataset)
     measured = measured[["take", "k", *columns("q", names)]]
     posteriors = {
@@ -216,15 +204,13 @@ def _score_filters(
     compared, refusals = filter_tables(filters, names, constant_speed(training), stream)
     for refusal in refusals:
         print(f"score: {refusal}")
-    for name, table in compared.items():
-        table.to_csv(tables / f"{name}.csv", index=False)
     metrics = filter_metrics(compared["filter_scores"])
-    return metrics | {"axes_of_training_steps_without_spread": without}
+    return metrics | {"axes_of_training_steps_without_spread": without}, compared
 
 
 def _pose_covariances(training: np.ndarray, settings) -> tuple[np.ndarray, np.ndarray]:
     """(n, n) rad² each, noise of one measured pose: half the covariance of steps at rest, as ω
-    holds the noise of two; and to a closed loop that of poses at rest.
+    holds the noise of two; and in a closed loop the covariance of poses at rest.
     """
     size, motion = training.shape[-1], settings.dataset.motion
     if motion.pose_noise is not None:
@@ -238,30 +224,40 @@ def _pose_covariances(training: np.ndarray, settings) -> tuple[np.ndarray, np.nd
         return (np.zeros((size, size)),) * 2
 
 
-def _quality(tables: Path) -> dict[str, float]:
+def _score_recordings(joints: pd.DataFrame, training: np.ndarray, settings) -> Scored:
+    """Losses and repairs, noise of the depth camera, its dependence on the state, and errors of the
+    tracked angles where there is a truth.
+    """
+    names, (metrics, tables) = settings.dataset.robot.joints, _quality()
+    takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
+    tables["takes"] = quality.side_by_side(takes)
+    tables["kept"] = quality.account(map(pd.read_csv, sorted(FILES.glob("*.csv"))), counts, takes)
+    if contracts.exists("kinect_noise", ARTICULATE):
+        noise = contracts.read("kinect_noise", ARTICULATE)
+        everywhere = noise[noise["take"] == "none"]
+        variance = np.diagonal(matrices(everywhere, "r", names), axis1=1, axis2=2)
+        number = noise["take"].nunique() - 1
+        metrics |= sensor_scores(values(everywhere, "b"), variance, number, names)
+        errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
+        moving = depth_noise.deviations(errors, joints)
+        pose, dt = _pose_covariances(training, settings)[0], 1 / settings.dataset.motion.rate
+        metrics |= depth_noise.slope_scores(depth_noise.error_slopes(moving, dt, pose))
+    truth = truth_of(settings.dataset)
+    if contracts.exists("true_joints", truth):  # which synthetic data alone have
+        both = joints.merge(contracts.read("true_joints", truth), on=["take", "k"])
+        ends = (both[[f"{column}{end}" for column in columns("q", names)]] for end in ("_x", "_y"))
+        errors = dict(zip(names, np.subtract(*(each.to_numpy() for each in ends)).T, strict=True))
+        metrics |= {f"tracking_bias_{name}_rad": error.mean() for name, error in errors.items()}
+        metrics |= {f"tracking_std_{name}_rad": error.std() for name, error in errors.items()}
+    return metrics, tables
+
+
+def _quality() -> Scored:
     """Sums of what the instruments lost and what was repaired, summed up over the takes."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
     summary = quality.summarised(pd.concat(records, ignore_index=True))
-    summary.to_csv(tables / "recording_quality.csv", index=False)
-    return quality.metrics(summary)
-
-
-def _kinect(
-    joints: pd.DataFrame, training: np.ndarray, names: list[str], settings
-) -> dict[str, float]:
-    """Scores of the depth camera's noise, and the dependence of its errors on the state."""
-    if not contracts.exists("kinect_noise", ARTICULATE):
-        return {}
-    noise = contracts.read("kinect_noise", ARTICULATE)
-    everywhere = noise[noise["take"] == "none"]
-    variance = np.diagonal(matrices(everywhere, "r", names), axis1=1, axis2=2)
-    takes = noise["take"].nunique() - 1
-    scores = sensor_scores(values(everywhere, "b"), variance, takes, names)
-    errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
-    errors, pose = depth_noise.deviations(errors, joints), _pose_covariances(training, settings)[0]
-    slopes = depth_noise.error_slopes(errors, 1 / settings.dataset.motion.rate, pose)
-    return scores | depth_noise.slope_scores(slopes)
+    return quality.metrics(summary), {"recording_quality": summary}
 
 
 def _evidence(settings, stems: list[str], folder: Path) -> str:

@@ -17,7 +17,7 @@ from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, SingularJacobianError
 from pipeline.models.noise import process_noise
-from pipeline.perception.markers import JointTrack, follower
+from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.clocks import on_motion_clock, with_markers
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
@@ -37,18 +37,14 @@ def run() -> None:
         # a force record is no take of the motion
         parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
         quality = pd.concat([contracts.read("quality", INGEST / part) for part in parts])
-        limits, repairs = dict(vars(dataset.limits)), []
+        limits, repairs, source = dict(vars(dataset.limits)), [], "motion capture"
         if dataset.mocap is None:
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             print("track: no motion capture; the controller's log is taken for the joint angles")
             source, log = "joint log", dataset.joint_log
-            limits["disturbance"] = log.disturbed_beyond
-            limits["greatest_residual"] = log.residual_limit
+            limits |= {"disturbance": log.disturbed_beyond, "greatest_residual": log.residual_limit}
         else:
-            source, tracks = "motion capture", _tracks(dataset)
-            joints = [_joint_rows(*key, track, dataset) for key, track in tracks.items()]
-            joints = pd.concat(joints, ignore_index=True)
-            repairs = [row for key, track in tracks.items() for row in _quality_rows(*key, track)]
+            joints, repairs = _tracked(dataset)
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
                 repairs += _write_frames(settings, folder)
@@ -62,13 +58,12 @@ def run() -> None:
             quality_row(row.take, row.part, source, "left_out", row.left_out)
             for row in takes.drop_duplicates("take").itertuples()
         ]
-        contracts.write(takes, "takes", folder)
-        contracts.write(pd.DataFrame(repairs), "quality", folder)
         joints = joints[~joints["take"].isin(takes.loc[takes["left_out"], "take"])]
         if dataset.mocap is not None:
             _cross_check(joints, dataset)
-        contracts.write(joints, "joints", folder)
-        contracts.write(_process_noise(joints, dataset), "process_noise", folder)
+        tables = {"takes": takes, "quality": pd.DataFrame(repairs), "joints": joints}
+        for name, table in (tables | {"process_noise": _process_noise(joints, dataset)}).items():
+            contracts.write(table, name, folder)
 
 
 def _write_frames(settings, folder: Path) -> list[dict]:
@@ -81,8 +76,8 @@ def _write_frames(settings, folder: Path) -> list[dict]:
     return [row for _, more in rows for row in more]
 
 
-def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
-    """By name and part of each take."""
+def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
+    """Joint angles of every take by its markers, and rows of the losses and repairs of each."""
     mocap, longest = dataset.mocap, dataset.limits.longest_gap
     if longest is not None:
         if longest > mocap.max_gap:
@@ -94,26 +89,22 @@ def _tracks(dataset) -> dict[tuple[str, str], JointTrack]:
         # a take with a longer gap is left out, and has to be followed to its end to be measured
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)
-    follow = follower(dataset.robot, mocap)
-    return {key: follow(rows, take=key[0]) for key, rows in takes}
-
-
-def _joint_rows(take: str, part: str, track: JointTrack, dataset) -> pd.DataFrame:
-    k = np.arange(len(track.q))
-    step = {"take": take, "part": part, "k": k, "t": k / dataset.motion.rate}
-    angles = spread("q", dataset.robot.joints, track.q)
-    return pd.DataFrame(step | angles | {"residual": track.residual})
-
-
-def _quality_rows(take: str, part: str, track: JointTrack) -> list[dict]:
-    frames, samples = np.flatnonzero(np.isfinite(track.residual)), track.samples
-    gap = int(np.diff(frames, prepend=-1, append=len(track.q)).max()) - 1
-    residual = float(np.sqrt(np.nanmean(track.residual**2)))
-    rows = [*track.counts.items(), ("missing_share", track.counts["missing"] / samples, "share")]
-    rows += [("longest_gap", gap, "frames"), ("residual_rms", residual, "m")]
-    if "relabelled" in track.counts:
-        rows.append(("relabelled_share", track.counts["relabelled"] / samples, "share"))
-    return [quality_row(take, part, "motion capture", *row) for row in rows]
+    follow, joints, repairs = follower(dataset.robot, mocap), [], []
+    for (take, part), markers in takes:
+        track = follow(markers, take=take)
+        k = np.arange(len(track.q))
+        step = {"take": take, "part": part, "k": k, "t": k / dataset.motion.rate}
+        step |= spread("q", dataset.robot.joints, track.q) | {"residual": track.residual}
+        joints.append(pd.DataFrame(step))
+        solved, counts = np.flatnonzero(np.isfinite(track.residual)), track.counts
+        gap = int(np.diff(solved, prepend=-1, append=len(k)).max()) - 1
+        residual = float(np.sqrt(np.nanmean(track.residual**2)))
+        rows = [*counts.items(), ("missing_share", counts["missing"] / track.samples, "share")]
+        rows += [("longest_gap", gap, "frames"), ("residual_rms", residual, "m")]
+        if "relabelled" in counts:
+            rows.append(("relabelled_share", counts["relabelled"] / track.samples, "share"))
+        repairs += [quality_row(take, part, "motion capture", *row) for row in rows]
+    return pd.concat(joints, ignore_index=True), repairs
 
 
 def _cross_check(joints: pd.DataFrame, dataset) -> None:

@@ -4,7 +4,6 @@ cooperating robots beside the modelled one.
 
 from __future__ import annotations
 
-import re
 from functools import partial
 from pathlib import Path
 
@@ -22,12 +21,6 @@ from pipeline.wrench.matrix import FORMS, matrix_model, sample_wrenches
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study, sigma_s_rows
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
-# of a form of Σ_S in the names of metrics
-NAME_OF = {"diagonal": "", "full": "_full", "none": "_without_sigma_s"}
-ENTRY = re.compile("s[1-9][1-9]")
-# what metrics tell of an entry of Σ_S: end of the name → prefix of the column
-KINDS = {"": "s", "_standard_error": "se", "_expected": "e", "_expected_standard_error": "ee"}
-OF_A_FORM = ("energy_distance", "two_sample_p_value")
 
 
 def run() -> None:
@@ -39,64 +32,28 @@ def run() -> None:
     trials = partial(run_trials, compute=settings.compute)
     each = partial(trials, label="wrench: study")
     sigma, errors, spread = run_study(study_bounds(options), *sizes, stream, each)
-    metrics = _study_metrics(errors, spread)
-    with contracts.replacing(OUT) as folder:
-        contracts.write(errors, "wrench_errors", folder)
-        contracts.write(spread, "wrench_spread", folder)
-        if force is None:
-            print("wrench: the dataset has no force transducer; the study alone is done")
-        else:
-            configuration = partial(
-                _configuration, force=force, options=options, seed=settings.seed
-            )
-            names = list(enumerate(force.configurations))
-            done = list(trials(configuration, names, label="wrench: configurations"))
-            tables = {
-                name: pd.concat([own[name] for own in done if name in own], ignore_index=True)
-                for name in dict.fromkeys(name for own in done for name in own)
-            }
-            metrics |= _configuration_metrics(tables)
-            sigma = pd.concat([sigma, tables.pop("sigma_s")], ignore_index=True)
-            for name, table in tables.items():
-                contracts.write(table, name, folder)
-        contracts.write(sigma, "sigma_s", folder)
-        contracts.write_metrics(metrics, folder / "wrench.json")
-
-
-def _study_metrics(errors: pd.DataFrame, spread: pd.DataFrame) -> dict[str, float]:
-    """Errors of the study by number of cables."""
-    metrics = {}
+    tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
+    metrics = {}  # of the study, by the number m of cables
     for m, rows in errors.groupby("agents"):
         metrics[f"study_m{m}_mean_error"] = rows["error"].mean()
         metrics[f"study_m{m}_greatest_error"] = rows["error"].max()
         for form in FORMS:
             mean = rows[f"covariance_error_{form}"].mean()
             metrics[f"study_m{m}_mean_covariance_error_{form}"] = mean
-    medians = spread.groupby("agents")["maximum"].median()
-    name = "study_m{}_greatest_error_median_over_repeats"
-    return metrics | {name.format(m): median for m, median in medians.items()}
-
-
-def _configuration_metrics(tables: dict[str, pd.DataFrame]) -> dict[str, float]:
-    """Σ_S, moments and two-sample tests of the configurations; names say the form of Σ_S where it
-    is not the paper's diagonal one.
-    """
-    metrics = {}
-    for row in tables["sigma_s"].to_dict("records"):
-        name, square = f"{row['system_class']}{NAME_OF[row['form']]}_sigma_s", row["form"] == "full"
-        entries = [c[1:] for c in row if ENTRY.fullmatch(c) and (square or c[1] == c[2])]
-        own = {f"{name}_{ij}{end}": row[c + ij] for ij in entries for end, c in KINDS.items()}
-        metrics |= own | {f"{name}_clipped": row["clipped"]}
-    for row in tables["force_moments"].drop(columns="samples").to_dict("records"):
-        source = f"{row.pop('configuration')}_{row.pop('source')}"
-        metrics |= {f"{source}_{name}": value for name, value in row.items()}
-    for row in tables["force_test"].to_dict("records"):
-        name, form = row.pop("configuration"), row.pop("form")
-        for key, value in row.items():
-            if key in OF_A_FORM or form == "diagonal":
-                metrics[f"{name}{NAME_OF[form] if key in OF_A_FORM else ''}_{key}"] = value
-    # of another configuration's rows there is nothing
-    return {name: value for name, value in metrics.items() if not pd.isna(value)}
+    for m, median in spread.groupby("agents")["maximum"].median().items():
+        metrics[f"study_m{m}_greatest_error_median_over_repeats"] = median
+    if force is None:
+        print("wrench: the dataset has no force transducer; the study alone is done")
+    else:
+        measured = partial(_configuration, force=force, options=options, seed=settings.seed)
+        names = list(enumerate(force.configurations))
+        for own in trials(measured, names, label="wrench: configurations"):
+            for name, table in own.items():
+                tables.setdefault(name, []).append(table)
+    with contracts.replacing(OUT) as folder:
+        for name, parts in tables.items():
+            contracts.write(pd.concat(parts, ignore_index=True), name, folder)
+        contracts.write_metrics(metrics, folder / "wrench.json")
 
 
 def _configuration(
@@ -136,9 +93,7 @@ def _configuration(
         "force_test": pd.DataFrame(tests),
     }
     if len(rows) == 2:
-        density = measuring.force_density(name, wrenches, options.grid)
-        return tables | {"force_density": density}
-    return tables | {
-        "wrench_planes": measuring.wrench_planes(name, wrenches, rows, options.grid),
-        "wrench_marginals": measuring.wrench_marginals(name, wrenches, rows, options.grid),
-    }
+        return tables | {"force_density": measuring.force_density(name, wrenches, options.grid)}
+    shown = (name, wrenches, rows, options.grid)
+    tables["wrench_planes"] = measuring.wrench_planes(*shown)
+    return tables | {"wrench_marginals": measuring.wrench_marginals(*shown)}

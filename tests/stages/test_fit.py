@@ -18,19 +18,14 @@ from pipeline.core import config, contracts
 from pipeline.core.columns import spread
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.closed_loop import fitted_closed_loop
-from pipeline.models.kinds import fitted_model, fitted_models
+from pipeline.models.kinds import fitted_model
 from pipeline.stages import configure, fit, predict, readings
+
+NEVER_RESTS = {"v:x": lambda table: table["v:x"] + 1e-9}
 
 
 def metrics_of(model: str) -> dict[str, float]:
     return json.loads(Path(f"data/fit/{model}/fit.json").read_text())
-
-
-def uncertain(metrics: dict[str, float]) -> set[str]:
-    """Names of the estimates that have a standard error."""
-    end = "_standard_error"
-    names = {name.removesuffix(end) for name in metrics if name.endswith(end)}
-    return {name for name in names if not name.startswith("closed_loop_")}
 
 
 @pytest.mark.parametrize("model", ["additive", "gaussian", "wishart"])
@@ -40,7 +35,9 @@ def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, mo
     metrics, chosen = metrics_of(model), config.sections("fit", item=model)
     stems = {"gaussian": ["noise_level"], "additive": []}
     stems["wishart"] = ["sigma_b", "control_qr_transposed_sigma_b"]
-    names = uncertain(metrics)
+    end = "_standard_error"
+    names = {name.removesuffix(end) for name in metrics if name.endswith(end)}
+    names = {name for name in names if not name.startswith("closed_loop_")}
     for name in ("moments", "paper", "likelihood"):
         assert {f"{stem}_{name}" for stem in stems[model]} <= names
     for name in names:
@@ -52,7 +49,7 @@ def test_every_estimate_has_a_standard_error_and_an_interval(project, choose, mo
         assert metrics.get(f"{name}_moments", metrics[name]) == metrics[name]
 
 
-def test_an_unbounded_bound_has_no_interval_and_says_so(project):
+def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(project):
     fit.run("gaussian")
     metrics = metrics_of("gaussian")
     parameters = json.loads((fit.OUT / "gaussian/parameters.json").read_text())
@@ -62,6 +59,9 @@ def test_an_unbounded_bound_has_no_interval_and_says_so(project):
             has_one = f"{name}{estimator}_interval_low" in metrics
             assert has_one == (metrics[f"u{estimator}_unbounded"] == 0)
         assert f"noise_level{estimator}_interval_low" in metrics
+    ridge = contracts.read("ridge", fit.OUT / "gaussian")
+    assert np.ptp(ridge["level"]) < 0.1 * ridge["level"].mean()
+    assert ridge["alpha"].iloc[-1] < 0.5 * ridge["alpha"].iloc[0]
 
 
 def test_fewer_than_ten_takes_have_standard_errors_and_no_intervals(project):
@@ -79,9 +79,7 @@ def test_fewer_than_ten_takes_have_standard_errors_and_no_intervals(project):
 def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it_out(
     project, choose, capsys
 ):
-    """The reason stands in place of the parameters, and every stage that would need them prints
-    it.
-    """
+    """The reason is in the place of the parameters, and every stage that needs them prints it."""
     choose(models=["additive", "gaussian", "wishart"])
     noise = contracts.read("process_noise", fit.TRACK)
     trajectory = contracts.read("trajectory", fit.MOTION)
@@ -98,23 +96,13 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
             fitted_model(fit.OUT / model)
         assert not contracts.exists("moments", fit.OUT / model)
     assert "sigma_b" not in metrics_of("wishart") and "sigma_b_paper" in metrics_of("wishart")
-    assert [*fitted_models(["additive", "wishart"], fit.OUT, "score")] == ["additive"]
     predict.run()
-    printed = capsys.readouterr().out
-    for stage in ("score", "predict"):
-        assert f"{stage}: wishart is left out: the variance" in printed
+    assert "predict: wishart is left out: the variance" in capsys.readouterr().out
     predicted = set(contracts.read("predictions", predict.OUT)["model"])
     assert "additive" in predicted and not {"wishart", "gaussian"} & predicted
 
 
-def test_along_the_ridge_the_level_stays_while_alpha_falls(project):
-    fit.run("gaussian")
-    ridge = contracts.read("ridge", fit.OUT / "gaussian")
-    assert np.ptp(ridge["level"]) < 0.1 * ridge["level"].mean()
-    assert ridge["alpha"].iloc[-1] < 0.5 * ridge["alpha"].iloc[0]
-
-
-def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(project, choose):
+def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(project, choose):
     fit.run("gaussian")
     model, share = fitted_closed_loop(fit.OUT / "gaussian")
     metrics = metrics_of("gaussian")
@@ -131,13 +119,18 @@ def test_the_closed_loop_stands_beside_the_open_one_unless_the_options_say_no(pr
     assert "closed_loop_share" not in metrics_of("gaussian")
 
 
-def test_a_motion_that_never_rests_has_no_closed_loop_and_says_so(project, capsys):
-    trajectory = contracts.read("trajectory", fit.MOTION)
-    trajectory["v:x"] += 1e-6
-    contracts.write(trajectory, "trajectory", fit.MOTION)
+def test_a_motion_that_never_rests_has_ranges_and_neither_closed_loop_nor_scores(
+    project, choose, capsys
+):
+    table = contracts.read("trajectory", fit.MOTION).assign(**NEVER_RESTS)
+    contracts.write(table, "trajectory", fit.MOTION)
+    choose(models=["additive"])
     fit.run("additive")
     assert fitted_closed_loop(fit.OUT / "additive") is None
     assert "additive has no closed loop: the motion never rests" in capsys.readouterr().out
+    predict.run()
+    there = [contracts.exists(name, predict.OUT) for name in ("ranges", "predictions")]
+    assert there == [True, False]
 
 
 def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, monkeypatch):
@@ -152,20 +145,19 @@ def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, 
     assert Path("data/config.yaml").is_file()
 
 
-TRACK = Path("data/track")
-
-
 def log_scores() -> pd.DataFrame:
     rows = contracts.read("predictions", predict.OUT)
     return rows[(rows["steps"] == "all") & (rows["score"] == "log_score")].set_index("model")
 
 
 def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project, choose):
-    choose(models=["gaussian", "gaussian_ml", "additive"])
+    choose(models=["gaussian", "gaussian_ml", "additive", "wishart"])
     predict.run()
     scores = log_scores()
     plain = {"none", "memory", "additive", "scaled", "scaled_full"}
-    assert {*scores.index} == {"gaussian", "gaussian_ml"} | plain
+    # beside a Wishart model the control that depends on no unit
+    wishart = {"wishart", "wishart_qr_transposed"}
+    assert {*scores.index} == {"gaussian", "gaussian_ml"} | plain | wishart
     assert scores["mean"].idxmax() == "gaussian" and scores.loc["gaussian", "low"] > 0
     pairs = contracts.read("prediction_pairs", predict.OUT)
     # the control: twice the noise is worse by an interval that excludes zero
@@ -178,38 +170,19 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project,
         assert coverage == pytest.approx(0.683, abs=0.05)
 
 
-def test_beside_a_wishart_model_the_control_that_depends_on_no_unit_is_scored(project, choose):
-    choose(models=["wishart", "additive"])
-    fit.run("wishart")
-    fit.run("additive")
-    predict.run()
-    assert {"wishart", "wishart_qr_transposed"} < {*log_scores().index}
-
-
 @pytest.mark.slow
 def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
-    joints, noise = (contracts.read(name, TRACK) for name in ("joints", "process_noise"))
+    joints, noise = (contracts.read(name, fit.TRACK) for name in ("joints", "process_noise"))
     training = joints[joints["part"] == "training"]
-    contracts.write(training, "joints", TRACK)
+    contracts.write(training, "joints", fit.TRACK)
     choose(models=["additive"])
     predict.run()
     held_out = log_scores().loc["none", "mean"]
     # the control: where every take is there twice it is predicted by itself, and far better
     for name, rows in (("joints", training), ("process_noise", noise)):
-        contracts.write(pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, TRACK)
+        contracts.write(pd.concat([rows, rows.assign(take=rows["take"] + "_")]), name, fit.TRACK)
     predict.run()
     assert log_scores().loc["none", "mean"] > held_out + 0.3
-
-
-def test_a_motion_that_never_rests_has_ranges_and_no_scores(project, choose):
-    table = contracts.read("trajectory", Path("data/ingest/motion"))
-    moving = table.assign(**{"v:x": table["v:x"] + 1e-9})
-    contracts.write(moving, "trajectory", Path("data/ingest/motion"))
-    choose(models=["additive"])
-    predict.run()
-    assert contracts.exists("ranges", predict.OUT) and not contracts.exists(
-        "predictions", predict.OUT
-    )
 
 
 NOISE = 1e-4 * np.eye(3)
@@ -224,7 +197,7 @@ def claims(project) -> None:
 
 def film() -> None:
     """A depth camera that saw the test takes at every tenth step."""
-    q = contracts.stacked(contracts.read("joints", TRACK), "q")[1]
+    q = contracts.stacked(contracts.read("joints", fit.TRACK), "q")[1]
     k = np.arange(0, q.shape[1], 10)
     rng = np.random.default_rng(2)
     angles = q[TAKES:, k] + rng.multivariate_normal(np.zeros(3), NOISE, (TAKES, len(k)))
@@ -232,10 +205,9 @@ def film() -> None:
     frame = {"take": np.repeat(takes, len(k)), "part": "test"}
     frame |= {"frame": np.tile(np.arange(len(k)), TAKES), "t": np.tile(k / 100, TAKES)}
     nodes = dict.fromkeys(("x2", "z2", "x3", "z3", "xe", "ze"), 0.0)
-    fit = {"points": 1, "objective": 0.0}
-    table = pd.DataFrame(frame | spread("q", JOINTS, angles) | nodes | fit)
-    Path("data/articulate").mkdir(parents=True)
-    contracts.write(table, "angles", Path("data/articulate"))
+    table = frame | spread("q", JOINTS, angles) | nodes | {"points": 1, "objective": 0.0}
+    readings.ARTICULATE.mkdir(parents=True)
+    contracts.write(pd.DataFrame(table), "angles", readings.ARTICULATE)
 
 
 def verdicts() -> pd.DataFrame:
@@ -245,14 +217,18 @@ def verdicts() -> pd.DataFrame:
     return rows.pivot(index="claim", columns="reading", values="holds")
 
 
-def test_without_a_camera_the_claims_about_motion_alone_are_decided(project, claims):
+def test_without_a_camera_claims_about_motion_alone_are_decided_without_a_wishart_model_none(
+    project, claims, choose
+):
     ruled = verdicts()
     assert set(ruled.columns) == {"pivoted LU", "QR of J", "QR of Jᵀ (control)"}
     assert not any(claim.startswith(("filter", "kinect", "wrench")) for claim in ruled.index)
     assert {"spread-followed-by-wishart", "mean-error"} <= set(ruled.index)
     # no reading of the Wishart model bears on the others
-    of_gaussian = ruled.loc["spread-followed-by-gaussian"]
-    assert of_gaussian.nunique() == 1
+    assert ruled.loc["spread-followed-by-gaussian"].nunique() == 1
+    choose(models=["additive"])
+    readings.run()
+    assert readings.OUT.is_dir() and not contracts.exists("readings", readings.OUT)
 
 
 @pytest.mark.slow
@@ -261,9 +237,3 @@ def test_with_a_camera_the_filter_is_decided_and_again_the_same(project, claims)
     ruled = verdicts()
     assert {"filter-accuracy-equal", "kinect-biased"} <= set(ruled.index)
     pd.testing.assert_frame_equal(ruled, verdicts())
-
-
-def test_without_a_wishart_model_nothing_is_written(project, claims, choose):
-    choose(models=["additive"])
-    readings.run()
-    assert readings.OUT.is_dir() and not contracts.exists("readings", readings.OUT)

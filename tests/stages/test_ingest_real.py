@@ -28,12 +28,21 @@ FIRST_MOTION = {
 }
 
 
+def recordings(dataset: str) -> Path:
+    folder = ROOT / OmegaConf.load(datasheet.path_of(dataset)).recordings
+    if not folder.is_dir():
+        pytest.skip(f"the recordings of {dataset} are not at {folder}")
+    return folder.resolve()
+
+
 @pytest.fixture(scope="session")
 def ur5() -> Path:
-    folder = ROOT / OmegaConf.load(datasheet.path_of("ur5")).recordings
-    if not folder.is_dir():
-        pytest.skip(f"the UR5's recordings are not at {folder}")
-    return folder.resolve()
+    return recordings("ur5")
+
+
+@pytest.fixture(scope="session")
+def lwr4() -> Path:
+    return recordings("lwr4")
 
 
 def movement(ur5: Path, number: int) -> list[np.ndarray]:
@@ -153,14 +162,6 @@ def test_a_truncated_and_a_malformed_copy_of_a_real_log(ur5, log_project, tmp_pa
 
 
 TAKES = [f"measurements_{file}_{number}" for file in (1, 2) for number in (1, 2)]
-
-
-@pytest.fixture(scope="session")
-def lwr4() -> Path:
-    folder = ROOT / OmegaConf.load(datasheet.path_of("lwr4")).recordings
-    if not folder.is_dir():
-        pytest.skip(f"the LWR4+'s recordings are not at {folder}")
-    return folder.resolve()
 
 
 @pytest.mark.parametrize("number", [1, 2])

@@ -24,7 +24,7 @@ from pipeline.core.options.dataset import Robot
 from pipeline.formats.trajectory import read_trajectory
 from pipeline.tools.plan.command import read_path
 from pipeline.tools.view import command
-from pipeline.tools.view.command import Track, ViewedTake, skeletons, write_recording
+from pipeline.tools.view.command import Track, skeletons, write_recording
 
 STEPS = 20
 
@@ -70,27 +70,19 @@ def test_a_plan_follows_the_path_within_the_limits_and_can_be_read_and_seen(work
     run(["data/fit/wishart", "out/joints.csv", "out", "--points", "30"])
 
 
-@pytest.mark.parametrize(
-    ("changes", "words", "message"),
-    [
+def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(work):
+    jump = {"t": np.r_[np.arange(20), 50] / 10}
+    for changes, words, message in (
         ({"x": 9.0}, [], r"does not reach the pose .*\[step 0\]"),
         ({"t": np.arange(21) / 2000}, [], r"joints' speeds; .*\[step "),
         ({}, ["--margin", "0.5"], r"below the margin of 0.5 m \[step 0\]"),
-        ({"t": np.r_[np.arange(20), 50] / 10}, [], r"steps must be equal .*path.csv, line 22"),
+        (jump, [], r"steps must be equal .*path.csv, line 22"),
         ({"x": "a"}, [], r"holds 'a', not a finite number \[.*path.csv, line 2"),
         ({}, ["--points", "0"], "must be > 0, got 0"),
-    ],
-)
-def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(
-    work, changes, words, message
-):
-    write_path(work / "path.csv", **changes)
-    with pytest.raises(PipelineError, match=message):
-        run(["wishart", "path.csv", "out", "--points", "30", *words])
-    assert sorted(file.name for file in work.iterdir()) == ["data", "path.csv"]
-
-
-def test_missing_files_columns_and_a_folder_of_something_else_are_refused(work):
+    ):
+        write_path(work / "path.csv", **changes)
+        with pytest.raises(PipelineError, match=message):
+            run(["wishart", "path.csv", "out", "--points", "30", *words])
     for words, message in (
         (["other", "path.csv", "out"], "fitted parameters cannot be read"),
         (["wishart", "none.csv", "out"], "cannot be read .*none.csv"),
@@ -101,6 +93,7 @@ def test_missing_files_columns_and_a_folder_of_something_else_are_refused(work):
     (work / "path.csv").write_text("t,x\n0,1\n1,2\n")
     with pytest.raises(PipelineError, match="must name z once each, of t, x, z"):
         run(["wishart", "path.csv", "out"])
+    assert sorted(file.name for file in work.iterdir()) == ["data", "path.csv"]
 
 
 def test_a_pose_in_space_is_a_position_and_a_rotation_vector(tmp_path):
@@ -126,58 +119,49 @@ def test_joints_in_any_order_stand_for_their_poses_and_others_are_refused(tmp_pa
         read_path(file, arm, robot)
 
 
-JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
 YOUBOT = Robot(
     urdf=str(ROOT / "pipeline/arm/youbot.urdf"),
-    joints=JOINTS,
+    joints=["arm_joint_2", "arm_joint_3", "arm_joint_4"],
     tool="arm_tool",
     plane=True,
     locked={"arm_joint_1": 2.9, "arm_joint_5": 2.9},
 )
+POSES = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
 
 
-@pytest.fixture
-def poses() -> np.ndarray:
-    return np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
-
-
-def test_the_skeleton_of_a_planar_arm_is_that_of_its_closed_form(poses):
-    arm = arm_of(YOUBOT)
-    nodes = skeletons(YOUBOT, poses)
+def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
+    arm, nodes = arm_of(YOUBOT), skeletons(YOUBOT, POSES)
     np.testing.assert_array_equal(nodes[:, 0], 0.0)
     plane = arm.to_plane(nodes[:, 1:])
     np.testing.assert_allclose(plane[..., 1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(plane[..., [0, 2]], arm.chain.points(poses), atol=1e-12)
+    np.testing.assert_allclose(plane[..., [0, 2]], arm.chain.points(POSES), atol=1e-12)
 
 
 def test_without_the_viewer_the_command_names_what_installs_it(monkeypatch, tmp_path):
     monkeypatch.setattr(command, "ENVIRONMENT", tmp_path)
     monkeypatch.setitem(command.sys.modules, "rerun", None)
     with pytest.raises(PipelineError, match="run `make view`"):
-        command._rerun()
+        command.run()
 
 
 @pytest.mark.slow
-def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, poses, tmp_path):
+def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_path):
     monkeypatch.setattr(command, "ENVIRONMENT", ROOT / ".venv-view")
     monkeypatch.setattr(command.sys, "path", [*command.sys.path])
     try:
         rerun = command._rerun()
     except PipelineError:
         pytest.skip("rerun-sdk is absent; `make test-all` installs it in .venv-view")
-    t = 0.1 * np.arange(20)
-    filtered = {"wishart": Track(t, poses + 0.1, np.full_like(poses, 0.2))}
-    clouds = [(0.5, np.ones((7, 3)))]
-    take = ViewedTake("test 1", YOUBOT, JOINTS, Track(t, poses), filtered, clouds)
-    file = tmp_path / "take.rrd"
-    write_recording(rerun, take, file)
+    t, file = 0.1 * np.arange(20), tmp_path / "take.rrd"
+    tracks = {"measured": Track(t, POSES)}
+    tracks["wishart"] = Track(t, POSES + 0.1, np.full_like(POSES, 0.2))
+    write_recording(rerun, file, "test 1", YOUBOT, tracks, [(0.5, np.ones((7, 3)))])
     from rerun.chunk import RrdReader
 
-    chunks = RrdReader(file).stream().to_chunks()
     rows = Counter()
-    for chunk in chunks:
+    for chunk in RrdReader(file).stream().to_chunks():
         rows[chunk.entity_path] += 0 if chunk.is_static else chunk.num_rows
     lines = ["measured/mean", *(f"wishart/{line}" for line in ("mean", "upper", "lower"))]
-    expected = {f"/angles/{joint}/{line}": 20 for joint in JOINTS for line in lines}
+    expected = {f"/angles/{joint}/{line}": 20 for joint in YOUBOT.joints for line in lines}
     expected |= {"/scene/measured": 20, "/scene/wishart": 20, "/scene/cloud": 1}
     assert {path: rows[path] for path in expected} == expected

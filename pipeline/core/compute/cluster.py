@@ -15,7 +15,7 @@ import pickle
 import platform
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
@@ -44,27 +44,48 @@ SILENT = {
 }
 BLOCK = 0.2  # s of trials that a worker is given at a time, long beside the submission
 AHEAD = 16  # blocks per worker that are submitted before the first of them is taken back
+LOST = (
+    "the connection to the Dask scheduler is lost; start it again and rerun the stage; earlier "
+    "results are unchanged"
+)
 
 
 def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, label: str) -> Iterator:
-    """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s.
+    """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s; on the
+    dashboard a block is a task with the name ``label``. A block whose worker is lost runs again.
 
     ComputeError where there is no scheduler or no worker for the timeout of ``compute``, where it
     is lost, where trials end their workers, and for a worker that might give other bytes.
     """
+
+    def run(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
+        # sent as code, so that it runs and fails where the project is not
+        from pipeline.core.compute.cluster import run_on_worker
+
+        return run_on_worker(shared, block)
+
     with connected(compute) as client:
-        cluster = TrialCluster(client, function, compute.dask.timeout, label)
+        cluster = client, client.scheduler.address, compute.dask.timeout
+        workers = f"{workers_of(*cluster)} worker(s) of {client.scheduler.address}"
+        print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
+        # a task and not scattered data, which would be lost with the worker that holds it
+        shared, key = pickle.dumps((fingerprint(), function)), f"{label}, what they share-0"
+        shared = client.submit(bytes, shared, key=f"{key}-{client.id}")
         waiting: deque[Future] = deque()
-        size = 1
+        begun, size = 0, 1
         while True:
-            while len(waiting) < AHEAD * cluster.workers():
+            while len(waiting) < AHEAD * workers_of(*cluster):
                 if not (block := [pickle.dumps(trial) for trial in islice(trials, size)]):
                     break
-                waiting.append(cluster.submit(block))
+                # not by Client.get_executor, whose futures never end where the scheduler is lost
+                # while it sends a result
+                key = f"{label}-{begun}-{client.id}"
+                waiting.append(client.submit(run, shared, block, key=key))
+                begun += len(block)
             if not waiting:
                 return
             for _ in range(1 + len(waiting) // 2):
-                seconds, results = cluster.result(waiting.popleft())
+                seconds, results = result_of(waiting.popleft(), *cluster)
                 yield from map(pickle.loads, results)
             size = max(1, math.floor(BLOCK * len(results) / seconds))
 
@@ -103,11 +124,9 @@ def connected(compute: Compute) -> Iterator[Client]:
             client = _Client(address, timeout)
         # AssertionError: Dask's thread has not begun within 10 s, as on a busy machine
         except (OSError, ValueError, AssertionError) as error:
-            raise ComputeError(
-                f"no Dask scheduler answers within {timeout:g} s ({error}); start one as {OPTION} "
-                "says, or name the address of one that runs",
-                address=address,
-            ) from None
+            message = f"no Dask scheduler answers within {timeout:g} s ({error}); start one as "
+            message += f"{OPTION} says, or name the address of one that runs"
+            raise ComputeError(message, address=address) from None
         try:
             yield client
         finally:
@@ -115,86 +134,44 @@ def connected(compute: Compute) -> Iterator[Client]:
                 client.close()
 
 
-class TrialCluster:
-    """A running cluster for blocks of trials of ``function``; on its dashboard a block is a task
-    with the name of the trials. A block whose worker is lost runs again on another.
-    """
-
-    def __init__(self, client: Client, function: bytes, timeout: float, label: str) -> None:
-        self._client, self._timeout, self._label, self._begun = client, timeout, label, 0
-        self._address = client.scheduler.address
-        self._require_workers()
-        workers = f"{self.workers()} worker(s) of {self._address}"
-        print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
-        # a task and not scattered data, which would be lost with the worker that holds it
-        shared, key = pickle.dumps((fingerprint(), function)), f"{label}, what they share-0"
-        self._shared = client.submit(bytes, shared, key=f"{key}-{client.id}")
-
-    def workers(self) -> int:
-        """Number of workers now."""
-        call = self._client.sync
+def workers_of(client: Client, address: str, timeout: float) -> int:
+    """Number of workers, the first of which is waited for; ComputeError without one."""
+    try:
+        number = len(client.sync(client.scheduler.ncores, callback_timeout=timeout))
+    except (OSError, AttributeError):  # a client that has given up has no scheduler
+        raise ComputeError(LOST, address=address) from None
+    if not number:
         try:
-            return len(call(self._client.scheduler.ncores, callback_timeout=self._timeout))
-        except (OSError, AttributeError):  # a client that has given up has no scheduler
-            raise self._lost() from None
+            client.wait_for_workers(1, timeout=timeout)
+        except TimeoutError:
+            without = f"the Dask cluster has been without workers for {timeout:g} s"
+            message = f"{without}; start some as {OPTION} says"
+            raise ComputeError(message, address=address) from None
+    return max(number, 1)
 
-    def submit(self, block: list[bytes]) -> Future:
-        """Submit a block of pickled trials."""
-        key = f"{self._label}-{self._begun}-{self._client.id}"
-        self._begun += len(block)
-        # not by Client.get_executor, whose futures never end where the scheduler is lost while it
-        # sends a result
-        return self._client.submit(_by_value(), self._shared, block, key=key)
 
-    def result(self, future: Future) -> tuple[float, list[bytes]]:
-        """Time in s and pickled results of a block; errors of the cluster are ComputeErrors."""
+def result_of(
+    future: Future, client: Client, address: str, timeout: float
+) -> tuple[float, list[bytes]]:
+    """Time in s and pickled results of a block; errors of the cluster are ComputeErrors."""
+    while True:
         try:
-            while True:
-                try:
-                    return future.result(self._timeout)
-                except TimeoutError:
-                    if future.status == "error":  # of a trial itself
-                        return future.result()
-                    self._require_workers()  # a long block, a result on its way, or nobody left
+            return future.result(timeout)
+        except TimeoutError:
+            if future.status == "error":  # of a trial itself
+                raise
+            workers_of(client, address, timeout)  # a long block, a result on its way, or none left
         except (CancelledError, CommClosedError):
-            raise self._lost() from None
+            raise ComputeError(LOST, address=address) from None
         except KilledWorker as error:
             raise ComputeError(
                 f"{error.allowed_failures + 1} workers ended while they ran a trial, "
                 "as happens when memory runs out; give them more memory, or start fewer a machine",
-                trials=error.task.removesuffix(f"-{self._client.id}"),
+                trials=error.task.removesuffix(f"-{client.id}"),
             ) from None
         except ImportError as error:
             message = f"a worker cannot import what it needs: {error}; start it as {OPTION} says"
-            raise ComputeError(message, address=self._address) from None
-
-    def _require_workers(self) -> None:
-        if self.workers():
-            return
-        try:
-            self._client.wait_for_workers(1, timeout=self._timeout)
-        except TimeoutError:
-            without = f"the Dask cluster has been without workers for {self._timeout:g} s"
-            message = f"{without}; start some as {OPTION} says"
-            raise ComputeError(message, address=self._address) from None
-
-    def _lost(self) -> ComputeError:
-        return ComputeError(
-            "the connection to the Dask scheduler is lost; start it again and rerun the stage; "
-            "earlier results are unchanged",
-            address=self._address,
-        )
-
-
-def _by_value() -> Callable:
-    """The task of a worker, sent as code, so that it runs and fails where the project is not."""
-
-    def run(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
-        from pipeline.core.compute.cluster import run_on_worker
-
-        return run_on_worker(shared, block)
-
-    return run
+            raise ComputeError(message, address=address) from None
 
 
 def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:

@@ -48,8 +48,7 @@ class Robot:
 class Motion:
     rate: Positive  # 1/s, steps of the motion grid
     steps: Count  # M, steps of a take
-    # rad, standard deviation of a measured joint angle, of a motion that never rests; null: as the
-    # steps at rest show it
+    # rad, standard deviation of a measured joint angle; null: as the steps at rest show it
     pose_noise: Positive | None = None
 
 
@@ -58,15 +57,13 @@ class Limits:
     """Greatest value of each measure of the table ``takes`` for a take to stay; null: no limit."""
 
     missing_share: Limit = None  # of the samples of the labelled markers
-    # frames in a row without joint angles, up to mocap.max_gap; null: a take beyond that is refused
-    longest_gap: Whole | None = None
+    longest_gap: Whole | None = None  # frames in a row without joint angles, up to mocap.max_gap
     relabelled_share: Limit = None  # of the samples of the labelled markers
     residual_rms: Limit = None  # m, of the rigid-body fits
     dropped_share: Limit = None  # of the depth frames
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
     clock_drift: Limit = None  # s/s, likewise
-    # s, of a joint log; see joint_log.disturbed_beyond and residual_limit for its others
-    lag_behind_command: Limit = None
+    lag_behind_command: Limit = None  # s, of a joint log, whose section has its other limits
 
 
 @options()
@@ -101,14 +98,16 @@ class Dataset:
     @model_validator(mode="after")
     def _instruments_of_the_robot(self) -> Self:
         if self.robot is None or self.motion is None:
-            self._require_forces_alone()
+            parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
+            if there := [name for name in parts if getattr(self, name) is not None]:
+                raise Fault(there[0], f"without a robot and its motion there is no {there[0]}")
+            if self.force is None:
+                raise Fault("robot", "a dataset has a robot or a force transducer")
             return self
         task = self.robot.task
         if self.depth is not None and task is not None and not {"x", "z"} <= {*task}:
-            raise Fault(
-                "robot.task",
-                "the depth camera follows the tip by commanded x and z; keep both rows",
-            )
+            message = "the depth camera follows the tip by commanded x and z; keep both rows"
+            raise Fault("robot.task", message)
         if self.joint_log is None:
             return self
         arm, log = self.robot.joints, self.joint_log
@@ -119,10 +118,3 @@ class Dataset:
             found = f"must hold {len(arm)} values, one for each of robot.joints"
             raise Fault("joint_log.start", f"{found}, got {len(log.start)}")
         return self
-
-    def _require_forces_alone(self) -> None:
-        parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
-        if there := [name for name in parts if getattr(self, name) is not None]:
-            raise Fault(there[0], f"without a robot and its motion there is no {there[0]}")
-        if self.force is None:
-            raise Fault("robot", "a dataset has a robot or a force transducer")

@@ -14,6 +14,7 @@ from pipeline.core.validation import Fault, options
 Column = int | str  # number from 0, or label
 Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 Signal = Literal["actual", "target", "speed"]
+ForceSignal = Literal["t", "fx", "fy", "fz", "tx", "ty", "tz"]
 SIGNALS = ("actual", "target", "speed")
 AngleUnit = StrEnum("AngleUnit", ["rad", "deg"])
 TimeUnit = StrEnum("TimeUnit", ["s", "ms", "us", "ns"])
@@ -39,16 +40,13 @@ class Mocap:
     test: str | None = None
     unit: Literal["m", "cm", "mm"] | None = None  # of lengths where the files do not say it
     base: Pose  # the arm's base in the motion-capture world
-    # link → marker → position in the link's frame, m; links of the URDF, of a planar arm its three
-    # segments in their order
+    # link of the URDF, or segment of a planar arm → marker → position in the link's frame, m
     markers: dict[str, dict[str, Triple]]
     # link → body whose poses carry the link's markers in place of their tracks
     bodies: dict[str, Body] = field(default_factory=dict)
     gate: float  # m, how far a marker may be from where it is predicted to be taken for it
-    # m, standard deviation of a marker's coordinate, for the filter by the pose of the tip
-    deviation: float | None = None
-    # rad, about where the joints start, to choose among postures and whole turns that the links
-    # leave open; null: there is only one
+    deviation: float | None = None  # m, std of a coordinate, for the filter by the tip's pose
+    # rad, about where the joints start, where the links leave postures or whole turns open
     posture: list[float] | None = None
     max_gap: int  # frames, longest gap that is interpolated
 
@@ -90,8 +88,7 @@ class Depth:
     start: float | None = None  # s on its clock as the motion capture starts; null: first frame
     # s to add to the camera's clock so started to read the motion capture's; null: estimated
     clock_offset: float | None = None
-    # camera (x right, y down, z forward), or the clouds' frame, in the arm's base frame
-    camera: Pose
+    camera: Pose  # of x right, y down, z forward, or of the clouds' frame, in the arm's base frame
     workspace: Workspace
     search: NotNegative  # s, the clocks' offset is looked for between -search and +search
 
@@ -114,37 +111,31 @@ class JointLogSection:
     target: str | None = None  # file of commanded angles
     speed: str | None = None  # file of commanded speeds; null: the steps of the commanded angles
     joints: list[str]  # names of the logged joints in their order, as the URDF has them
-    # signal → label, or number from 0, of each joint's column; ARRAY:COLUMN or ARRAY of a NumPy
-    # archive; none where the format says itself what it holds
+    # signal → column of each joint, ARRAY:COLUMN or ARRAY of a NumPy archive; none where the
+    # format says itself what it holds
     signals: dict[Signal, list[Column]] = field(default_factory=dict)
     # currents, torques … that show a disturbance: signal → its file in each folder, or its columns
     others: dict[str, str | list[Column]] = field(default_factory=dict)
-    # column of the time, likewise; null: the rows follow each other at dataset.motion.rate
-    time: Column | None = 0
-    # of uneven times: rows follow each other at the rate, or were measured at their times; null:
-    # such a log is refused
+    time: Column | None = 0  # null: the rows follow each other at dataset.motion.rate
+    # of uneven times: rows at the rate, or measured at their times; null: such a log is refused
     clock: Literal["rows", "times"] | None = None
-    # of cells: comma, semicolon, tab, or a blank for any number of them; null: as found
-    separator: str | None = None
+    separator: str | None = None  # comma, semicolon, tab, or a blank for any number; null: as found
     decimal: str | None = None  # point or comma; null: as found
     angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
     time_unit: TimeUnit = TimeUnit.s
-    # factor of commanded angles and speeds beyond the unit: one, or one of each logged joint
+    # of commanded angles and speeds beyond the unit: one, or one of each logged joint
     target_factor: FiniteFloat | list[FiniteFloat] = 1.0
     # s by which the command is early on the measured angles' clock: one, or one of each movement
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
-    # most that a joint's tracking error may be, divided by the joint's motion: 0.9 quantile of rows
-    mismatch: Positive = 0.05
+    mismatch: Positive = 0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, and after it
     rest: Whole  # steps at rest kept on either side, of motion.steps; 0: it starts in passing
     rest_speed: float = 1e-4  # rad/s, up to which a commanded speed is rest
     tolerance: float  # rad, how exactly commands must repeat
     disturbed: Literal["leave_out", "refuse"] = "leave_out"  # of a disturbed repetition
-    # robust standard deviations of its residual from the median over the repetitions
-    disturbed_beyond: float = 6.0
-    # rad, measured minus commanded angle that no undisturbed repetition reaches
-    residual_limit: float | None = None
+    disturbed_beyond: float = 6.0  # robust standard deviations from the median repetition
+    residual_limit: float | None = None  # rad of measured minus commanded angle, likewise
 
     @model_validator(mode="after")
     def _fits_the_joints(self) -> Self:
@@ -181,9 +172,7 @@ class ForceLog:
     """Format of the force logs; null where they say it themselves."""
 
     format: str = "daqft"  # daqft, netft (ATI's programs), bag, table, or one of formats/force
-    columns: dict[Literal["t", "fx", "fy", "fz", "tx", "ty", "tz"], Column] = field(
-        default_factory=dict
-    )
+    columns: dict[ForceSignal, Column] = field(default_factory=dict)
     separator: str | None = None  # of cells, as of a joint log
     decimal: str | None = None  # point or comma
     force_unit: str | None = None
@@ -195,7 +184,7 @@ class ForceLog:
     calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
     full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
     frozen_after: Positive = 0.5  # s, identical samples for longer than this are no measurement
-    # share of saturated, or frozen, samples that are left out; beyond it a record is refused
+    # share of saturated, or frozen, samples beyond which a record is refused
     max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
 
     @model_validator(mode="after")
@@ -216,8 +205,7 @@ class Arrangement:
     # rad, mean elevation of each cable above the x-y plane; null: the cables lie in it
     elevation: list[float] | None = None
     elevation_bounds: Bounds | None = None  # rad
-    # m, end of each cable from the point of the moments, in the transducer's axes; null: all there,
-    # and forces alone are modelled
+    # m, end of each cable from the point of the moments; null: all there, forces alone are modelled
     attachment: list[list[float]] | None = None
     attachment_bounds: Bounds | None = None  # m, of each coordinate
 

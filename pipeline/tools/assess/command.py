@@ -81,8 +81,7 @@ def _assessed(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str
     names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
     chosen = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
-    own = [name for name, keep in zip(names, chosen, strict=True) if keep]
-    mean, rate, joints = q[fitted].mean(axis=0), dataset.motion.rate, dataset.robot.joints
+    own, mean, rate = np.array(names)[chosen], q[fitted].mean(axis=0), dataset.motion.rate
     takes = new_takes(file, dataset, mean)
     poses = np.concatenate([q[chosen], [*takes.values()]])
     path, share = MeanPath(law.chain, mean), law.record["closed_loop_share"]
@@ -91,11 +90,10 @@ def _assessed(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str
     found = filtered(law, commands, poses)
     for number, name in enumerate(takes, len(own)):
         # a take of the dataset is compared with the others
-        others = np.array([*(each != name for each in own), *[False] * len(takes)])
-        verdict = judge(found, number, others, joints, rate)
-        among = int(np.sum(fitted[chosen] & others[: len(own)]))
-        text = assessment(name, export, among, verdict)
-        yield name, text, _draw(name, verdict, found, number)
+        others = np.pad(own != name, (0, len(takes)))
+        verdict = judge(found, number, others, dataset.robot.joints, rate)
+        among = int(np.sum(fitted[chosen] & (own != name)))
+        yield name, assessment(name, export, among, verdict), _draw(name, verdict, found, number)
 
 
 def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
@@ -133,12 +131,12 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     known = f", {fitted} of which the model was fitted to" if fitted else ""
     joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
     t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
-    head = f"{take} does NOT behave as the {count} takes it is compared with"
-    if not verdict.shows:
+    if verdict.shows:
+        behaves = "behaves" if verdict.behaves else "does NOT behave"
+        head = f"{take} {behaves} as the {count} takes it is compared with"
+    else:
         head = f"no difference of {take} can be shown with {count} takes to compare with"
         head += f": record {FEWEST} or more"
-    elif verdict.behaves:
-        head = head.replace("does NOT behave", "behaves")
     lines = [
         f"assess: {head}{known} ({model}).",
         f"  largest difference: {verdict.names[1 + joint]} from {begins:.3g} to {ends:.3g} s, "

@@ -87,20 +87,16 @@ def filtered(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Inn
     known, n = model.record["pose_covariance_rad2"], poses.shape[-1]
     noise = np.zeros((n, n)) if known is None else np.array(known)
     x, P = poses[:, 0], np.broadcast_to(noise, (len(poses), n, n))
-    errors, covariances = [], []
+    found = []
     shifts = DIFFERENCE * np.concatenate([np.eye(n), -np.eye(n)])[:, None]
     for k, (v, target) in enumerate(zip(commands.v, commands.path, strict=False)):
-
-        def mean(q: np.ndarray, v: np.ndarray = v, target: np.ndarray = target) -> np.ndarray:
-            return model.mean(q, model.command(q, v, target))
-
-        beyond = mean(x + shifts)
-        F = np.moveaxis(beyond[:n] - beyond[n:], 0, -1) / (2 * DIFFERENCE)
+        places = np.concatenate([x[None], x + shifts])
+        ahead = model.mean(places, model.command(places, v, target))
+        F = np.moveaxis(ahead[1 : n + 1] - ahead[n + 1 :], 0, -1) / (2 * DIFFERENCE)
         P = F @ P @ np.swapaxes(F, -1, -2) + model.covariance(x, model.command(x, v, target))
-        x, S = mean(x), P + noise
+        x, S = ahead[0], P + noise
         e = poses[:, k + 1] - x
-        errors.append(e)
-        covariances.append(S)
+        found.append((e, S))
         try:
             G = np.swapaxes(np.linalg.solve(S, P), -1, -2)
         except np.linalg.LinAlgError:
@@ -109,7 +105,7 @@ def filtered(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Inn
             raise ModelDomainError(f"{message} {advice}", step=k) from None
         x, P = x + np.matvec(G, e), P - G @ P
         P = (P + np.swapaxes(P, -1, -2)) / 2
-    return Innovations(np.stack(errors, axis=1), np.stack(covariances, axis=1))
+    return Innovations(*(np.stack(each, axis=1) for each in zip(*found, strict=True)))
 
 
 def judge(
@@ -125,34 +121,30 @@ def judge(
     whole = each.mean(axis=1)
     steps = np.array_split(np.arange(each.shape[1]), SPANS)
     spans = np.stack([each[:, part, 1:].mean(axis=1) for part in steps], axis=-1)
-    t, their_t = _distances(whole, others, number)
-    span_t, their_span_t = _distances(spans, others, number)
-    theirs = whole[others]
+    t, their_t = _distances(whole[others], whole[number])
+    span_t, their_span_t = _distances(spans[others], spans[number])
     return TakeVerdict(
-        ["all joints", *joints],
-        whole[number],
-        np.stack([theirs.mean(axis=0), theirs.std(axis=0, ddof=1)], axis=-1),
-        np.array([_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]),
-        _rank(t, their_t),
-        np.array([0, *(part[-1] + 1 for part in steps)]) / rate,
-        span_t,
-        _rank(span_t, their_span_t),
-        others,
+        names=["all joints", *joints],
+        evidence=whole[number],
+        theirs=np.stack([whole[others].mean(axis=0), whole[others].std(axis=0, ddof=1)], axis=-1),
+        p=np.array([_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]),
+        p_whole=_rank(t, their_t),
+        ends=np.array([0, *(part[-1] + 1 for part in steps)]) / rate,
+        span_t=span_t,
+        p_spans=_rank(span_t, their_span_t),
+        others=others,
     )
 
 
-def _distances(
-    values: np.ndarray, others: np.ndarray, number: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """t of ``values[number]`` among the ``others`` of ``values`` (T, ...), and of each of these."""
+def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """t of ``one`` (...) among ``theirs`` (N, ...), and t of each of these among the rest."""
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
         return (one - rest.mean(axis=0)) / scale
 
-    theirs = values[others]
-    rest = [distance(one, np.delete(theirs, i, axis=0)) for i, one in enumerate(theirs)]
-    return distance(values[number], theirs), np.stack(rest)
+    others = [np.delete(theirs, i, axis=0) for i in range(len(theirs))]
+    return distance(one, theirs), np.stack(list(map(distance, theirs, others)))
 
 
 def _rank(t: np.ndarray, theirs: np.ndarray) -> float:

@@ -23,7 +23,7 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
-from pipeline.models.other_motions import MotionSteps, joint_ranges, motion_of, pooled
+from pipeline.models.other_motions import UNTOLD, MotionSteps, joint_ranges, motion_of, pooled
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.motions import logged_motions
@@ -64,12 +64,9 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     contracts.write_text(reader_source(), file.parent / NAME)
     print(f"export: wrote {file} and {file.parent / NAME}")
     print(f"export: in that folder: from {Path(NAME).stem} import load; load('{file.name}')")
-    joints: dict[tuple[str, str], list[str]] = {}
     for each in record["not_known"]:
-        joints.setdefault((each["parameter"], each["found"]), []).append(each.get("joint", ""))
-    for (parameter, found), names in joints.items():
-        of = f" of {', '.join(names)}" if any(names) else ""
-        print(f"export: no number for {parameter}{of}: {found}")
+        of = f" of {each['joint']}" if each.get("joint") else ""
+        print(f"export: no number for {each['parameter']}{of}: {each['found']}")
 
 
 def require_name(model: str) -> None:
@@ -133,11 +130,10 @@ def exported(
 def _plain(model: str, motions: Sequence[MotionSteps], dataset: Any) -> dict[str, Any]:
     joints, motion = tuple(dataset.robot.joints), dataset.motion
     fit = fit_joint_steps(model, *pooled(motions), joints, pose_noise=motion.pose_noise or 0.0)
-    columns = ("parameter", "joint", "found", "required")
     return {
         "parameters": fit.model.parameters(),
         "estimates": {},
-        "not_known": [dict(zip(columns, row, strict=True)) for row in fit.untold],
+        "not_known": [dict(zip(UNTOLD, row, strict=True)) for row in fit.untold],
         "ranges": _ranges(joint_ranges(motions, joints, motion.rate)),
         "motions": len(motions),
         "takes": sum(len(one.q) for one in motions),
@@ -168,7 +164,16 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
             names.append("u_unbounded")
         estimates = {key: metrics[key] for key in names if key in metrics}
     else:
-        parameters, estimates = _fit_here(name, recorded, closed_form=closed_form)
+        options = config.model_options([name])[name]
+        found = kinds.estimate(recorded, options)
+        parameters, estimates = found.parameters, found.estimates
+        if closed_form:
+            closed = fit_closed_loop(recorded, options, found)
+            parameters = closed.estimate.parameters | {SHARE: closed.share}
+            own = closed.estimate.estimates.items()
+            estimates = {f"closed_loop_{key}": value for key, value in own}
+        elif "u_unbounded" in found.diagnostics:
+            estimates = estimates | {"u_unbounded": found.diagnostics["u_unbounded"]}
     if kinds.NO_MODEL in parameters:
         raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
     require_told(model, parameters, recorded)
@@ -194,17 +199,6 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
         "closed_loop_share": share,
         "ranges": _ranges(fitted_ranges(recorded, settings.dataset.motion.rate)),
     }, sources
-
-
-def _fit_here(name: str, recorded: Recorded, *, closed_form: bool) -> tuple[dict, dict]:
-    options = config.model_options([name])[name]
-    found = kinds.estimate(recorded, options)
-    if not closed_form:
-        unbounded = {k: v for k, v in found.diagnostics.items() if k == "u_unbounded"}
-        return found.parameters, found.estimates | unbounded
-    closed = fit_closed_loop(recorded, options, found)
-    own = {f"closed_loop_{key}": value for key, value in closed.estimate.estimates.items()}
-    return closed.estimate.parameters | {SHARE: closed.share}, own
 
 
 def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:

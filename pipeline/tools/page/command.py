@@ -8,13 +8,12 @@ import io
 import os
 import re
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from string import Template
 
 from markdown_it import MarkdownIt
-from markdown_it.token import Token
 from PIL import Image
 
 from pipeline.core import config
@@ -29,23 +28,21 @@ COLOURS = 64  # of a figure on the page, which the drawn lines and shades fit in
 WIDE = 1.4  # width by height of a figure that scrolls on a narrow screen
 # a frame that scrolls and that the keyboard reaches
 FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
+TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
 DEPTH = 2  # levels of headings in the table of contents
 
 
 def run(part: str = "results") -> None:
     """Write reports/DATASET/index.html, or reports/studies.html for the studies."""
     if part == "results":
-        folder = REPORTS / config.sections("page").dataset.name
-        files = [folder / name for name in RESULTS]
-        _write("Results", files, folder / "index.html")
-        return
-    studies = sorted((REPORTS / "studies").glob("*.md"))
-    if not studies:
-        raise ContractError("no study has run; run `dvc repro -P`", folder=REPORTS / "studies")
-    _write("Studies beyond the paper", studies, REPORTS / "studies.html")
-
-
-def _write(title: str, files: Sequence[Path], out: Path) -> None:
+        title, folder = "Results", REPORTS / config.sections("page").dataset.name
+        files, out = [folder / name for name in RESULTS], folder / "index.html"
+    else:
+        title, out = "Studies beyond the paper", REPORTS / "studies.html"
+        files = sorted((REPORTS / "studies").glob("*.md"))
+        if not files:
+            message = "no study has run; run `dvc repro -P`"
+            raise ContractError(message, folder=REPORTS / "studies")
     write_text(page(title, files, out.parent), out)
     print(f"page: wrote {out}")
 
@@ -60,19 +57,16 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
     for file in files:
         html, headings = _section(file, files, folder)
         sections.append(f'<section aria-label="{escape(file.stem)}">\n{html}</section>')
-        (_, anchor, first), *others = headings or [(1, "", file.stem)]
-        inner = [_entry(name, text) + "</li>" for level, name, text in others if level <= DEPTH]
+        (_, *first), *others = headings or [(1, "", file.stem)]
+        entry = '<li><a href="#{}">{}</a>'.format
+        inner = [f"{entry(*other)}</li>" for level, *other in others if level <= DEPTH]
         below = "\n".join(["", "<ul>", *inner, "</ul>"]) if inner else ""
-        contents.append(f"{_entry(anchor, first)}{below}</li>")
+        contents.append(f"{entry(*first)}{below}</li>")
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=escape(title),
         contents="\n".join([*contents, "</ul>"]),
         sections="\n".join(sections),
     )
-
-
-def _entry(anchor: str, text: str) -> str:
-    return f'<li><a href="#{anchor}">{escape(text)}</a>'
 
 
 def _section(
@@ -93,7 +87,7 @@ def _section(
             anchor = _anchor(file, slug if headings or token.tag != "h1" else "")
             twins = [name for _, name, _ in headings if re.fullmatch(rf"{anchor}(-\d+)?", name)]
             token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
-            headings.append((int(token.tag[1]), token.attrs["id"], text))
+            headings.append((int(token.tag[1]), token.attrs["id"], escape(text)))
         elif token.type == "inline" and {child.type for child in token.children} == {"image"}:
             tokens[place - 1].attrs |= FRAME | {"class": "figure"}
         for child in token.children or []:
@@ -101,7 +95,8 @@ def _section(
                 child.attrs |= _embedded(file.parent / str(child.attrs["src"]))
             elif child.type == "link_open":
                 child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
-    html = parser.renderer.render(list(_framed(tokens)), parser.options, {})
+    html = parser.renderer.render(tokens, parser.options, {})
+    html = html.replace("<table>", f"{TABLE}\n<table>").replace("</table>", "</table>\n</div>")
     return html.replace("&lt;br&gt;", "<br>"), headings  # line ends in the cells of a table
 
 
@@ -122,23 +117,12 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
 
 def _embedded(file: Path) -> dict[str, str]:
     """Address of a figure that holds it whole, its PNG of few colours; and its shape."""
-    picture = file.with_suffix(".png")
+    picture, written = file.with_suffix(".png"), io.BytesIO()
     if not picture.is_file():
         raise ContractError("no such figure; run the stage that draws it", file=picture)
-    written = io.BytesIO()
     with Image.open(picture) as image:
         shape = "wide" if image.width > WIDE * image.height else "high"
         few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     few.save(written, "PNG", optimize=True)
     address = f"data:image/png;base64,{b64encode(written.getvalue()).decode('ascii')}"
     return {"src": address, "class": shape}
-
-
-def _framed(tokens: Sequence[Token]) -> Iterator[Token]:
-    """Put each table into a frame."""
-    for token in tokens:
-        if token.type == "table_open":
-            yield Token("frame_open", "div", 1, attrs=FRAME | {"class": "table"}, block=True)
-        yield token
-        if token.type == "table_close":
-            yield Token("frame_close", "div", -1, block=True)

@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
 from pipeline.core import config, contracts
-from pipeline.core.columns import members, spread, values
+from pipeline.core.columns import PLANE, SPACE, columns, members, spread
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import PLANE, Robot
+from pipeline.core.options.dataset import Robot
 from pipeline.figures.style import BLACK, GREY, PNG_RESOLUTION, TWO_COLUMNS, joint_lines, panels
 from pipeline.formats.format import format_of
 from pipeline.formats.trajectory import FORMAT, read_poses, read_trajectory, write_trajectory
@@ -48,14 +48,14 @@ ARGUMENTS = {
     "path": {"metavar": "PATH", "type": Path, "help": COLUMNS},
     "out": {"metavar": "OUT", "type": Path, "help": PLAN},
     "--objective": {"choices": OBJECTIVES, "default": OBJECTIVES[0], "help": SUM},
-} | {
-    name: {"type": type(default), "default": default, "help": f"{text} (default %(default)s)"}
-    for name, default, text in (
-        ("--margin", 0.01, MARGIN),
-        ("--smoothness", 0.0, SMOOTH),
-        ("--points", POINTS, "grid points of a step"),
-    )
 }
+for name, default, text in (
+    ("--margin", 0.01, MARGIN),
+    ("--smoothness", 0.0, SMOOTH),
+    ("--points", POINTS, "grid points of a step"),
+):
+    words = f"{text} (default {default})"
+    ARGUMENTS[name] = {"type": type(default), "default": default, "help": words}
 
 
 def run(
@@ -93,27 +93,20 @@ def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float
         if sorted(joints) != sorted(robot.joints):
             message = f"the joints are {', '.join(joints)}; those of the arm "
             raise RecordingError(message + ", ".join(robot.joints), file=file, line=1)
-        order = [joints.index(name) for name in robot.joints]
-        return chain.pose(values(table, "q")[:, order]), _rate(table["t"].to_numpy())
-    table = read_poses(file, chain.task)
-    rate, still = _rate(table["t"].to_numpy()), chain.pose(np.zeros(len(chain.lower)))
-    if len(still) == len(chain.task):
-        return table[[*chain.task]].to_numpy(), rate
-    poses, turn = np.zeros((len(table), len(still))), np.zeros((len(table), 3))
-    for name in chain.task:
-        if name in ("x", "y", "z"):
-            poses[:, "xyz".index(name)] = table[name]
-        else:
-            turn[:, 1 if name == PLANE[2] else "xyz".index(name[1])] = table[name]
-    rotation = Rotation.from_rotvec(turn).as_matrix()
-    if PLANE[2] in chain.task:
-        rotation = rotation @ still[3:].reshape(3, 3)
-    poses[:, 3:] = rotation.reshape(-1, 9)
-    return poses, rate
-
-
-def _rate(t: np.ndarray) -> float:
-    return float((len(t) - 1) / (t[-1] - t[0]))
+        poses = chain.pose(table[columns("q", robot.joints)].to_numpy())
+    else:
+        table = read_poses(file, chain.task)
+        poses, still = table[[*chain.task]].to_numpy(), chain.pose(np.zeros(len(chain.lower)))
+        if len(still) > len(chain.task):  # rows of a pose in space
+            # φ is a turn about y
+            named = table.rename(columns={PLANE[2]: "ry"}).reindex(columns=SPACE, fill_value=0.0)
+            turn = named[[*SPACE[3:]]].to_numpy(copy=True)
+            rotation = Rotation.from_rotvec(turn).as_matrix()
+            if PLANE[2] in chain.task:
+                rotation = rotation @ still[3:].reshape(3, 3)
+            poses = np.hstack([named[[*SPACE[:3]]].to_numpy(), rotation.reshape(-1, 9)])
+    t = table["t"].to_numpy()
+    return poses, float((len(t) - 1) / (t[-1] - t[0]))
 
 
 def _draw(

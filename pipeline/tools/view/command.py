@@ -8,32 +8,30 @@ import importlib
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arm.model import arm_of, link_chains
 from pipeline.arm.urdf import describe
 from pipeline.core import config, contracts
-from pipeline.core.columns import matrices, members, values
+from pipeline.core.columns import matrices, values
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.recordings.depth_angles import arm_points
 
 HERE, FOLDER, ENVIRONMENT = Path(__file__).parent, Path("data/view"), Path(".venv-view")
-TRACK, FILTER, ARTICULATE, DEPTH = map(
-    Path, ("data/track", "data/filter", "data/articulate", "data/ingest/depth")
-)
+TRACK, FILTER, ARTICULATE = Path("data/track"), Path("data/filter"), Path("data/articulate")
+DEPTH = Path("data/ingest/depth")
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-
-
 TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
 ARGUMENTS = {
     "take": {"nargs": "?", "metavar": "TAKE", "help": "take's name (default the first test take)"},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
     "--open": {"action": "store_true", "help": "viewer that shows the file"},
 }
+Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
 
 
 class Track(NamedTuple):
@@ -44,26 +42,32 @@ class Track(NamedTuple):
     std: np.ndarray | None = None
 
 
-class ViewedTake(NamedTuple):
-    """Tracks of a take, measured and by model, and time (s) and points (I, 3) m of each frame."""
-
-    name: str
-    robot: Robot
-    joints: list[str]
-    measured: Track
-    filtered: dict[str, Track]
-    clouds: list[tuple[float, np.ndarray]]
-
-
 def run(take: str | None = None, to: Path | None = None, open: bool = False) -> None:
-    """Write the take to an .rrd file, and open it where that was asked for."""
+    """Write the take to an .rrd file, and open it where that was asked for.
+
+    Raises ConfigError for an unknown take.
+    """
     rerun = _rerun()
     settings = config.sections("view", HERE / "reads.yaml")
-    viewed = read_viewed_take(settings, take)
-    file = to or FOLDER / f"{settings.dataset.name}_{viewed.name}.rrd"
+    robot, joints = settings.dataset.robot, contracts.read("joints", TRACK)
+    # test before training
+    name = take or joints.sort_values("part", kind="stable")["take"].iloc[0]
+    own = joints[joints["take"] == name]
+    if own.empty:
+        names = ", ".join(joints["take"].unique())
+        raise ConfigError(f"no take {name!r}; there are {names}", key="TAKE")
+    tracks = {"measured": Track(own["t"].to_numpy(), values(own, "q"))}
+    for folder in (FILTER / model for model in settings.models):
+        if contracts.exists("posterior", folder):
+            rows = contracts.read("posterior", folder).query("take == @name")
+            std = np.sqrt(np.diagonal(matrices(rows, "c", robot.joints), axis1=-2, axis2=-1))
+            if len(rows):
+                tracks[folder.name] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
+    clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
+    file = to or FOLDER / f"{settings.dataset.name}_{name}.rrd"
     file.parent.mkdir(parents=True, exist_ok=True)
-    write_recording(rerun, viewed, file)
-    print(f"view: wrote {file}; `python -m pipeline view {viewed.name} --open` shows it")
+    write_recording(rerun, file, name, robot, tracks, clouds)
+    print(f"view: wrote {file}; `python -m pipeline view {name} --open` shows it")
     if open:
         viewer = rerun.RecordingStream(settings.dataset.name)
         viewer.spawn()
@@ -79,29 +83,7 @@ def _rerun() -> ModuleType:
         raise PipelineError("rerun-sdk is not installed; run `make view`") from None
 
 
-def read_viewed_take(settings: Any, name: str | None) -> ViewedTake:
-    """Read the take ``name``, else the first test take; ConfigError for an unknown name."""
-    joints = contracts.read("joints", TRACK)
-    if name is None:
-        name = joints.sort_values("part", kind="stable")["take"].iloc[0]  # test before training
-    own = joints[joints["take"] == name]
-    if own.empty:
-        names = ", ".join(joints["take"].unique())
-        raise ConfigError(f"no take {name!r}; there are {names}", key="TAKE")
-    names, filtered = members(joints, "q"), {}
-    for folder in (FILTER / model for model in settings.models):
-        if contracts.exists("posterior", folder):
-            rows = contracts.read("posterior", folder).query("take == @name")
-            std = np.sqrt(np.diagonal(matrices(rows, "c", names), axis1=-2, axis2=-1))
-            filtered[folder.name] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
-    filtered = {model: track for model, track in filtered.items() if len(track.t)}
-    robot = settings.dataset.robot
-    clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
-    measured = Track(own["t"].to_numpy(), values(own, "q"))
-    return ViewedTake(name, robot, list(names), measured, filtered, clouds)
-
-
-def _clouds(name: str, robot: Robot) -> list[tuple[float, np.ndarray]]:
+def _clouds(name: str, robot: Robot) -> Clouds:
     """Points of the arm in every depth frame of a take, at the motion capture's time."""
     angles, frames = contracts.read("angles", ARTICULATE), contracts.read("frames", DEPTH)
     angles, frames = (table[table["take"] == name] for table in (angles, frames))
@@ -125,36 +107,36 @@ def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
     return np.stack([np.zeros_like(nodes[0]), *nodes], axis=1)
 
 
-def write_recording(rerun: ModuleType, take: ViewedTake, file: Path) -> None:
-    """Write ``take`` as an .rrd file with its layout: the scene beside a plot of each joint."""
+def write_recording(
+    rerun: ModuleType, file: Path, take: str, robot: Robot, tracks: dict[str, Track], clouds: Clouds
+) -> None:
+    """Write an .rrd file with its layout: the scene beside a plot of each joint."""
     blueprint = importlib.import_module("rerun.blueprint")
     recording = rerun.RecordingStream("manipulator-uncertainty")
     plots = [
         blueprint.TimeSeriesView(origin=rerun.new_entity_path(["angles", joint]), name=joint)
-        for joint in take.joints
+        for joint in robot.joints
     ]
-    scene = blueprint.Spatial3DView(origin="scene", name=take.name)
+    scene = blueprint.Spatial3DView(origin="scene", name=take)
     layout = blueprint.Horizontal(scene, blueprint.Vertical(*plots))
     recording.save(file, default_blueprint=blueprint.Blueprint(layout))
-    tracks = {"measured": take.measured} | take.filtered
     for (name, track), colour in zip(tracks.items(), (MEASURED, *COLOURS), strict=False):
-        for t, nodes in zip(track.t, skeletons(take.robot, track.q), strict=True):
+        for t, nodes in zip(track.t, skeletons(robot, track.q), strict=True):
             recording.set_time("time", duration=float(t))
             strip = rerun.LineStrips3D([nodes], colors=[colour], radii=[0.004])
             recording.log(rerun.new_entity_path(["scene", name]), strip)
+        lines = [("mean", name, 2.0, track.q)]
+        if track.std is not None:
+            lines += [("upper", f"{name} + 1σ", 0.7, track.q + track.std)]
+            lines += [("lower", f"{name} − 1σ", 0.7, track.q - track.std)]
         time = rerun.TimeColumn("time", duration=track.t)
-        for j, joint in enumerate(take.joints):
-            q, std = track.q[:, j], None if track.std is None else track.std[:, j]
-            lines = [("mean", name, 2.0, q)]
-            if std is not None:
-                lines += [("upper", f"{name} + 1σ", 0.7, q + std)]
-                lines += [("lower", f"{name} − 1σ", 0.7, q - std)]
+        for j, joint in enumerate(robot.joints):
             for part, label, width, line in lines:
                 place = rerun.new_entity_path(["angles", joint, name, part])
                 style = rerun.SeriesLines(colors=[colour], names=[label], widths=[width])
                 recording.log(place, style, static=True)
-                recording.send_columns(place, [time], rerun.Scalars.columns(scalars=line))
-    for t, points in take.clouds:
+                recording.send_columns(place, [time], rerun.Scalars.columns(scalars=line[:, j]))
+    for t, points in clouds:
         recording.set_time("time", duration=float(t))
         recording.log("scene/cloud", rerun.Points3D(points, radii=[0.002]))
     recording.flush()
