@@ -5,6 +5,7 @@ every stage, in a clone of the last commit.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,8 +19,8 @@ ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 
 def run(folder: Path) -> None:
-    """Clone the last commit to ``folder``, run its stages, whose outputs DVC deletes first, and
-    print what git finds changed. Raises PipelineError for any difference.
+    """Clone the last commit to ``folder``, delete the outputs of its stages, run them and print
+    what git finds changed. Raises PipelineError for any difference.
     """
     root = Path.cwd()
     print(f"audit: commit {_git(root, 'rev-parse', 'HEAD').strip()}", flush=True)
@@ -34,14 +35,25 @@ def run(folder: Path) -> None:
         "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
     }
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
-    if subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr).returncode:
+    dry = subprocess.run([*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE)
+    planned = set(re.findall(r"(?m)^Running stage '([^']+)'", dry.stdout.decode()))
+    stages = []  # of a lock file those alone that its dvc.yaml still has
+    for lock in project.rglob("dvc.lock"):
+        place = lock.parent.relative_to(project).as_posix()
+        prefix = "" if place == "." else f"{place}/dvc.yaml:"
+        entries = read_yaml(lock).get("stages", {}).items()
+        stages += [stage for name, stage in entries if f"{prefix}{name}" in planned]
+    for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
+        shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
+    ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
+    if dry.returncode or ran.returncode or not planned:
         raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
     # hashes of the files that git does not hold are in the lock files
     if changed := _git(project, "status", "--porcelain"):
         print(changed + _git(project, "diff", "--stat"), end="")
         message = f"{len(changed.splitlines())} files differ from the commit after a run of its"
         raise PipelineError(f"{message} stages; see `git -C '{project}' diff`", folder=project)
-    print("audit: every stage run again, every file equal to the commit")
+    print(f"audit: {len(stages)} stages run again, every file equal to the commit")
 
 
 def clone_commit(root: Path, folder: Path) -> Path:
