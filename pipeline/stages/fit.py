@@ -48,15 +48,14 @@ def _fit(model: str, settings, folder: Path) -> tuple[dict[str, float], dict[str
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
-    checks, takes = settings.scale.convex_checks, len(recorded.q)
-    looked_at, tables = kinds.examined(recorded, options, estimate, checks, stream)
+    takes, tables = len(recorded.q), kinds.examined(recorded, options, estimate, stream)
     own, replicates = {"takes": takes}, []
     if estimate is not None:
         replicates = _replicates(model, recorded, estimate, options, settings)
         own |= estimate.estimates | _uncertainty(estimate, replicates, takes)
         own |= estimate.diagnostics
     metrics = _compared(model, recorded, options, estimate, settings) | own
-    metrics |= _likelihood(recorded, estimate) | looked_at
+    metrics |= _likelihood(recorded, estimate)
     for name, table in tables.items():
         contracts.write(table, name, folder)
     names, covariance = bootstrap.joint_covariance(replicates)

@@ -54,9 +54,7 @@ def run() -> None:
         for steps, inside in groups_by_speed(recorded, rate).items():
             scores = {
                 model: prediction_scores(
-                    {key: value[:, inside] for key, value in own.items()},
-                    recorded.joints,
-                    moving=False,
+                    {key: value[:, inside] for key, value in own.items()}, recorded.joints
                 )
                 for model, own in scored.items()
             }
@@ -83,7 +81,7 @@ def _write_other_motions(settings, recorded: Recorded, folder: Path) -> None:
     except ModelDomainError as error:
         print(f"predict: no plain model: {error}")
         return
-    for name, table in scored.tables.items():
+    for name, table in scored.items():
         contracts.write(table, name, folder)
 
 
@@ -114,7 +112,7 @@ def _scored(settings, recorded: Recorded, pose: np.ndarray) -> dict[str, Steps]:
         together = baseline_predictions(training, q, pose).items()
         alone = [{n: (error[k], c) for n, (error, c) in together} for k in range(len(q))]
     takes = dict(enumerate(zip(names, q, strict=True)))
-    score = partial(score_take, takes=takes, recorded=recorded, models=models, seed=settings.seed)
+    score = partial(score_take, takes=takes, recorded=recorded, models=models)
     trials = [(model, number) for model in models for number in takes]
     results = run_trials(score, trials, compute=settings.compute, label="predict: takes")
     rows = [(name, normal_steps(*each[name])) for name in (NONE, MEMORY) for each in alone]

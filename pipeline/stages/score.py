@@ -153,7 +153,7 @@ def _score_motion(
         compared = curves.spread_tables(modelled, following, noise, names)
         for name, table in compared.items():
             table.to_csv(tables / f"{name}.csv", index=False)
-    return curves.std_scores(std, error, names, steady) | metrics
+    return curves.std_scores(std, error, names) | metrics
 
 
 def _modelled(
@@ -213,12 +213,12 @@ def _score_filters(
     ]
     contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
     stream = rng.stream(settings.seed, "score.bounds")
-    compared, refusals = filter_tables(filters, names, constant_speed(training), stream)
+    compared, refusals = filter_tables(filters, names, stream)
     for refusal in refusals:
         print(f"score: {refusal}")
     for name, table in compared.items():
         table.to_csv(tables / f"{name}.csv", index=False)
-    metrics = filter_metrics(compared["filter_scores"])
+    metrics = filter_metrics(filters, names, constant_speed(training))
     return metrics | {"axes_of_training_steps_without_spread": without}
 
 

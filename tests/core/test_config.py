@@ -158,8 +158,8 @@ def sections(tmp_path, monkeypatch):
 
 
 def test_a_stage_gets_the_sections_that_it_declares_and_no_others(sections):
-    settings = sections("seed", "dataset.robot", "filter", "scale.convex_checks")
-    assert settings.seed == 2017 and settings.scale.convex_checks > 0
+    settings = sections("seed", "dataset.robot", "filter", "scale.bootstrap_replicates")
+    assert settings.seed == 2017 and settings.scale.bootstrap_replicates > 0
     for value, kind in (
         (settings.dataset.robot, Robot),
         (settings.filter, Filter),

@@ -5,8 +5,6 @@ singular pose, past the bound of the Gaussian model, beyond the joint limits.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from oracles import READINGS, least_p_value
@@ -171,33 +169,6 @@ def test_close_to_a_singular_pose_everything_is_finite(model, sine, chain, step)
     for values in (drawn, density, model.mean(chain, q, step)):
         assert np.all(np.isfinite(values))
     assert np.all(np.linalg.eigvalsh(model.covariance(chain, q, step))[:, 1:] >= 0)
-
-
-@pytest.mark.parametrize("name", ["scaled", "wishart qr_transposed", "gaussian"])
-def test_beyond_the_joint_limits_the_model_goes_on_and_the_filter_counts(name, chain, step):
-    """The models know of no limits; the filter loses the particles that leave them, and says how
-    many.
-    """
-    model, nominal = MODELS[name], np.linalg.solve(chain.jacobian(POSE), step)
-    wide = POSE - 2.0, POSE + 2.0
-    axis, tight = int(np.argmax(np.abs(nominal))), np.array(wide)
-    # one limit lies where the nominal step leads, so that about half of the steps leave it
-    tight[int(nominal[axis] > 0), axis] = POSE[axis] + nominal[axis]
-
-    def arm(ends) -> PlanarChain:
-        return replace(chain, lower=ends[0], upper=ends[1])
-
-    def lost(ends) -> int:
-        begin, options = Start(POSE, np.zeros((3, 3))), FilterOptions(particles=2000)
-        run = arm(ends), open_loop(step[None]), 0.01, begin, nothing(3), options
-        return int(particle_filter(model, *run, RNG(11)).outside[1])
-
-    drawn, _ = draw_steps(model, arm(tight), np.tile(POSE, (2000, 1)), step, RNG(11))
-    outside = np.mean(~arm(tight).within_limits(drawn))
-    assert np.all(np.isfinite(drawn)) and 0.2 < outside < 0.8
-    assert abs(lost(tight) / 2000 - outside) < 0.05
-    # control: with the limits far away next to none is lost
-    assert lost(wide) < 0.05 * 2000
 
 
 SIZES = [(6, 6), (7, 6), (3, 2), (5, 1)]

@@ -14,11 +14,10 @@ from omegaconf import OmegaConf
 
 import pipeline.models
 from pipeline.core import config
-from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.draws import draw_steps
 from pipeline.models.steps import Recorded, mean_log_likelihood
-from pipeline.models.wishart.decomposition import Decomposition
 
 ROOT = Path(__file__).parents[2]
 LEFT = np.diag([0.15, 0.15, 1.0]).tolist()
@@ -28,19 +27,6 @@ PARAMETERS = {
     "gaussian": {"alpha": 0.15, "u": 20.0},
     "scaled": {"floor": (4e-6 * np.eye(3)).tolist(), "gain": np.full((3, 3), 0.04).tolist()},
 }
-
-
-@pytest.mark.parametrize("kind", PARAMETERS)
-def test_a_model_has_the_parameters_that_were_written(kind, tmp_path):
-    (tmp_path / "parameters.json").write_text(json.dumps({"kind": kind} | PARAMETERS[kind]))
-    model, values = kinds.fitted_model(tmp_path), dict(PARAMETERS[kind])
-    law = "scaled" if kind == "additive" else kind  # additive noise is the case without slope
-    assert type(model).__name__ == f"{law.capitalize()}Model"
-    if kind == "wishart":
-        values["decomposition"] = Decomposition("given", left=values.pop("left"))
-    for name, value in values.items():
-        name = {"noise_covariance": "floor"}.get(name, name)
-        assert np.array_equal(getattr(model, name), value)
 
 
 @pytest.mark.parametrize(
@@ -182,11 +168,6 @@ def test_a_folder_is_a_model_that_is_found_composed_fitted_and_drawn_from(
     model = kinds.fitted_model(tmp_path)
     moved, _ = draw_steps(model, chain, np.tile(poses[0], (2000, 1)), step, rng)
     np.testing.assert_allclose(moved.var(axis=0), 1e-4, rtol=0.15)
-
-
-def test_a_kind_without_a_folder_is_refused_by_name():
-    with pytest.raises(ConfigError, match="no kind 'tiny'; there are additive, gaussian"):
-        kinds.options_type("tiny")
 
 
 @pytest.mark.slow

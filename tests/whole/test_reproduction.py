@@ -63,8 +63,6 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     assert {f"{model}_greatest_mean_error_rad" for model in MODELS} <= {*numbers["motion"]}
     assert {f"study_m{m}_mean_error" for m in (3, 5, 10, 15, 20)} <= {*numbers["wrench"]}
     assert {"C1_measured_fx", "C3_modelled_var_fy"} <= {*numbers["wrench"]}
-    # the closed form of the convex problem against the solver, on the problems as printed
-    assert fits["wishart"]["convex_check_greatest_relative_gap"] < 1e-4
     # shares and correlations are means over the takes, not sums
     means = [v for name, v in numbers["recordings"].items() if re.search("_share|_corr", name)]
     assert means and all(-1 <= value <= 1 for value in means)

@@ -64,7 +64,6 @@ class Scale:
     systems: Count
     test_systems: Count
     study_repeats: Count
-    convex_checks: Whole
     bootstrap_replicates: Whole
     force_seconds: Positive
 
