@@ -38,10 +38,10 @@ class ExportedModel:
     """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as it was fitted.
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) steps of the task in m and rad,
-    (m + n) of an arm with more joints than task rows (:mod:`pipeline.models.model`). Beyond the
-    ranges of the fit each method warns :class:`OutsideRanges`, of each joint and row once. All
-    raise SingularJacobianError at a singular pose, and ModelDomainError for another number of
-    joints or rows and where the moments do not exist or the recordings cannot tell them.
+    (m + n) of an arm with more joints than task rows. Beyond the ranges of the fit each method
+    warns :class:`OutsideRanges`, of each joint and row once. All raise SingularJacobianError, and
+    ModelDomainError for another number of joints or rows and where the moments do not exist or the
+    recordings cannot tell them.
     """
 
     law: MotionModel | JointStepModel
@@ -87,7 +87,6 @@ class ExportedModel:
     def log_density(self, q: ndarray, v: ndarray, q_next: ndarray, measurement=None) -> ndarray:
         """(...,) ln p(q_next | q) in rad⁻ⁿ; with ``measurement`` (n, n) in rad² of the next pose as
         it is measured (for a Wishart model by a quadrature that needs the project's compiler).
-
         Raises ModelDomainError where the step has no density, as a matrix model's at rest.
         """
         q, v = self._checked(q, v)
@@ -163,7 +162,7 @@ def read_exported(file: Path) -> ExportedModel:
         parameters = record["parameters"]
         build = build_joint_steps if parameters["kind"] == KIND else build_model
         return ExportedModel(build(parameters), _chain(record["arm"]), record)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ContractError, OSError, ValueError, KeyError, TypeError) as error:
         raise ContractError(
             f"no exported model ({error!r}); write one by python -m pipeline export MODEL",
             file=file,

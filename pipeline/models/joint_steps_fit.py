@@ -62,10 +62,9 @@ def fit_joint_steps(
     start: JointStepModel | None = None,
 ) -> JointStepFit:
     """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` and ``noise`` ω (N, n) in
-    rad, the measured minus the commanded step, of n ``joints``.
-
-    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit at
-    which the search begins. Raises ModelDomainError where there is no noise at all or no step.
+    rad, the measured minus the commanded step, of n ``joints``; ``pose_noise`` is the stated
+    standard deviation of a measured angle in rad, ``start`` a fit at which the search begins.
+    Raises ModelDomainError where there is no noise at all or no step.
     """
     power, student = PLAIN[name]
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))

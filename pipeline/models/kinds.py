@@ -86,7 +86,7 @@ def build_model(parameters: Any) -> MotionModel:
             return import_module(f"pipeline.models.{kind}.law").build(parameters)
         except (KeyError, TypeError, ValueError) as error:
             why = f" ({error!r})"
-    raise ContractError(f"not the parameters of a motion model{why}; run the stage fit again")
+    raise ContractError(f"not the parameters of a motion model{why}")
 
 
 def fitted_model(folder: Path) -> MotionModel:

@@ -180,9 +180,7 @@ def spread_comparison(
     in the last joint.
 
     All models have one level: in every set of takes of ``noise`` (takes, M, n) rad each model's
-    variances have the factor by which their sum over joints and steps, with the measurement noise,
-    is the one of the takes: for the Wishart model, whose joints' shares depend slightly on σ_B, an
-    approximation.
+    variances have the factor by which their sum with the measurement noise is the one of the takes.
     """
     measurement, errors = next(iter(modelled.values())).measurement, {}
     recorded = _variances(jackknife_counts(len(noise)), noise)

@@ -40,9 +40,8 @@ def normal_log_score(error: ndarray, covariance: ndarray) -> ndarray:
 
 
 def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Scores:
-    """Return each score of the predictions of one step as its mean over the K steps of a take.
-
-    ``steps``: ``log_density`` and ``nees`` (takes, K) and the error ``z`` (takes, K, n) of
+    """Return each score of the predictions of one step as its mean over the K steps of a take;
+    ``steps`` are ``log_density`` and ``nees`` (takes, K) and the error ``z`` (takes, K, n) of
     :mod:`pipeline.models.prediction`, NaN where a model has none.
     """
     scores = {"log_score": steps["log_density"], "nees": steps["nees"]}

@@ -108,17 +108,6 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
             assert apart < 5 and off < 0.07
 
 
-def test_each_command_moves_its_own_poses_and_all_poses_may_take_one(chain, poses, step):
-    model, v = ScaledModel(np.zeros((3, 3))), np.linspace(0.1, 1.0, 4)[:, None] * step
-    q = poses[:20].reshape(5, 4, 3)
-    drawn, _ = draw_steps(model, chain, q, v, RNG(7))
-    np.testing.assert_allclose(drawn, model.mean(chain, q, v), atol=1e-14)
-    single, _ = draw_steps(model, chain, q, step, RNG(7))
-    np.testing.assert_allclose(single, model.mean(chain, q, step), atol=1e-14)
-    # control: the commands belong to their poses
-    assert np.abs(drawn - model.mean(chain, q, v[::-1])).max() > 1e-3
-
-
 @every_model
 def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain, poses):
     rest = np.zeros(3)

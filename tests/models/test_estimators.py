@@ -79,15 +79,6 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
         assert 0.69 < free < 0.79 and free + 0.02 < share(data) < 0.9
 
 
-@pytest.mark.parametrize("name", ["pivoted_lu", "qr", "qr_transposed"])
-def test_the_moment_estimate_has_the_recorded_variance_whatever_drew_it(chain, poses, step, name):
-    data = recorded(chain, poses, step, GaussianModel(0.2, 25.0))
-    model = estimate(data, wishart("moments", name)).model
-    variance = model.covariance(chain, data.q, data.v) + data.measurement
-    own = np.trace(variance, axis1=-2, axis2=-1).mean()
-    assert own == pytest.approx(np.var(data.noise, axis=0, ddof=1).sum(axis=-1).mean(), rel=1e-9)
-
-
 @pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian", "")])
 def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
     chain, poses, step, options

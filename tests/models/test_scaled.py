@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models.normal import normal_log_density
-from pipeline.models.scaled.fit import fit_scaled, minimise, negative_log_likelihood
+from pipeline.models.scaled.fit import fit_scaled, minimise
 
 TAKES, STEPS, REST = 40, 200, 20
 FLOOR = 1e-6 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
@@ -116,25 +116,6 @@ def test_a_joint_that_never_moves_and_no_covariance_are_refused():
         fit(noise, -MEASUREMENT)
     with pytest.raises(ModelDomainError, match="not finite"):
         fit(noise * np.where(np.arange(3) == 1, np.nan, 1.0))
-
-
-def test_the_likelihood_and_its_slopes_are_those_of_whole_matrices():
-    rng = np.random.default_rng(82)
-    w, x = rng.normal(0, [1, 2, 3], (700, 3)), rng.normal(0, [2, 1, 0.5], (700, 3))
-    units = np.sqrt(np.diag(FLOOR))
-    floor, outer = (FLOOR + MEASUREMENT) / np.outer(units, units), x[:, :, None] * x[:, None, :]
-    covariance = floor + GAIN * outer
-    precision = np.linalg.inv(covariance)
-    white = np.matvec(precision, w)
-    slope = 0.5 * (precision - white[:, :, None] * white[:, None, :])
-    value, by_floor, by_gain = negative_log_likelihood(w.T, x.T, floor, GAIN)
-    expected = 0.5 * np.mean(np.linalg.slogdet(covariance)[1] + np.vecdot(w, white))
-    assert value == pytest.approx(expected, rel=1e-12)
-    np.testing.assert_allclose(by_floor, slope.mean(axis=0), rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(by_gain, (slope * outer).mean(axis=0), rtol=1e-10, atol=1e-12)
-    # control: without a floor a step at rest has no density
-    x[5] = 0
-    assert negative_log_likelihood(w.T, x.T, NONE, GAIN)[0] == np.inf
 
 
 @pytest.mark.parametrize(

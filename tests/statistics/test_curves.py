@@ -223,19 +223,6 @@ def test_an_interval_that_does_not_exist_is_a_gap():
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
 
 
-def test_the_same_takes_are_drawn_for_all_models_and_the_first_has_no_difference():
-    rng = np.random.default_rng(0)
-    common = rng.normal(size=TAKES)
-    other = common + 0.3 + 0.1 * rng.normal(size=TAKES)
-    rows = resampled(common, other, rng)
-    assert rows.loc["a", ["difference", "low", "high"]].isna().all()
-    half = 2.02 * (other - common).std(ddof=1) / np.sqrt(TAKES)
-    assert rows.loc["b", "high"] - rows.loc["b", "low"] == pytest.approx(2 * half, rel=0.3)
-    # control: unpaired takes would leave an interval ten times as wide
-    wide = resampled(common, np.roll(other, 7), rng).loc["b"]
-    assert wide["high"] - wide["low"] > 5 * half
-
-
 def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_step():
     noise = np.random.default_rng(6).standard_normal((100, 401))
     moving = noise[:, 1:] - 0.5 * noise[:, :-1]  # correlation −0.5/1.25

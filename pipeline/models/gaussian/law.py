@@ -41,9 +41,8 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
 @dataclass(frozen=True)
 class GaussianModel(NormalModel):
     """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius
-    norm: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is that of Algorithm 2.
-
-    Where a single pose exceeds the bound its noise is zero, and such poses are counted.
+    norm, beyond which it has no noise: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is
+    that of Algorithm 2.
     """
 
     alpha: float

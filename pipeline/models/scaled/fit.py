@@ -64,9 +64,8 @@ def fit_scaled(
     """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
     every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
 
-    ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, ``measurement``
-    Σ_m (n, n) in rad². Raises ModelDomainError where the likelihood has no bound (no measurement
-    noise, and noise at rest that is zero or lies in a plane) or where a joint never moves,
+    ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, Σ_m (n, n) in
+    rad². Raises ModelDomainError where the likelihood has no bound or a joint never moves,
     SolverError where the search does not end at an optimum.
     """
     _ = principal_axes(measurement)  # raises where it is no covariance

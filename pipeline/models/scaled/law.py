@@ -25,9 +25,8 @@ from pipeline.models.normal import NormalModel, root, trace_factor
 @dataclass(frozen=True)
 class ScaledModel(NormalModel):
     """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), in shares of a
-    step, that grows with speed; None of the additive model, Eq. (InvDiffRndm).
-
-    Both may be singular or zero; raises ModelDomainError where one is no covariance.
+    step, that grows with speed; None of the additive model, Eq. (InvDiffRndm). Both may be
+    singular; raises ModelDomainError where one is no covariance.
     """
 
     floor: ndarray

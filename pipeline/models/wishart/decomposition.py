@@ -33,9 +33,8 @@ LEAST_CONDITION = 1e-9  # least singular value of a given J₁ as a share of its
 
 @dataclass(frozen=True)
 class Decomposition:
-    """One decomposition: ``name`` of :data:`COMPUTED`, or ``given`` with its ``left`` J₁ (m, m).
-
-    Raises ModelDomainError for an unknown name or a J₁ that is not regular.
+    """One decomposition: ``name`` of :data:`COMPUTED`, or ``given`` with its ``left`` J₁ (m, m);
+    ModelDomainError for an unknown name or a J₁ that is not regular.
     """
 
     name: str
@@ -88,9 +87,8 @@ def factors(
     chain: Mechanism, q: ndarray, v: ndarray, decomposition: Decomposition
 ) -> tuple[ndarray, ndarray, ndarray]:
     """a = J₁⁻¹v (..., m), J₂⁺ (..., n, m) and ½ ln det J₂J₂ᵀ (...,) of J = J₁J₂, Eq. (LUDecom), at
-    joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer.
-
-    Raises SingularJacobianError.
+    joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer. Raises
+    SingularJacobianError.
     """
     chain.require_regular(q)
     return split(chain.jacobian(q), task_step(chain, v), decomposition)

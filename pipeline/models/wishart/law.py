@@ -52,10 +52,9 @@ LOG_EXCESS = (-12.0, 60.0)
 @dataclass(frozen=True)
 class WishartModel:
     """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``, Eq.
-    (LUDecom); a step is Eq. (RMTInvDiff), of the law of Algorithm 1.
-
-    What is commanded in the null space of J has no noise. Raises ModelDomainError for a σ_B that
-    is not positive; with a chain, for one without a density and a given J₁ of another size.
+    (LUDecom); a step is Eq. (RMTInvDiff), of the law of Algorithm 1, without noise in the null
+    space of J. Raises ModelDomainError for a σ_B that is not positive; with a chain, for one
+    without a density and a given J₁ of another size.
     """
 
     sigma_b: float
@@ -113,10 +112,9 @@ class WishartModel:
     def log_density(
         self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
     ) -> ndarray:
-        """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
-
-        Without ``measurement`` −inf where no B > 0 gives the step; ModelDomainError where v = 0 or
-        n > m, where there is no density. With it, by quadrature, at rest N(q, measurement).
+        """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v:
+        −inf where no B > 0 gives the step, ModelDomainError where v = 0 or n > m. With
+        ``measurement`` by quadrature, at rest N(q, measurement).
         """
         batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
         q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))

@@ -62,12 +62,12 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
 def fit_perturbations(
     noise: ndarray, a: ndarray, back: ndarray, weights: tuple[float, float], floor: float
 ) -> Perturbations:
-    """Solve (BsampOpt) for N steps, with (const10) in the form B⁻¹ ⪰ εI; where the first term
-    vanishes, Eq. (Omegki) holds.
+    """Solve (BsampOpt) for N steps, with (const10) in the form B⁻¹ ⪰ εI, ε the ``floor``; where the
+    first term vanishes, Eq. (Omegki) holds.
 
-    ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m) and ``back`` J₂⁺ (N, n, m)
-    of :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε. At rest (a = 0) S = 0.
-    Raises ModelDomainError for noise that is not finite, SolverError without an optimum.
+    ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m), zero at rest, where S =
+    0, and ``back`` J₂⁺ (N, n, m); ``weights`` (α₁, α₂). Raises ModelDomainError for noise that is
+    not finite, SolverError without an optimum.
     """
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
@@ -179,10 +179,9 @@ def place(
 def perturb(
     noise: ndarray, a: ndarray, back: ndarray, ratio: float, delta: float, steps: int
 ) -> tuple[int, ndarray, ndarray, ndarray]:
-    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m), ``back`` (N, n, m), λ and δ.
-
-    Return the number of the first whose A is all but singular or whose λ(s) is not λ after
-    ``steps`` places, −1 for none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).
+    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m), ``back`` (N, n, m), λ and δ: the number
+    of the first whose A is all but singular or whose λ(s) is not λ after ``steps`` places, −1 for
+    none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).
     """
     count, n, m = back.shape
     s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, np.bool_)
