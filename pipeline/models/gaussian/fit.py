@@ -178,7 +178,7 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 def fit_moments(
     recorded: Recorded, speeds: ndarray, norms: ndarray
 ) -> Callable[[ndarray], GaussianFit]:
-    """(α̂, û) by moments, of the numbers of any takes: for every u = max ‖J⁺‖_F·(1 + EXTENSIONS) the
+    """(α̂, û) by moments, of the numbers of any takes: for every u = max ‖J⁺‖·(1 + EXTENSIONS) the
     α of the recorded total variance, and of these the u of least Σ_k (α²g_k − t_k)² in rad⁴, t_k
     the trace of the sample covariance of ω at step k less the measurement's. ``speeds`` ‖v‖²/m and
     ``norms`` ‖J⁺‖_F are (takes, M).
