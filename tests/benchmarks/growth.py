@@ -135,8 +135,8 @@ def many_takes(count: int) -> dict[str, float]:
         takes, rng = min(BLOCK, count - first), np.random.default_rng(first)
         q, v = drawn_takes(motion.scene, takes, STEPS, POSE, rng)
         recorded = Recorded(chain, q[:, :-1], v, process_noise(chain, q, v), ())
-        solved = solve_problems(problem_steps(recorded, model.decomposition), weights, 0.2)
-        total += takes * float(solved.squares.mean())
+        steps = problem_steps(recorded, model.decomposition)
+        total += takes * float(solve_problems(steps, weights, 0.2)[0].mean())
         for number in range(first, first + takes):
             motion.filtered(1000, np.random.default_rng(number))
     return {

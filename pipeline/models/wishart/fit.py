@@ -57,12 +57,11 @@ class Options(base.Options):
 
 
 class DispersionFit(NamedTuple):
-    """σ̂_B, and its estimate from chosen takes; ``problems`` of the paper's estimator alone."""
+    """σ̂_B, and its estimate from chosen takes."""
 
     sigma_b: float
     from_takes: Callable[[ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
     diagnostics: Mapping[str, float] = {}
-    problems: SolvedProblems | None = None
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
@@ -78,7 +77,8 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
     values = {"sigma_b": fit.sigma_b}
-    return Estimate(_parameters(fit.sigma_b, given[1]), values, diagnostics, fit, fit.from_takes)
+    parameters = _parameters(fit.sigma_b, given[1])
+    return Estimate(parameters, values, diagnostics, from_takes=fit.from_takes)
 
 
 def compared(options: Options) -> dict[str, Options]:
@@ -129,7 +129,8 @@ def examined(
 
         def sigma_b(ratio: float, steps=steps) -> float:
             weights = 1 / (1 + ratio), ratio / (1 + ratio)
-            return float(solve_problems(steps, weights, options.floor).dispersions.mean())
+            squares, _ = solve_problems(steps, weights, options.floor)
+            return float(np.sqrt(squares.mean(axis=0)).mean())
 
         curve = np.array([sigma_b(ratio) for ratio in RATIOS])
         rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
@@ -181,20 +182,6 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionF
     return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
 
 
-class SolvedProblems(NamedTuple):
-    """Optimal perturbations of takes × M steps."""
-
-    # (takes, M) ‖B − I‖²/‖I‖² of each step: E[B] is the model's, and not a sample mean
-    squares: ndarray
-    perturbations: Perturbations  # take by take
-    weights: tuple[float, float]  # α₁, α₂
-
-    @property
-    def dispersions(self) -> ndarray:
-        """(M,) σ̂_Bk of each step, Eq. (NormStd)."""
-        return np.sqrt(self.squares.mean(axis=0))
-
-
 def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[ndarray, ...]:
     """ω (takes, M, n) in rad, J₁⁻¹v (takes, M, m) and J₂⁺ (takes, M, n, m) of the problems; raises
     SingularJacobianError.
@@ -205,9 +192,10 @@ def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[nda
 
 def solve_problems(
     steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
-) -> SolvedProblems:
+) -> tuple[ndarray, Perturbations]:
     """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI of the ``floor`` ε, of :func:`problem_steps`
-    under the ``weights`` (α₁, α₂).
+    under the ``weights`` (α₁, α₂): σ̂_B² of each, Eq. (NormStd) with E[B] = I, (takes, M), and the
+    optimal perturbations, take by take.
     """
     from pipeline.models.wishart.perturbation import fit_perturbations
 
@@ -216,7 +204,7 @@ def solve_problems(
     flat = noise.reshape(-1, n), a.reshape(-1, m), back.reshape(-1, n, m)
     fits, identity = fit_perturbations(*flat, weights, floor), np.eye(m)
     b = np.linalg.inv(identity + fits.s.reshape(*a.shape, m))
-    return SolvedProblems(normalized_std(b[None], identity) ** 2, fits, weights)
+    return normalized_std(b[None], identity) ** 2, fits
 
 
 def fit_paper(
@@ -236,8 +224,8 @@ def fit_paper(
         variance = np.mean(np.sum(noise[still] ** 2, axis=-1))
     resting = float(np.sqrt(variance))
     weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
-    solved = solve_problems(problem_steps(recorded, decomposition), weights, floor)
-    dispersions, fits, moving = solved.dispersions, solved.perturbations, ~still.all(axis=0)
+    squares, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
+    dispersions, moving = np.sqrt(squares.mean(axis=0)), ~still.all(axis=0)
     diagnostics = {
         "sigma_b_greatest_over_time": dispersions.max(),
         "sigma_b_mean_over_moving_steps": dispersions[moving].sum() / max(moving.sum(), 1),
@@ -250,10 +238,10 @@ def fit_paper(
     }
 
     def from_takes(takes: ndarray) -> dict[str, float]:
-        counts = np.bincount(takes, minlength=len(solved.squares))
-        return {"sigma_b": float(np.sqrt(counts @ solved.squares / counts.sum()).mean())}
+        counts = np.bincount(takes, minlength=len(squares))
+        return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
 
-    return DispersionFit(float(dispersions.mean()), from_takes, diagnostics, solved)
+    return DispersionFit(float(dispersions.mean()), from_takes, diagnostics)
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:

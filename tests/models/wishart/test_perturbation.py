@@ -15,7 +15,7 @@ from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart import perturbation
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
-from pipeline.models.wishart.fit import fit_paper
+from pipeline.models.wishart.fit import fit_paper, problem_steps, solve_problems
 from pipeline.models.wishart.law import WishartModel
 from pipeline.models.wishart.perturbation import (
     Perturbations,
@@ -140,9 +140,12 @@ def recorded(chain, poses, step, sigma_b: float, measured: float) -> Recorded:
 
 
 def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(chain, poses, step):
-    result = fit_paper(recorded(chain, poses, step, 0.2, 1e-4), PIVOTED_LU, FLOOR)
-    dispersions, solved = result.problems.dispersions, result.problems.perturbations.s
-    assert not solved.reshape(100, -1, 3, 3)[:, :REST].any()
+    data = recorded(chain, poses, step, 0.2, 1e-4)
+    resting = np.sqrt(np.mean(np.sum(data.noise[:, :REST] ** 2, axis=-1)))
+    steps = problem_steps(data, PIVOTED_LU)
+    squares, fits = solve_problems(steps, objective_weights(resting, 3), FLOOR)
+    dispersions, result = np.sqrt(squares.mean(axis=0)), fit_paper(data, PIVOTED_LU, FLOOR)
+    assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
     assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
     np.testing.assert_allclose(result.sigma_b, dispersions.mean())
 
