@@ -200,6 +200,18 @@ def fit(covariance: np.ndarray, beta1: float = 0.5, extensions: np.ndarray = EXT
     return fit_distance(mean, covariance, STEP_NORM, INVERSE_NORM, 3, beta1, extensions)
 
 
+@pytest.mark.parametrize(("alpha", "extension"), [(0.1, 1.0), (0.3, 5.0)])
+def test_the_models_own_moments_return_its_parameters(alpha, extension):
+    result = fit(model_covariance(alpha, extension))
+    assert result.alpha == pytest.approx(alpha, rel=1e-3)
+    assert result.u == pytest.approx(INVERSE_NORM.max() + extension, rel=1e-3)
+    assert not result.at_end and not result.unbounded
+    # β₁ weighs a constant: the mean of one step is the nominal one whatever the parameters
+    assert result.objective == pytest.approx(0.5 * STEPS * np.sqrt(3) * 0.01, rel=1e-5)
+    other = fit(model_covariance(alpha, extension), beta1=0.9)
+    assert other.alpha == pytest.approx(result.alpha, rel=1e-3)
+
+
 def test_alpha_is_the_best_for_each_extension():
     rng = np.random.default_rng(3)
     covariance = model_covariance(0.1, 1.0) * rng.uniform(0.5, 2, (STEPS, 1, 1))
