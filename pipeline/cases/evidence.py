@@ -190,7 +190,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         std |= {name: each.deviation[1:] for name, each in realized.items()}
     middle = takes.poses.mean(axis=0)
     error = {x: np.linalg.norm(each.mean - middle, axis=1)[1:] for x, each in realized.items()}
-    scores = std_scores(std, error, training.joints, constant_speed(takes.poses))
+    scores = std_scores(std, error, training.joints)
     limits = zip(training.joints, takes.variation_of_constant_noise, strict=True)
     limits = {f"recorded_std_{x}_variation_of_constant_noise": limit for x, limit in limits}
     evidence["metrics/motion"] = scores | limits
@@ -229,6 +229,6 @@ def filter_evidence(
         covariance = np.stack([posterior.covariance for posterior in by_take])
         filters[name] = Filtered(error, covariance, pose if name in opened else held)
     rng = stream(RESAMPLING_SEED, "cases.resampling")
-    tables, _ = scoring.filter_tables(filters, joints, constant_speed(truth), rng)
-    scores = scoring.filter_metrics(tables.pop("filter_scores"))
+    tables, _ = scoring.filter_tables(filters, joints, rng)
+    scores = scoring.filter_metrics(filters, joints, constant_speed(truth))
     return {"metrics/filter": scores} | {f"tables/{name}": table for name, table in tables.items()}

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
@@ -22,7 +23,7 @@ from pipeline.statistics.takes import percentile_interval
 LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
 
 Estimates = dict[str, float]
-Estimator = Callable[[np.ndarray], Estimates]  # numbers of the takes → estimates by name
+Estimator = Callable[[ndarray], Estimates]  # numbers of the takes → estimates by name
 
 
 class Spread(NamedTuple):
@@ -38,7 +39,7 @@ def resampled_estimator(recorded: Recorded, options: Options, found: Estimate) -
     return found.from_takes or partial(_anew, recorded, options)
 
 
-def _anew(recorded: Recorded, options: Options, takes: np.ndarray) -> Estimates:
+def _anew(recorded: Recorded, options: Options, takes: ndarray) -> Estimates:
     return kinds.estimate(recorded.subset(takes), options).estimates
 
 
@@ -52,10 +53,9 @@ def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Est
 
 def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]:
     """Spread of every estimate of all (two or more) replicates; number of those without one."""
-    table = _together(replicates)
     values = {
         name: Spread(float(each.std(ddof=1)), *map(float, percentile_interval(each.to_numpy())))
-        for name, each in table.items()
+        for name, each in _together(replicates).items()
     }
     return values, sum(each is None for each in replicates)
 

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, SolverError
@@ -49,21 +50,21 @@ class MeanPath:
     """The mean of the training takes, which the closed loop holds the arm to."""
 
     chain: Chain
-    poses: np.ndarray  # (M+1, n) q̄ in rad
+    poses: ndarray  # (M+1, n) q̄ in rad
 
     @cached_property
-    def v(self) -> np.ndarray:
+    def v(self) -> ndarray:
         """(M, m) J(q̄_k)(q̄_{k+1} − q̄_k), with q̄_{k+1} − q̄_k beside it (M, m + n) for n > m."""
         step = np.diff(self.poses, axis=0)
         v = np.matvec(self.chain.jacobian(self.poses[:-1]), step)
         return v if v.shape == step.shape else np.concatenate([v, step], axis=-1)
 
     @property
-    def path(self) -> np.ndarray:
+    def path(self) -> ndarray:
         """(M, p) x* before each step."""
         return self.chain.pose(self.poses[:-1])
 
-    def corrected(self, q: np.ndarray, share: float) -> np.ndarray:
+    def corrected(self, q: ndarray, share: float) -> ndarray:
         """(takes, M, ·) the commands at ``q`` (takes, M, n) in rad of the loop of ``share`` κ."""
         v = np.tile(self.v, (len(q), 1, 1))
         off = self.chain.displacement(self.chain.pose(q), self.path)
@@ -75,7 +76,7 @@ class MeanPath:
         return Commands(self.v, self.path, share)
 
 
-def measured_poses(recorded: Recorded) -> np.ndarray:
+def measured_poses(recorded: Recorded) -> ndarray:
     """(takes, M+1, n) rad, the poses before and after the steps of ``recorded``."""
     return np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
 
@@ -87,11 +88,8 @@ def mean_path(recorded: Recorded) -> MeanPath:
 
 def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recorded:
     """The steps of ``recorded`` as the closed loop of ``share`` κ commanded them: v of each take
-    with the correction of its measured deviation, and the noise left.
-
-    Where the arm was commanded to rest v is zero, as the estimators are to see a rest; the noise
-    holds the correction. Σ_m is the measurement's in a step of the loop, n_{k+1} − (I − κJ⁺J)n_k,
-    mean over the ``path``. Raises ModelDomainError where the measurement's noise is not known.
+    with the correction of its measured deviation, zero at rest, and the noise left. Σ_m is that of
+    n_{k+1} − (I − κJ⁺J)n_k, mean over the ``path``; raises ModelDomainError where it is not known.
     """
     chain, q, each = recorded.chain, recorded.q, recorded.measurement / 2
     chain.require_regular(q, what="measured pose")
@@ -127,11 +125,11 @@ class ClosedLoopFit(NamedTuple):
 class StateSpace(NamedTuple):
     """A linear-Gaussian law of the deviations, for any κ."""
 
-    drift: np.ndarray  # (M, n, n) D_k
-    correction: np.ndarray  # (M, n, n) G_k
-    noise: np.ndarray  # (M, n, n) Cov w_k in rad²
-    measurement: np.ndarray  # (n, n) Cov n_k in rad²
-    moving: np.ndarray  # (M,) True where the step was commanded to move
+    drift: ndarray  # (M, n, n) D_k
+    correction: ndarray  # (M, n, n) G_k
+    noise: ndarray  # (M, n, n) Cov w_k in rad²
+    measurement: ndarray  # (n, n) Cov n_k in rad²
+    moving: ndarray  # (M,) True where the step was commanded to move
 
 
 def closed_loop_of(
@@ -148,7 +146,6 @@ def closed_loop_of(
 
 def fit_closed_loop(recorded: Recorded, options: Options, found: Estimate) -> ClosedLoopFit:
     """κ̂ and the parameters by ``options``, in turn till κ̂ settles; ``found`` is the open loop's.
-
     Raises ModelDomainError for a single take, without a known measurement noise or a covariance,
     SolverError where the two do not settle, and what the estimator raises.
     """
@@ -161,6 +158,7 @@ def fit_closed_loop(recorded: Recorded, options: Options, found: Estimate) -> Cl
         before, (share, error) = share, most_likely_share(space, deviation)
         estimate = kinds.estimate(closed_loop_steps(recorded, path, share), options)
         if abs(share - before) <= SETTLED * error:
+            estimate = replace(estimate, from_takes=None, details=None)  # which no worker returns
             return ClosedLoopFit(share, error, estimate, rounds)
     raise SolverError(
         f"the share of the deviation that the loop corrects has not settled in {ROUNDS} rounds",
@@ -186,12 +184,10 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
     return StateSpace(*slopes, noise, recorded.measurement / 2, np.any(moving, axis=-1))
 
 
-def most_likely_share(space: StateSpace, deviation: np.ndarray) -> tuple[float, float]:
-    """κ̂ in [0, 1] for ``deviation`` (takes, M+1, n) in rad from the takes' mean, and its standard
-    error: the sandwich's over takes, which holds where the law is not quite the recordings'.
-
-    Newton's steps from the best of a grid, kept within [0, 1]. Raises SolverError where the
-    likelihood has no maximum near the best of the grid.
+def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, float]:
+    """κ̂ in [0, 1] for ``deviation`` (takes, M+1, n) in rad from the takes' mean, by Newton's steps
+    from the best of a grid, and its standard error, the sandwich's over takes. Raises SolverError
+    where the likelihood has no maximum there.
     """
     takes = len(deviation)
     share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
@@ -210,9 +206,7 @@ def most_likely_share(space: StateSpace, deviation: np.ndarray) -> tuple[float, 
     raise SolverError("the likelihood of the closed loop was not maximised", share=share)
 
 
-def take_log_likelihoods(
-    space: StateSpace, deviation: np.ndarray, shares: np.ndarray
-) -> np.ndarray:
+def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray) -> ndarray:
     """(K, takes) ln p of each take's ``deviation`` (takes, M+1, n) in rad given the first pose of
     each stretch, for each κ of ``shares`` (K,), but for a constant; −inf for a κ at which the
     determinant of an innovation's covariance is not positive.

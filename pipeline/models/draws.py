@@ -5,16 +5,18 @@ realisations along the desired trajectory, step by step or running freely.
 from __future__ import annotations
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.rows import WIDTH, block_rows
-from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.core.errors import ModelDomainError
 from pipeline.models.kernel import move
 from pipeline.models.model import MotionModel
 
 
-def block_for(chain: Chain) -> np.ndarray:
+def block_for(chain: Chain) -> ndarray:
     """Buffer (rows, poses) of a block of the ``chain``, of zeros."""
     return np.zeros((block_rows(len(chain.lower), len(chain.task)).size, WIDTH))
 
@@ -25,15 +27,14 @@ def space_of(chain: Chain) -> int | None:
 
 
 def draw_steps(
-    model: MotionModel, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, int]:
+    model: MotionModel, chain: Chain, q: ndarray, v: ndarray, rng: Generator
+) -> tuple[ndarray, int]:
     """One draw of q_{k+1} for each of the poses ``q`` (..., n) in rad, of the same shape, and for
     how many of them the noise was clipped at zero.
 
-    ``v`` (m,) or (M, m), or m + n of an arm with more joints than task rows, are commanded steps
-    (m, m, rad): all poses take the one, or those at ``q`` (..., M, n) each its own. Raises
-    SingularJacobianError at a singular pose, where no model is defined, and ModelDomainError where
-    a draw is not finite.
+    ``v`` (m,) or (M, m), or longer, are commanded steps: all poses take the one, or those at ``q``
+    (..., M, n) each its own. Raises SingularJacobianError, and ModelDomainError where a draw is not
+    finite.
     """
     if (space := space_of(chain)) is None:
         chain.require_regular(q)
@@ -60,25 +61,16 @@ def draw_steps(
 
 
 def realize(
-    model: MotionModel,
-    chain: Chain,
-    q: np.ndarray,
-    v: np.ndarray,
-    mode: str,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, int, int]:
-    """(N, M+1, n) joint angles in rad, and the numbers of clipped steps and lost realisations.
+    model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, rng: Generator
+) -> tuple[ndarray, int, int]:
+    """(N, M+1, n) joint angles in rad, and the numbers of clipped steps and lost realisations, one
+    a take of the recorded angles ``q`` (N, M+1, n) in rad, under the commands ``v`` (M, m) or
+    longer.
 
-    ``q`` (N, M+1, n) recorded angles in rad, one take a realisation; ``v`` (M, m) or longer,
-    commands. In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the
-    last one, and at a singular pose the realisation is lost: NaN from there on. Raises ConfigError
-    for another mode, SingularJacobianError for a singular pose in the recordings.
+    In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last one,
+    and at a singular pose the realisation is lost: NaN from there on. Raises
+    SingularJacobianError for a singular pose in the recordings.
     """
-    if mode not in ("one_step", "free_running"):
-        raise ConfigError(
-            f"simulation.mode: no mode {mode!r}; there are one_step, free_running",
-            key="simulation.mode",
-        )
     result, clipped = np.full_like(q, np.nan), 0
     result[:, 0] = q[:, 0]
     alive = np.ones(len(q), dtype=bool)
@@ -93,13 +85,11 @@ def realize(
 
 
 def realized_moments(
-    model: MotionModel, chain: Chain, q: np.ndarray, v: np.ndarray, mode: str, realized: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, str | None]:
+    model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
+) -> tuple[ndarray, ndarray, str | None]:
     """Mean and standard deviation (M+1, n) in rad of the realisations ``realized`` (N, M+1, n) of
-    :func:`realize`; why there is no standard deviation.
-
-    The standard deviation is of the process noise in mode ``one_step``, zero at k = 0, of the joint
-    angles in mode ``free_running``; NaN where the model has no covariance. Raises ModelDomainError
+    :func:`realize`, of the process noise in mode ``one_step``, zero at k = 0, of the joint angles
+    in ``free_running``, NaN where the model has no covariance; and why. Raises ModelDomainError
     where fewer than two realisations stay clear of singular poses.
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)

@@ -17,6 +17,8 @@ from math import lgamma
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
@@ -24,7 +26,6 @@ from pipeline.models.normal import NormalModel, normal_log_density
 
 KIND = "joint_steps"
 BEYOND = 1.05  # of the greatest step seen, up to which a joint of unknown gain is predicted
-MIXTURE = np.arange(-24.0, 4.0, 0.1)  # ln of the mixing variable of Student's t
 ABSENT = {"gain": np.nan, "degrees": np.inf}  # null in plain values
 
 
@@ -33,26 +34,18 @@ class JointStepModel(NormalModel):
     """The law of the next pose of n joints; ``degrees`` are infinite for normal noise."""
 
     joints: tuple[str, ...]
-    resolution: np.ndarray  # (n,) r in rad
-    floor: np.ndarray  # (n,) a in rad²
-    gain: np.ndarray  # (n,) b; NaN where the recordings cannot tell it
-    reach: np.ndarray  # (n,) greatest commanded step that was seen, rad
-    degrees: np.ndarray  # (n,) ν
-    correlation: np.ndarray  # (n, n) R of normal noise; I for Student's t
+    resolution: ndarray  # (n,) r in rad
+    floor: ndarray  # (n,) a in rad²
+    gain: ndarray  # (n,) b; NaN where the recordings cannot tell it
+    reach: ndarray  # (n,) greatest commanded step that was seen, rad
+    degrees: ndarray  # (n,) ν
+    correlation: ndarray  # (n, n) R of normal noise; I for Student's t
     power: float = 2.0  # p
 
-    def scale(self, dq: np.ndarray) -> np.ndarray:
-        """(..., n) s in rad for commanded steps ``dq`` (..., n) in rad.
-
-        Raises ModelDomainError for another number of joints, and by joint where a gain is unknown
-        and the step beyond those seen.
+    def scale(self, dq: ndarray) -> ndarray:
+        """(..., n) s in rad for commanded steps ``dq`` (..., n) in rad; raises ModelDomainError
+        where a gain is unknown and the step of its joint beyond those seen.
         """
-        dq = np.asarray(dq, dtype=float)
-        if dq.ndim == 0 or dq.shape[-1] != len(self.joints):
-            raise ModelDomainError(
-                f"a joint step has {len(self.joints)} numbers ({', '.join(self.joints)}), got "
-                f"shape {dq.shape}"
-            )
         for j in np.flatnonzero(np.isnan(self.gain)):
             most = float(np.abs(dq[..., j]).max(initial=0.0))
             if most > BEYOND * self.reach[j]:
@@ -66,7 +59,7 @@ class JointStepModel(NormalModel):
             self.resolution**2 + self.floor + np.nan_to_num(self.gain) * np.abs(dq) ** self.power
         )
 
-    def covariance_of_joint_step(self, dq: np.ndarray) -> np.ndarray:
+    def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
         """(..., n, n) rad² for commanded steps ``dq`` (..., n) in rad; refused as :meth:`scale`."""
         degrees = np.where(np.isinf(self.degrees), 4.0, self.degrees)
         wide = np.where(np.isinf(self.degrees), 1.0, degrees / (degrees - 2))
@@ -74,28 +67,22 @@ class JointStepModel(NormalModel):
         return std[..., :, None] * self.correlation * std[..., None, :]
 
     def noise_log_density(
-        self, dq: np.ndarray, noise: np.ndarray, measurement: np.ndarray | None = None
-    ) -> np.ndarray:
-        """(...,) ln p(ω) in rad⁻ⁿ of ``noise`` ω (..., n) in rad at commanded steps ``dq``; with
-        ``measurement`` (n, n) in rad² of normal noise on top, which for Student's t must be
-        diagonal (ModelDomainError otherwise).
+        self, dq: ndarray, noise: ndarray, measurement: ndarray | None = None
+    ) -> ndarray:
+        """(...,) ln p(ω) in rad⁻ⁿ of ``noise`` ω (..., n) in rad at commanded steps ``dq``, with
+        ``measurement`` (n, n) in rad² on top of normal noise; ModelDomainError with Student's t.
         """
-        scale, noise, n = self.scale(dq), np.asarray(noise, dtype=float), len(self.joints)
-        measurement = np.zeros((n, n)) if measurement is None else measurement
+        scale = self.scale(dq)
         if np.isinf(self.degrees).all():
-            covariance = self.correlation + measurement / (
-                scale[..., :, None] * scale[..., None, :]
-            )
+            added = 0.0 if measurement is None else measurement
+            covariance = self.correlation + added / (scale[..., :, None] * scale[..., None, :])
             return normal_log_density(noise / scale, covariance) - np.log(scale).sum(axis=-1)
-        added = np.diag(measurement)
-        if np.any(np.abs(measurement - np.diag(added)) > 0):
-            raise ModelDomainError("noise of Student's t takes a diagonal measurement covariance")
-        each = zip(
-            np.moveaxis(noise, -1, 0), np.moveaxis(scale, -1, 0), self.degrees, added, strict=True
-        )
-        return np.sum([student_log_density(*one) for one in each], axis=0)
+        if measurement is not None:
+            raise ModelDomainError("noise of Student's t takes no measurement covariance")
+        joints = [np.moveaxis(each, -1, 0) for each in (noise, scale)]
+        return np.sum([_student(*one) for one in zip(*joints, self.degrees, strict=True)], axis=0)
 
-    def noise_sample(self, dq: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def noise_sample(self, dq: ndarray, rng: Generator) -> ndarray:
         """(..., n) draws of ω in rad at commanded steps ``dq`` (..., n) in rad."""
         scale = self.scale(dq)
         white = rng.standard_normal(scale.shape) @ np.linalg.cholesky(self.correlation).T
@@ -104,21 +91,16 @@ class JointStepModel(NormalModel):
             white[..., j] *= np.sqrt(self.degrees[j] / chi)
         return scale * white
 
-    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n, n) Cov(q_{k+1}) in rad²."""
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         return self.covariance_of_joint_step(chain.nominal_step(q, v))
 
-    def sample(
-        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
-        """(..., n) a draw of the next pose in rad for each of ``q``."""
+    def sample(self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         dq = np.broadcast_to(chain.nominal_step(q, v), np.shape(q))
         return q + dq + self.noise_sample(dq, rng)
 
     def log_density(
-        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, q_next: np.ndarray, measurement=None
-    ) -> np.ndarray:
-        """(...,) ln p(q_next | q) in rad⁻ⁿ; ``measurement`` as :meth:`noise_log_density`."""
+        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+    ) -> ndarray:
         dq = chain.nominal_step(q, v)
         return self.noise_log_density(dq, q_next - q - dq, measurement)
 
@@ -140,23 +122,10 @@ def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
     return JointStepModel(joints, **arrays, power=power)
 
 
-def student_log_density(
-    noise: np.ndarray, scale: np.ndarray, degrees: float, variance: float = 0.0
-) -> np.ndarray:
-    """(...) ln density in 1/rad of ``noise``/``scale`` of Student's t with ``degrees`` ν, N(0,
-    ``variance``) in rad² added to the noise: a mixture of normals N(0, s²/λ + variance) over
-    λ ~ Gamma(ν/2, ν/2), by the trapezoidal rule in ln λ. An infinite ν is the normal law.
-    """
+def _student(noise: ndarray, scale: ndarray, degrees: float) -> ndarray:
+    """(...) ln density in 1/rad of Student's t; an infinite ``degrees`` ν is the normal law."""
     if np.isinf(degrees):
-        total = scale**2 + variance
-        return -0.5 * (np.log(2 * np.pi * total) + noise**2 / total)
-    if variance == 0.0:
-        constant = lgamma((degrees + 1) / 2) - lgamma(degrees / 2) - 0.5 * np.log(degrees * np.pi)
-        tail = (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
-        return constant - np.log(scale) - tail
-    log_weight = degrees / 2 * (MIXTURE - np.exp(MIXTURE))
-    log_weight -= np.log(np.exp(log_weight - log_weight.max()).sum()) + log_weight.max()
-    total = scale[..., None] ** 2 * np.exp(-MIXTURE) + variance
-    terms = log_weight - 0.5 * (np.log(2 * np.pi * total) + noise[..., None] ** 2 / total)
-    most = terms.max(axis=-1)
-    return most + np.log(np.exp(terms - most[..., None]).sum(axis=-1))
+        return -0.5 * (np.log(2 * np.pi * scale**2) + noise**2 / scale**2)
+    constant = lgamma((degrees + 1) / 2) - lgamma(degrees / 2) - 0.5 * np.log(degrees * np.pi)
+    tail = (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
+    return constant - np.log(scale) - tail

@@ -16,6 +16,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_steps import JointStepModel
@@ -42,23 +43,30 @@ class JointStepFit(NamedTuple):
     untold: Sequence[tuple[str, str, str, str]]
 
 
+class _Noise(NamedTuple):
+    """Noise of one joint, and how its variance V = least² + a + b·grown goes with the step."""
+
+    w: ndarray  # (N,) ω in rad
+    grown: ndarray  # (N,) |q̇|ᵖ
+    least: float  # rad
+    student: bool
+
+
 def fit_joint_steps(
     name: str,
-    dq: np.ndarray,
-    noise: np.ndarray,
+    dq: ndarray,
+    noise: ndarray,
     joints: Sequence[str],
     *,
     pose_noise: float = 0.0,
     start: JointStepModel | None = None,
 ) -> JointStepFit:
     """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` and ``noise`` ω (N, n) in
-    rad, the measured minus the commanded step, of n ``joints``.
-
-    ``pose_noise`` is the stated standard deviation of a measured angle in rad, ``start`` a fit at
-    which the search begins. Raises ModelDomainError where there is no noise at all or no step.
+    rad, the measured minus the commanded step, of n ``joints``; ``pose_noise`` is the stated
+    standard deviation of a measured angle in rad, ``start`` a fit at which the search begins.
+    Raises ModelDomainError where there is no noise at all or no step.
     """
     power, student = PLAIN[name]
-    scaled = power > 0
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))
     if not np.all(np.isfinite(rms)) or not np.any(rms > 0):
         raise ModelDomainError("the recorded steps have no noise", steps=len(noise))
@@ -67,15 +75,15 @@ def fit_joint_steps(
     reach, reference = np.abs(dq).max(axis=0), float(np.abs(dq).max())
     rows, untold = [], []
     for j, joint in enumerate(joints):
-        w, x = noise[:, j], np.abs(dq[:, j])
+        x = np.abs(dq[:, j])
+        of_joint = _Noise(noise[:, j], x**power, least[j], student)
         first = None if start is None else (start.floor[j], start.gain[j], start.degrees[j])
-        grown = x**power
-        a, b, nu = _fit_joint(w, grown, least[j], scaled, student, first)
-        if scaled:
+        a, b, nu = _fit_joint(of_joint, power > 0, first)
+        if power > 0:
             moved = int(np.sum(x >= LEAST_SHARE * reference))
-            relative = _relative_error(w, grown, a, b, nu, least[j], reference**power)
+            relative = _relative_error(of_joint, a, b, nu, reference**power)
             if moved < LEAST_STEPS or not relative <= BOUND:
-                (a, _, nu), b = _fit_joint(w, grown, least[j], False, student), np.nan
+                (a, _, nu), b = _fit_joint(of_joint, False), np.nan
                 found = f"standard error {relative:.2g} of the variance at {reference:.2g} rad"
                 if moved < LEAST_STEPS:
                     found = f"{moved} steps of at least {LEAST_SHARE * reference:.2g} rad"
@@ -86,30 +94,25 @@ def fit_joint_steps(
             untold.append(("degrees of freedom", joint, found, f"above {DEGREES[0]:g}"))
         rows.append((a, b, nu))
     floor, gain, degrees = np.array(rows).T
-    identity = np.eye(len(joints))
-    shape = (floor, gain, reach, degrees, identity, power or 2.0)
+    shape = (floor, gain, reach, degrees, np.eye(len(joints)), power or 2.0)
     model = JointStepModel(tuple(joints), least, *shape)
     z = noise / model.scale(dq)
     moment = z.T @ z / len(z)
     std = np.sqrt(np.diag(moment))
     if not student and np.all(std > 0):
         # a hundredth of the identity keeps joints that move as one from a singular law
-        correlation = 0.99 * moment / np.outer(std, std) + 0.01 * identity
+        correlation = 0.99 * moment / np.outer(std, std) + 0.01 * np.eye(len(joints))
         model = replace(model, correlation=correlation)
     return JointStepFit(model, untold)
 
 
 def _fit_joint(
-    w: np.ndarray,
-    grown: np.ndarray,
-    least: float,
-    scaled: bool,
-    student: bool,
-    start: tuple[float, float, float] | None = None,
+    noise: _Noise, scaled: bool, start: tuple[float, float, float] | None = None
 ) -> tuple[float, float, float]:
-    """a in rad², b and ν of one joint's noise ``w`` (N,) in rad where |q̇|ᵖ is ``grown`` (N,)."""
+    """a in rad², b and ν of one joint's ``noise``."""
     from scipy.optimize import minimize
 
+    w, grown, least, student = noise
     unit, pace = max(float(np.mean(w**2)), least**2), max(float(np.mean(grown)), 1e-300)
     floor, scaled = least**2 / unit, scaled and pace > 1e-300
     used, begin = np.array([True, scaled, student]), np.log([0.5, 0.5, 5.0])
@@ -119,23 +122,17 @@ def _fit_joint(
         usable = np.isfinite(known) & (known > 0)
         logarithms = np.log(np.where(usable, known, 1.0))
         begin = np.where(usable, np.clip(logarithms, *bounds.T), begin)
-    found = minimize(
-        _negative_log_likelihood,
-        begin[used],
-        args=(w**2 / unit, grown / pace, floor, scaled, student),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=bounds[used],
-    )
-    values = np.exp(found.x)
+    steps = w**2 / unit, grown / pace, floor, scaled, student
+    search = {"jac": True, "method": "L-BFGS-B", "bounds": bounds[used]}
+    values = np.exp(minimize(_negative_log_likelihood, begin[used], steps, **search).x)
     a, b = values[0] * unit, values[1] * unit / pace if scaled else 0.0
     nu = float(values[-1]) if student else np.inf
     return float(a), float(b), np.inf if nu >= 0.999 * DEGREES[1] else nu
 
 
 def _negative_log_likelihood(
-    theta: np.ndarray, w2: np.ndarray, grown: np.ndarray, floor: float, scaled: bool, student: bool
-) -> tuple[float, np.ndarray]:
+    theta: ndarray, w2: ndarray, grown: ndarray, floor: float, scaled: bool, student: bool
+) -> tuple[float, ndarray]:
     """−mean ln p but for a constant of normal noise, and its slopes by ln a, ln b and ln ν."""
     a, b = np.exp(theta[0]), np.exp(theta[1]) if scaled else 0.0
     variance = floor + a + b * grown
@@ -158,10 +155,9 @@ def _negative_log_likelihood(
     return -float(value), -np.array(slopes)
 
 
-def _relative_error(
-    w: np.ndarray, grown: np.ndarray, a: float, b: float, nu: float, least: float, reference: float
-) -> float:
+def _relative_error(noise: _Noise, a: float, b: float, nu: float, reference: float) -> float:
     """Standard error of the variance where |q̇|ᵖ is ``reference``, as a share of it."""
+    w, grown, least, _ = noise
     variance = least**2 + a + b * grown
     z2 = w**2 / variance
     kurtosis = np.mean(z2**2) / np.mean(z2) ** 2

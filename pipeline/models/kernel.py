@@ -18,6 +18,8 @@ which saves the second χ² variate, half of what a planar step would cost.
 from __future__ import annotations
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.arm.interface import ArmConstants
 from pipeline.arm.kinematics import (
@@ -57,21 +59,21 @@ def move(
     law: Law,
     arm: ArmConstants,
     space: int | None,
-    block: np.ndarray,
-    command: np.ndarray,
-    target: np.ndarray,
+    block: ndarray,
+    command: ndarray,
+    target: ndarray,
     share: float,
-    q: np.ndarray,
-    moved: np.ndarray,
-    rng: np.random.Generator,
+    q: ndarray,
+    moved: ndarray,
+    rng: Generator,
 ) -> int:
     """Fill ``moved`` (n, P) with draws of the next poses after ``q`` (n, P) in rad under the
-    command v + ``share``·(``target`` − x(q)), by blocks; return how many had their noise clipped.
+    command v + ``share``·(``target`` − x(q)), by blocks, NaN after a singular pose; return how many
+    had their noise clipped.
 
-    A pose is NaN after a step from a singular one, where no model is defined. ``space`` is None of
-    a planar chain, 1 of a serial one; ``block`` a buffer with the rows of the ``arm``; ``command``
-    (m,) v, or (m + n,) with the step commanded in the null space; ``target`` the pose that the
-    closed loop holds the arm to, not read where ``share`` κ is 0; ``rng`` of the variates.
+    ``space`` is None of a planar chain, 1 of a serial one; ``block`` a buffer with the rows of the
+    ``arm``; ``command`` (m,) v, or (m + n,) with the step commanded in the null space; ``target``
+    the pose that the closed loop holds the arm to, not read where ``share`` κ is 0.
     """
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
@@ -139,7 +141,7 @@ def move(
 
 @inner
 def _to_joints(
-    kind: int, block: np.ndarray, rows: Rows, n: int, m: int, command: np.ndarray, count: int
+    kind: int, block: ndarray, rows: Rows, n: int, m: int, command: ndarray, count: int
 ) -> None:
     """Joints' steps of a serial chain, NaN at singular poses: J⁺x + (I − J⁺J)w of the task step x,
     which is L⁻¹x already by QR of Jᵀ, and of the commanded joint step w.
@@ -168,7 +170,7 @@ def _to_joints(
 
 
 @inner
-def _add_normal(law: Law, block: np.ndarray, rows: Rows, n: int, m: int, count: int) -> int:
+def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int) -> int:
     """Add the noise of the normal models to the joints' steps, the Gaussian one's by ‖J⁺‖² in the
     first row of scratch; return for how many its covariance was clipped at zero.
     """
@@ -197,7 +199,7 @@ def _add_normal(law: Law, block: np.ndarray, rows: Rows, n: int, m: int, count: 
 
 
 @inner
-def _inverse_square(block: np.ndarray, rows: Rows, m: int, count: int) -> None:
+def _inverse_square(block: ndarray, rows: Rows, m: int, count: int) -> None:
     """Row ``spare`` = ‖J⁺‖_F² = ‖L⁻¹‖_F² of a serial chain, one column after the other."""
     column = rows.spare + 1
     fill(block, rows.spare, 0.0, count)
@@ -209,7 +211,7 @@ def _inverse_square(block: np.ndarray, rows: Rows, m: int, count: int) -> None:
 
 
 @inner
-def act(d: float, block: np.ndarray, rows: Rows, m: int, count: int) -> None:
+def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
     """a = B⁻¹a = z(a + rR[0, T]ᵀ) of the task rows a, zero where a is.
 
     R is the Householder reflection of the first axis to a/r, up to its sign.
@@ -243,7 +245,7 @@ def act(d: float, block: np.ndarray, rows: Rows, m: int, count: int) -> None:
 
 
 @inner
-def _factor_step(law, before: bool, block: np.ndarray, rows: Rows, n: int, m: int, count: int):
+def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, count: int):
     """Task rows v = J₁⁻¹v ``before`` B⁻¹ acts, x = J₁x behind it; by QR of J the law is that of
     J₁ = I, as it does not change with rotations of a.
     """
@@ -263,9 +265,7 @@ def _factor_step(law, before: bool, block: np.ndarray, rows: Rows, n: int, m: in
 
 
 @inner
-def _multiply(
-    matrix: np.ndarray, at: int, block: np.ndarray, rows: Rows, m: int, count: int
-) -> None:
+def _multiply(matrix: ndarray, at: int, block: ndarray, rows: Rows, m: int, count: int) -> None:
     """Task rows x = Mx, M (m, m) in ``matrix`` from ``at`` on, row by row."""
     for r in range(m):
         fill(block, rows.spare + r, 0.0, count)
@@ -275,7 +275,7 @@ def _multiply(
 
 
 @inner
-def _exchange(block: np.ndarray, x: int, y: int, flag: int, count: int) -> None:
+def _exchange(block: ndarray, x: int, y: int, flag: int, count: int) -> None:
     """Exchange rows ``x`` and ``y`` where row ``flag`` is not zero."""
     for i in range(count):
         one, two = block[x, i], block[y, i]
@@ -285,7 +285,7 @@ def _exchange(block: np.ndarray, x: int, y: int, flag: int, count: int) -> None:
 
 
 @inner
-def _eliminate(block: np.ndarray, rows: Rows, n: int, m: int, count: int) -> None:
+def _eliminate(block: ndarray, rows: Rows, n: int, m: int, count: int) -> None:
     """Task rows v = L⁻¹Pv of PJ = LU with partial pivoting; multipliers below the diagonal of a
     copy of J, behind it one flag an exchange.
 

@@ -20,10 +20,11 @@ from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 
 if TYPE_CHECKING:
     from numpy.random import Generator
+    from pandas import DataFrame
 
     from pipeline.models.model import MotionModel
     from pipeline.models.options import Options
-    from pipeline.models.steps import Estimate, Examined, Recorded, Truth
+    from pipeline.models.steps import Estimate, Recorded, Truth
 
 NO_MODEL = "reason"  # in place of parameters: why the recordings give none
 
@@ -34,52 +35,50 @@ def kinds() -> list[str]:
     return sorted(file.parent.name for place in places for file in place.glob("*/law.py"))
 
 
-def _fit(options: Options) -> ModuleType:
-    return import_module(f"pipeline.models.{options.kind}.fit")
+def _fit(kind: str) -> ModuleType:
+    return import_module(f"pipeline.models.{kind}.fit")
 
 
 def options_type(kind: object) -> type[Options]:
     """Type of the options of a model of ``kind``; raises ConfigError for an unknown kind."""
     if kind not in kinds():
         raise ConfigError(f"kind: no kind {kind!r}; there are {', '.join(kinds())}", key="kind")
-    return import_module(f"pipeline.models.{kind}.fit").Options
+    return _fit(kind).Options
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate the model ``options`` by the estimator they name; raises what that raises."""
-    return _fit(options).estimate(recorded, options)
+    return _fit(options.kind).estimate(recorded, options)
 
 
 def compared(options: Options) -> dict[str, Options]:
     """Options of the estimates that the stage fit writes beside the chosen one, by the pattern of
     their names, ``{}`` standing for the parameter.
     """
-    hook = getattr(_fit(options), "compared", None)
-    return {} if hook is None else hook(options)
+    return getattr(_fit(options.kind), "compared", lambda _: {})(options)
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """Known parameters of the model ``options`` with noise of about the recorded size; where a
     model has a dispersion, each of ``dispersions``.
     """
-    return _fit(options).truths(recorded, options, dispersions)
+    return _fit(options.kind).truths(recorded, options, dispersions)
 
 
 def examined(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
-) -> Examined:
-    """Numbers and tables beside an ``estimate`` (None where the takes give none); ``rng`` chooses
-    ``checks`` convex problems to solve as printed.
+) -> tuple[dict[str, float], dict[str, DataFrame]]:
+    """Numbers and tables beside an ``estimate`` (None where the takes give none); ``checks``
+    of its convex problems are solved as printed.
     """
-    hook = getattr(_fit(options), "examined", None)
-    return ({}, {}) if hook is None else hook(recorded, options, estimate, checks, rng)
+    hook = getattr(_fit(options.kind), "examined", lambda *_: ({}, {}))
+    return hook(recorded, options, estimate, checks, rng)
 
 
 def build_model(parameters: Any) -> MotionModel:
-    """Build a model from ``parameters``: its kind and, in plain values, what a fit found.
-
-    Raises ContractError where they are no parameters of a motion model, ModelDomainError where they
-    are outside the model's range and, with its reason, where the fit found no model.
+    """Build a model from ``parameters``: its kind and, in plain values, what a fit found. Raises
+    ContractError where they are none of a motion model, ModelDomainError where they are outside the
+    model's range and, with its reason, where the fit found no model.
     """
     why, kind = "", parameters.get("kind") if isinstance(parameters, dict) else None
     if kind in kinds():
@@ -89,7 +88,7 @@ def build_model(parameters: Any) -> MotionModel:
             return import_module(f"pipeline.models.{kind}.law").build(parameters)
         except (KeyError, TypeError, ValueError) as error:
             why = f" ({error!r})"
-    raise ContractError(f"not the parameters of a motion model{why}; run the stage fit again")
+    raise ContractError(f"not the parameters of a motion model{why}")
 
 
 def fitted_model(folder: Path) -> MotionModel:
@@ -97,11 +96,9 @@ def fitted_model(folder: Path) -> MotionModel:
     file = Path(folder) / "parameters.json"
     try:
         return build_model(json.loads(file.read_text()))
-    except ContractError as error:
-        raise ContractError(error.message, file=file) from None
-    except (OSError, ValueError) as error:
+    except (ContractError, OSError, ValueError) as error:
         raise ContractError(
-            f"the fitted parameters cannot be read ({error}); run the stage fit", file=file
+            f"no fitted parameters ({error}); run the stage fit", file=file
         ) from None
 
 

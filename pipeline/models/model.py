@@ -25,47 +25,33 @@ class Law(NamedTuple):
     """A step for compiled code (:mod:`pipeline.models.kernel`)."""
 
     kind: int  # one of those above
-    parameters: np.ndarray  # (K,) of the law
+    parameters: ndarray  # (K,) of the law
     sets: int  # of normal variates that a pose takes, drawn one after the other for all poses
     each: int  # normal variates of a pose in a set
-    degrees: np.ndarray = np.empty(0)  # of freedom of the χ² variates that a pose takes
+    degrees: ndarray = np.empty(0)  # of freedom of the χ² variates that a pose takes
 
 
 class Commands(NamedTuple):
     """Commands of M steps of m task rows: v_k + κ(x*_k − x(q_k)) of the pose q_k before a step."""
 
-    v: np.ndarray  # (M, m) or (M, m + n)
-    path: np.ndarray  # (M, p) x* before each step, as the chain has a pose
+    v: ndarray  # (M, m) or (M, m + n)
+    path: ndarray  # (M, p) x* before each step, as the chain has a pose
     share: float  # κ, of the deviation from the path that a step corrects; 0 of an open loop
 
 
-def open_loop(v: np.ndarray) -> Commands:
+def open_loop(v: ndarray) -> Commands:
     """Commands ``v`` (M, m) or longer, whatever the pose."""
     return Commands(v, np.zeros_like(v), 0.0)
 
 
-def task_step(chain: Mechanism, command: np.ndarray) -> np.ndarray:
+def task_step(chain: Mechanism, command: ndarray) -> ndarray:
     """(..., m) v of the ``command`` (..., m) or (..., m + n)."""
     return command[..., : len(chain.task)]
 
 
-def frobenius(matrix: np.ndarray) -> np.ndarray:
+def frobenius(matrix: ndarray) -> ndarray:
     """(...,) Frobenius norm of ``matrix`` (..., n, n), the paper's norm of a matrix."""
     return np.sqrt(np.einsum("...ij,...ij->...", matrix, matrix))
-
-
-def row_by_row(matrix: np.ndarray, size: int) -> np.ndarray:
-    """(size·size,) ``matrix`` (size, size) as the parameters of a law hold it.
-
-    Raises ModelDomainError for a matrix of another size than the arm's joints or task rows.
-    """
-    if matrix.shape != (size, size):
-        raise ModelDomainError(
-            f"the model's matrix must have a row for each of the {size} joints or task rows of "
-            "this arm; run the stage fit for it",
-            shape=matrix.shape,
-        )
-    return matrix.ravel()
 
 
 class MotionModel(Protocol):
@@ -97,9 +83,20 @@ class MotionModel(Protocol):
     def log_density(
         self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
     ) -> ndarray:
-        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ for ``q_next`` (..., n) in rad.
-
-        With ``measurement`` (n, n) in rad² the density is that of the step plus N(0, measurement),
-        which exists at every step. Without it raises ModelDomainError where a covariance is
-        singular, as of the matrix models at rest.
+        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus N(0, ``measurement``)
+        (n, n) in rad² where that is given. Raises ModelDomainError where the covariance is
+        singular, as of a matrix model at rest without it.
         """
+
+
+def row_by_row(matrix: ndarray, size: int) -> ndarray:
+    """(size·size,) ``matrix`` (size, size) row by row; ModelDomainError for another size than the
+    arm's joints or task rows.
+    """
+    if matrix.shape != (size, size):
+        raise ModelDomainError(
+            f"the model's matrix must have a row for each of the {size} joints or task rows of "
+            "this arm; run the stage fit for it",
+            shape=matrix.shape,
+        )
+    return matrix.ravel()

@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
+from scipy.special import ndtri
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, PipelineError
@@ -30,19 +32,12 @@ class MotionSteps(NamedTuple):
     """Steps of the repetitions of one motion of n joints, with the rests around it."""
 
     name: str
-    q: np.ndarray  # (takes, M, n) rad, measured pose before each step
-    dq: np.ndarray  # (takes, M, n) rad, commanded step
-    noise: np.ndarray  # (takes, M, n) rad, measured minus commanded step
+    q: ndarray  # (takes, M, n) rad, measured pose before each step
+    dq: ndarray  # (takes, M, n) rad, commanded step
+    noise: ndarray  # (takes, M, n) rad, measured minus commanded step
 
 
-class OtherMotions(NamedTuple):
-    """Tables by name, and the plain models fitted to all motions."""
-
-    tables: Mapping[str, pd.DataFrame]
-    fits: Mapping[str, JointStepFit]
-
-
-def pooled(chosen: Sequence[MotionSteps]) -> tuple[np.ndarray, np.ndarray]:
+def pooled(chosen: Sequence[MotionSteps]) -> tuple[ndarray, ndarray]:
     """(N, n) commanded steps and noise in rad of all takes of the ``chosen`` motions."""
     flat = [[each.reshape(-1, each.shape[-1]) for each in one[2:]] for one in chosen]
     return tuple(np.concatenate(each) for each in zip(*flat, strict=True))
@@ -62,9 +57,8 @@ def recorded_motions(
     least: int = 2,
 ) -> Recorded:
     """The ``chosen`` motions of at least ``least`` takes one behind the other, as many takes of
-    each as the least repeated has; an estimator of a matrix model needs two.
-
-    Raises SingularJacobianError at a singular pose, ModelDomainError where no motion has so many.
+    each as the least repeated has. Raises SingularJacobianError at a singular pose,
+    ModelDomainError where no motion has so many.
     """
     chosen = [motion for motion in chosen if len(motion.q) >= least]
     if not chosen:
@@ -90,16 +84,22 @@ def other_motions(
     pose_noise: float | None = None,
     chain: Chain | None = None,
     matrix: Mapping[str, Options] | None = None,
-) -> OtherMotions:
+) -> dict[str, pd.DataFrame]:
     """Score the plain models, and the ``matrix`` models of the arm ``chain`` where there are two
-    motions or more.
+    motions or more; tables by name.
 
-    Tables: ``other_motions`` (model, motion, log score in nats a step, reason where there is none),
+    ``other_motions`` (model, motion, log score in nats a step, reason where there is none),
     ``motion_spread`` (predicted and measured rms of a step by motion, joint and model), ``tails``
     (kurtosis and coverage of the held-out noise), ``noise_quantiles``, ``plain_parameters``,
     ``untold``, ``motions`` and ``motion_ranges``. Raises ModelDomainError without noise.
     """
-    stated, parts, whole = pose_noise or 0.0, _parts(motions), pooled(motions)
+    stated, whole, parts = pose_noise or 0.0, pooled(motions), motions
+    if len(motions) == 1:
+        takes, steps = len(motions[0].q), motions[0][1:]
+        groups = np.array_split(np.arange(takes), min(MOST_TAKES, takes))
+        names = [f"take {one[0] + 1}" for one in groups]
+        cut = [[each[one] for each in steps] for one in groups]
+        parts = [MotionSteps(name, *one) for name, one in zip(names, cut, strict=True)]
     fits = {name: fit_joint_steps(name, *whole, joints, pose_noise=stated) for name in PLAIN}
     scores, spreads, standard = [], [], {}
     for name, part in product(PLAIN, parts):
@@ -123,7 +123,7 @@ def other_motions(
     means = rows.groupby("model", sort=False)["score"].agg(lambda each: each.mean(skipna=False))
     together = means.reset_index().assign(motion=EACH, reason="")
     untold = [(name, *row) for name, fit in fits.items() for row in fit.untold]
-    tables = {
+    return {
         "other_motions": pd.concat([rows, together[rows.columns]], ignore_index=True),
         "motion_spread": pd.concat(spreads, ignore_index=True),
         **_tails({name: np.concatenate(z) for name, z in standard.items()}, joints),
@@ -132,17 +132,6 @@ def other_motions(
         "motions": _listed(motions, joints),
         "motion_ranges": joint_ranges(motions, joints, rate),
     }
-    return OtherMotions(tables, fits)
-
-
-def _parts(motions: Sequence[MotionSteps]) -> Sequence[MotionSteps]:
-    """The motions that are held out one by one, or the takes of a single one."""
-    if len(motions) > 1:
-        return motions
-    takes = len(motions[0].q)
-    groups = np.array_split(np.arange(takes), min(MOST_TAKES, takes))
-    steps = motions[0][1:]
-    return [MotionSteps(f"take {one[0] + 1}", *(each[one] for each in steps)) for one in groups]
 
 
 def _matrix_scores(motions, joints, pose_noise, chain, matrix) -> list[tuple]:
@@ -161,9 +150,7 @@ def _matrix_scores(motions, joints, pose_noise, chain, matrix) -> list[tuple]:
     return rows
 
 
-def _tails(standard: Mapping[str, np.ndarray], joints: Sequence[str]) -> dict[str, pd.DataFrame]:
-    from scipy.special import ndtri
-
+def _tails(standard: Mapping[str, ndarray], joints: Sequence[str]) -> dict[str, pd.DataFrame]:
     tails, quantiles = [], []
     for name, z in standard.items():
         square = np.mean(z**2, axis=0)
@@ -175,10 +162,8 @@ def _tails(standard: Mapping[str, np.ndarray], joints: Sequence[str]) -> dict[st
         normal = {"normal": np.tile(ndtri(QUANTILES), len(joints)), "noise": drawn.ravel()}
         own["joint"] = np.repeat(joints, len(QUANTILES))
         quantiles.append(pd.DataFrame(own | normal))
-    return {
-        "tails": pd.concat(tails, ignore_index=True),
-        "noise_quantiles": pd.concat(quantiles, ignore_index=True),
-    }
+    tables = {"tails": tails, "noise_quantiles": quantiles}
+    return {name: pd.concat(rows, ignore_index=True) for name, rows in tables.items()}
 
 
 def _parameters(fits: Mapping[str, JointStepFit]) -> pd.DataFrame:
@@ -213,18 +198,9 @@ def joint_ranges(
     """Ends of the measured poses and of the commanded joint speeds over all ``motions``."""
     poses = np.concatenate([motion.q.reshape(-1, len(joints)) for motion in motions])
     ranges = ("pose", "rad", poses), ("joint speed", "rad/s", rate * pooled(motions)[0])
-    return pd.concat(
-        [
-            pd.DataFrame(
-                {
-                    "quantity": quantity,
-                    "name": joints,
-                    "unit": unit,
-                    "least": values.min(axis=0),
-                    "greatest": values.max(axis=0),
-                }
-            )
-            for quantity, unit, values in ranges
-        ],
-        ignore_index=True,
-    )
+    tables = []
+    for quantity, unit, values in ranges:
+        ends = {"least": values.min(axis=0), "greatest": values.max(axis=0)}
+        named = {"quantity": quantity, "name": joints, "unit": unit}
+        tables.append(pd.DataFrame(named | ends))
+    return pd.concat(tables, ignore_index=True)

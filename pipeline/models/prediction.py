@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from numpy import ndarray
 
-from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import estimate
@@ -16,32 +16,22 @@ from pipeline.models.model import MotionModel
 from pipeline.models.options import Options
 from pipeline.models.steps import Recorded, at_recorded_level
 from pipeline.statistics.curves import ModelledNoise
-from pipeline.statistics.scores import (
-    energy_score,
-    log_determinant,
-    nees,
-    normal_energy_score,
-    normal_log_score,
-)
+from pipeline.statistics.scores import nees, normal_log_score
 
-Steps = dict[str, np.ndarray]  # score → its values at the steps of a take
+Steps = dict[str, ndarray]  # score → its values at the steps of a take
 DRAWS = 1000  # of a step's process noise, over the poses of all takes
-ENSEMBLE = 50  # draws per step for the energy score, whose estimate is unbiased for any number
 
 
 def score_take(
     trial: tuple[str, int],
-    takes: Mapping[int, tuple[str, np.ndarray]],
+    takes: Mapping[int, tuple[str, ndarray]],
     recorded: Recorded,
     models: Mapping[str, MotionModel | Options],
-    seed: int,
 ) -> tuple[Steps, dict[str, str]]:
     """Scores of the steps of one take, ``trial`` the name of a model and the number of the take,
-    under a fitted model or, where ``models`` has options of one, under their fit to the other
-    takes; why some scores are missing. There are no scores without such a fit.
-
-    ``takes`` has names and poses (M+1, n) in rad by number; ``recorded`` is what the models are
-    fitted to; ``seed`` is of the draws.
+    under a fitted model or, where ``models`` has options of one, under their fit to the other takes
+    of ``recorded``, without which there are none; why some are missing. ``takes`` has names and
+    poses (M+1, n) in rad by number.
     """
     name, number = trial
     model, (take, poses) = models[name], takes[number]
@@ -51,78 +41,60 @@ def score_take(
             model = estimate(recorded, model).model
         except ModelDomainError as error:
             return {}, {"fit to the other takes": error.message}
-    stream = rng.stream(seed, f"evaluate.{name}", number)
     try:
-        return score_steps(model, recorded, poses, stream)
+        return score_steps(model, recorded, poses)
     except SingularJacobianError as error:
         raise SingularJacobianError(error.message, **error.evidence | {"take": take}) from None
 
 
 def score_steps(
-    model: MotionModel, recorded: Recorded, poses: np.ndarray, rng: np.random.Generator
+    model: MotionModel, recorded: Recorded, poses: ndarray
 ) -> tuple[Steps, dict[str, str]]:
     """Scores (M,) by name of the steps between the measured ``poses`` (M+1, n) in rad of one take
     under the commands of ``recorded``, whose Σ_m is added; why the missing ones are missing.
 
-    The scores: ``log_density`` in ln rad⁻ⁿ with Σ_m, and ``log_density_noiseless`` without, a gap
-    at rest; the ``energy`` score in rad; the error ``z`` (M, n) in standard deviations of the
-    prediction, its ``nees``, and the ``log_determinant`` of the covariance in ln rad²ⁿ, all three a
-    gap where the model has no covariance. Raises SingularJacobianError.
+    ``log_density`` in ln rad⁻ⁿ; the error ``z`` (M, n) in predicted standard deviations and its
+    ``nees``, gaps where the model has no covariance. Raises SingularJacobianError.
     """
     chain, v, measurement = recorded.chain, recorded.v, recorded.measurement
-    q, q_next, moving = poses[:-1], poses[1:], np.any(v, axis=-1)
-    gaps, reasons = np.full(moving.shape, np.nan), {}
-    scores = {"log_density": gaps, "log_density_noiseless": gaps.copy()}
+    q, q_next, reasons = poses[:-1], poses[1:], {}
+    scores = {"log_density": np.full(len(q), np.nan), "z": np.full(q.shape, np.nan)}
+    scores["nees"] = scores["log_density"]
     try:
         scores["log_density"] = model.log_density(chain, q, v, q_next, measurement)
     except ModelDomainError as error:
         reasons["log density"] = str(error)
-    shape = (ENSEMBLE, *q.shape)
-    drawn, _ = draw_steps(model, chain, np.broadcast_to(q, shape), v, rng)
-    drawn += rng.multivariate_normal(np.zeros(q.shape[-1]), measurement, shape[:-1])
-    scores["energy"] = energy_score(drawn, q_next)
-    try:
-        steps = q[moving], v[moving], q_next[moving]
-        scores["log_density_noiseless"][moving] = model.log_density(chain, *steps)
-    except ModelDomainError as error:
-        reasons["log density without measurement noise"] = str(error)
     try:
         covariance = model.covariance(chain, q, v) + measurement
+        scores |= _moments_scores(q_next - model.mean(chain, q, v), covariance)
     except ModelDomainError as error:
         reasons["mean and covariance"] = str(error)
-        z = {"z": np.full(q.shape, np.nan)}
-        return scores | z | dict.fromkeys(("nees", "log_determinant"), gaps), reasons
-    return scores | _moments_scores(q_next - model.mean(chain, q, v), covariance), reasons
+    return scores, reasons
 
 
-def normal_steps(error: np.ndarray, covariance: np.ndarray) -> tuple[Steps, dict[str, str]]:
-    """The scores (M,) of predictions N(0, ``covariance``) (M, n, n) in rad² of ``error`` (M, n) in
-    rad, those of :func:`score_steps` but without the measurement noise none; all but ``z`` are gaps
-    where a covariance is singular, as a sample's of few takes is.
+def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, str]]:
+    """The scores of :func:`score_steps` of predictions N(0, ``covariance``) (M, n, n) in rad² of
+    ``error`` (M, n) in rad; all but ``z`` are gaps where a covariance is singular, as a sample's of
+    few takes is.
     """
+    gaps, scores = np.full(len(error), np.nan), {"z": _standardised(error, covariance)}
     try:
-        scores = {
-            "log_density": normal_log_score(error, covariance),
-            "energy": normal_energy_score(error, covariance),
-        }
+        scores["log_density"] = normal_log_score(error, covariance)
         return scores | _moments_scores(error, covariance), {}
     except ModelDomainError as refused:
-        gaps = np.full(len(error), np.nan)
-        scores = dict.fromkeys(("log_density", "energy", "nees", "log_determinant"), gaps)
-        return scores | {"z": _standardised(error, covariance)}, {"log density": str(refused)}
+        return scores | {"log_density": gaps, "nees": gaps}, {"log density": str(refused)}
 
 
-def _moments_scores(error: np.ndarray, covariance: np.ndarray) -> Steps:
-    values = nees(error, covariance), log_determinant(covariance)
-    return {"z": _standardised(error, covariance), "nees": values[0], "log_determinant": values[1]}
+def _moments_scores(error: ndarray, covariance: ndarray) -> Steps:
+    return {"z": _standardised(error, covariance), "nees": nees(error, covariance)}
 
 
-def _standardised(error: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def _standardised(error: ndarray, covariance: ndarray) -> ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):  # where takes of encoders are all alike
         return error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
 
 
-def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, np.ndarray]:
+def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
     """Groups of steps by name, each (M,) bool: all, those at rest where there are any, and thirds
     of the others by the commanded speed ‖q̇‖ of the joints in rad/s, its mean over the takes.
     """

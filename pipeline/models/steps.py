@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
@@ -20,26 +21,21 @@ from pipeline.models import kinds
 from pipeline.models.model import MotionModel
 from pipeline.models.noise import measurement_covariance
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Examined = tuple[dict[str, float], dict[str, "pd.DataFrame"]]  # numbers and tables by name
-
 
 @dataclass(frozen=True)
 class Recorded:
     """Recorded steps of one motion of n joints and m task rows, the data of every estimator."""
 
     chain: Chain
-    q: np.ndarray  # (takes, M, n) rad, measured pose before each step
+    q: ndarray  # (takes, M, n) rad, measured pose before each step
     # (M, m) or (M, m + n), commands (pipeline.models.model); of a closed loop one for each take
-    v: np.ndarray
-    noise: np.ndarray  # (takes, M, n) rad, ω of each step
+    v: ndarray
+    noise: ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
-    known_measurement: np.ndarray | None = None  # (n, n) rad², where Σ_m is known
+    known_measurement: ndarray | None = None  # (n, n) rad², where Σ_m is known
 
     @cached_property
-    def measurement(self) -> np.ndarray:
+    def measurement(self) -> ndarray:
         """(n, n) Σ_m in rad², the noise of a step at rest where it is not known; raises
         ModelDomainError where the motion never rests.
         """
@@ -48,11 +44,11 @@ class Recorded:
         return measurement_covariance(self.noise, self.v)
 
     @property
-    def q_next(self) -> np.ndarray:
+    def q_next(self) -> ndarray:
         """(takes, M, n) rad, measured pose after each step."""
         return self.q + self.chain.nominal_step(self.q, self.v) + self.noise
 
-    def subset(self, takes: np.ndarray) -> Recorded:
+    def subset(self, takes: ndarray) -> Recorded:
         """The takes with these numbers, as often as each is named."""
         v = self.v if self.v.ndim == 2 else self.v[takes]
         return replace(self, q=self.q[takes], v=v, noise=self.noise[takes])
@@ -68,7 +64,7 @@ class Estimate:
     diagnostics: dict[str, float]  # how the estimate came about
     details: Any = None  # the fit itself, where more than its parameters is needed
     # numbers of the takes → the estimates of these takes, where that is quicker than another fit
-    from_takes: Callable[[np.ndarray], dict[str, float]] | None = None
+    from_takes: Callable[[ndarray], dict[str, float]] | None = None
     undetermined: tuple[str, ...] = ()  # estimates at an end of their search, without an interval
 
     @property
@@ -91,74 +87,57 @@ def mean_log_likelihood(recorded: Recorded, model: MotionModel) -> float:
     return float(model.log_density(*steps, recorded.measurement).mean())
 
 
-def moving_steps(
-    q: np.ndarray, v: np.ndarray, noise: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command.
-
-    ``q`` and ``noise`` (takes, M, n) in rad, ``v`` (M, m) or (takes, M, m) or longer. Raises
+def moving_steps(recorded: Recorded) -> tuple[ndarray, ndarray, ndarray]:
+    """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command; raises
     ModelDomainError for a motion at rest throughout.
     """
+    q, v, noise = recorded.q, recorded.v, recorded.noise
     commanded = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
     moving = np.any(commanded, axis=-1)
     if not np.any(moving):
-        raise ModelDomainError(
-            "the motion is at rest at every step: there is nothing to fit a matrix model to"
-        )
+        message = "the motion is at rest at every step: there is nothing to fit a matrix model to"
+        raise ModelDomainError(message)
     return q[moving], commanded[moving], noise[moving]
 
 
-@dataclass(frozen=True)
-class TakeVariances:
-    """Variances of any takes of a motion, for estimates from moments and their resamplings."""
+def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, float]]:
+    """Function of the numbers of any takes, as often as each is named: traces (M,) of their sample
+    covariance of ω at each step and the trace of the measurement noise, in rad².
 
-    noise: np.ndarray  # (takes, M·n) ω in rad, about its mean over the takes
-    still: np.ndarray  # (M,) steps that the measurement noise is taken from, where it is not known
-    known: float | None  # rad², trace of the known measurement noise
+    Raises ModelDomainError where the measurement noise is not known; the function for a single take
+    and where no variance is left to the motion.
+    """
+    known, _ = recorded.known_measurement, recorded.measurement  # raises
+    still = ~np.any(recorded.v, axis=-1)  # of which the measurement noise is taken if not known
+    noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(len(recorded.noise), -1)
 
-    @classmethod
-    def of(cls, recorded: Recorded) -> TakeVariances:
-        """Raises ModelDomainError where the measurement noise of ``recorded`` is not known."""
-        noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(len(recorded.noise), -1)
-        if recorded.known_measurement is not None:
-            known = float(np.trace(recorded.known_measurement))
-            return cls(noise, np.zeros(recorded.noise.shape[1], dtype=bool), known)
-        _ = recorded.measurement  # raises for a motion that never rests
-        return cls(noise, ~np.any(recorded.v, axis=-1), None)
-
-    def of_motion(self, takes: np.ndarray) -> tuple[np.ndarray, float]:
-        """Traces (M,) of the sample covariance of the ``takes`` with these numbers, as often as
-        each is named, at each step, and the trace of the measurement noise, in rad².
-
-        Raises ModelDomainError for a single take and where no variance is left to the motion.
-        """
-        counts = np.bincount(takes, minlength=len(self.noise)).astype(float)
+    def of_takes(takes: ndarray) -> tuple[ndarray, float]:
+        counts = np.bincount(takes, minlength=len(noise)).astype(float)
         different = int(np.count_nonzero(counts))
         if different < 2:
             message = "a sample covariance needs at least two takes"
             raise ModelDomainError(message, takes=different)
-        sums = counts @ self.noise**2 - (counts @ self.noise) ** 2 / len(takes)
-        traces = (sums / (len(takes) - 1)).reshape(len(self.still), -1).sum(axis=-1)
-        measured = float(traces[self.still].mean()) if self.known is None else self.known
+        sums = counts @ noise**2 - (counts @ noise) ** 2 / len(takes)
+        traces = (sums / (len(takes) - 1)).reshape(recorded.noise.shape[1], -1).sum(axis=-1)
+        measured = float(traces[still].mean() if known is None else np.trace(known))
         mean = float(traces.mean())
         if not mean > measured:
             raise ModelDomainError(
                 "the variance of the recorded process noise is not above that of the measurement "
-                "noise (sums over the joints), which leaves none to the motion; record faster "
-                "motions or more takes",
+                "noise (sums over the joints); record faster motions or more takes",
                 recorded_trace_rad2=mean,
                 measurement_trace_rad2=measured,
             )
         return traces, measured
 
+    return of_takes
+
 
 def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
     """The model whose level makes the mean trace of the covariance of a step plus the trace of the
-    measurement noise equal to the recorded mean trace.
-
-    ``model`` need have no covariance itself. Raises SingularJacobianError, and ModelDomainError as
-    :class:`TakeVariances` and where no level of the model has the trace.
+    measurement noise equal to the recorded one. Raises SingularJacobianError, and ModelDomainError
+    as :func:`take_variances` and where no level of the model has the trace.
     """
-    traces, measured = TakeVariances.of(recorded).of_motion(np.arange(len(recorded.q)))
+    traces, measured = take_variances(recorded)(np.arange(len(recorded.q)))
     level = float(traces.mean()) - measured
     return model.with_trace(recorded.chain, recorded.q, recorded.v, level)

@@ -34,12 +34,10 @@ def sample(
     size: tuple[int, ...],
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ) as M + L_Σ Z L_Ψᵀ, Z of independent standard
-    normals: Definition 1. It serves tests alone.
-
-    vec(Xᵀ), Eq. (vec-of-a-matrix), then has the covariance Σ⊗Ψ, Eq. (Kron). By Theorem 2 XXᵀ > 0
-    for M = 0, Ψ = I and q ≥ p. ``mean`` M (p, q); ``rows`` Σ (p, p), the covariance between rows;
-    ``columns`` Ψ (q, q), the covariance between columns.
+    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ), M (p, q), as M + L_Σ Z L_Ψᵀ, Z of independent
+    standard normals: Definition 1. vec(Xᵀ), Eq. (vec-of-a-matrix), then has the covariance Σ⊗Ψ, Eq.
+    (Kron), of ``rows`` Σ (p, p) and ``columns`` Ψ (q, q). By Theorem 2 XXᵀ > 0 for M = 0, Ψ = I and
+    q ≥ p. It serves tests alone.
     """
     noise = rng.standard_normal((*size, *mean.shape))
     return mean + cholesky(rows, what="Σ") @ noise @ cholesky(columns, what="Ψ").T

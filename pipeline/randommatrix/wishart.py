@@ -23,12 +23,10 @@ def sample(
     d: float, sigma: np.ndarray, size: tuple[int, ...], rng: np.random.Generator
 ) -> np.ndarray:
     """(*size, n, n) draws of S ~ W_n(d, Σ), ``sigma`` Σ (n, n), by Bartlett's decomposition S =
-    (LT)(LT)ᵀ.
-
-    For whole d that is the law of Theorem 3. T is lower triangular with independent entries: T_ii²
-    ~ χ²(d − i + 1) for i = 1 … n, standard normals below. So d need not be an integer. Raises
-    ModelDomainError for d ≤ n − 1 or Σ not positive definite. It serves tests alone: the models
-    draw what B does to one vector.
+    (LT)(LT)ᵀ, T lower triangular with independent entries: T_ii² ~ χ²(d − i + 1) for i = 1 … n,
+    standard normals below. For whole d that is the law of Theorem 3, and d need not be an integer.
+    Raises ModelDomainError for d ≤ n − 1 or Σ not positive definite. It serves tests alone: the
+    models draw what B does to one vector.
     """
     n = len(sigma)
     _require_density(d, n)
@@ -81,10 +79,9 @@ def maxent_theta(sigma_b: float, n: int) -> float:
 
 
 def degrees_of_freedom(sigma_b: float, n: int) -> float:
-    """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) of mean I_n and dispersion ``sigma_b``.
-
-    That law solves Eqs. (Maxenmeas)–(invmomnt).
-    Raises ModelDomainError where σ_B is not positive or so large that B has no density.
+    """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) of mean I_n and dispersion ``sigma_b``, which
+    solves Eqs. (Maxenmeas)–(invmomnt). Raises ModelDomainError where σ_B is not positive or so
+    large that B has no density.
     """
     limit = largest_dispersion(n)
     if not 0 < sigma_b < limit:

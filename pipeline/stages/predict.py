@@ -64,7 +64,7 @@ def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, p
             pose_noise=dataset.motion.pose_noise,
             chain=recorded.chain,
             matrix={name: own for name, own in options.items() if own.kind in MATRIX_KINDS},
-        ).tables
+        )
     except ModelDomainError as error:
         print(f"predict: no plain model: {error}")
         return {}
@@ -83,7 +83,7 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
         scores = {}
         for model, own in scored.items():
             within = {key: value[:, inside] for key, value in own.items()}
-            scores[model] = prediction_scores(within, recorded.joints, moving=False)
+            scores[model] = prediction_scores(within, recorded.joints)
         tables["predictions"][steps] = compared(scores, NONE)
         tables["prediction_pairs"][steps] = log_score_differences(scores)
     return {
@@ -116,7 +116,7 @@ def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
         together = baseline_predictions(training, q, pose).items()
         alone = [{n: (error[k], c) for n, (error, c) in together} for k in range(len(q))]
     takes = dict(enumerate(zip(names, q, strict=True)))
-    score = partial(score_take, takes=takes, recorded=recorded, models=models, seed=settings.seed)
+    score = partial(score_take, takes=takes, recorded=recorded, models=models)
     trials = [(model, number) for model in models for number in takes]
     results = run_trials(score, trials, compute=settings.compute, label="predict: takes")
     rows = [(name, normal_steps(*each[name])) for name in (NONE, MEMORY) for each in alone]

@@ -141,7 +141,7 @@ def _score_motion(models: list[str], takes: list[str], q: np.ndarray, settings) 
         # a model without a level has no spread that could be compared
         std = {"recorded": std["recorded"]} | {name: own.std for name, own in modelled.items()}
         tables |= curves.spread_tables(modelled, following, noise, names)
-    return curves.std_scores(std, error, names, steady) | metrics, tables
+    return curves.std_scores(std, error, names) | metrics, tables
 
 
 def _modelled(
@@ -201,10 +201,10 @@ def _score_filters(
     ]
     contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
     stream = rng.stream(settings.seed, "score.bounds")
-    compared, refusals = filter_tables(filters, names, constant_speed(training), stream)
+    compared, refusals = filter_tables(filters, names, stream)
     for refusal in refusals:
         print(f"score: {refusal}")
-    metrics = filter_metrics(compared["filter_scores"])
+    metrics = filter_metrics(filters, names, constant_speed(training))
     return metrics | {"axes_of_training_steps_without_spread": without}, compared
 
 

@@ -15,6 +15,8 @@ from itertools import permutations
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
+from numpy.random import Generator
 from scipy.special import ndtr, ndtri
 
 from pipeline.core.errors import ModelDomainError
@@ -37,35 +39,33 @@ NO_NOISE = "no_noise"  # in the place of a model
 class ModelledNoise:
     """Moments and draws of a model's process noise ω at the recorded poses and level."""
 
-    motion: np.ndarray  # (M, n) rad², mean over the takes of the variance of a step
-    measurement: np.ndarray  # (n,) rad², variances of the measurement noise
-    error: np.ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
-    draws: np.ndarray  # (S, M, n) rad, of ω with the measurement noise
+    motion: ndarray  # (M, n) rad², mean over the takes of the variance of a step
+    measurement: ndarray  # (n,) rad², variances of the measurement noise
+    error: ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
+    draws: ndarray  # (S, M, n) rad, of ω with the measurement noise
 
     @property
-    def std(self) -> np.ndarray:
+    def std(self) -> ndarray:
         """(M, n) standard deviation of ω with the measurement noise in rad."""
         return np.sqrt(self.motion + self.measurement)
 
 
-def root_mean_square(values: np.ndarray) -> float:
+def root_mean_square(values: ndarray) -> float:
     """Root mean square of all ``values``, in their unit."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def correlation(a: np.ndarray, b: np.ndarray) -> float:
+def correlation(a: ndarray, b: ndarray) -> float:
     """Pearson's correlation of ``a`` and ``b`` (K,); 0 where one of them is constant."""
-    if np.ptp(a) == 0 or np.ptp(b) == 0:
-        return 0.0
-    return float(np.corrcoef(a, b)[0, 1])
+    return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) and np.ptp(b) else 0.0
 
 
-def variation(values: np.ndarray) -> float:
+def variation(values: ndarray) -> float:
     """Standard deviation of ``values`` (K,) over their mean; 0 where they are constant."""
     return float(values.std() / values.mean()) if np.ptp(values) else 0.0
 
 
-def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
+def relative_error(curve: ndarray, recorded: ndarray) -> float:
     """‖curve − recorded‖ / ‖recorded‖ of (K,) values; ModelDomainError where that is 0."""
     if (size := np.linalg.norm(recorded)) == 0:
         message = "an error relative to a curve that is zero throughout does not exist"
@@ -74,50 +74,32 @@ def relative_error(curve: np.ndarray, recorded: np.ndarray) -> float:
 
 
 def std_scores(
-    std: Mapping[str, np.ndarray],
-    error: Mapping[str, np.ndarray],
-    joints: Sequence[str],
-    steady: np.ndarray,
+    std: Mapping[str, ndarray], error: Mapping[str, ndarray], joints: Sequence[str]
 ) -> dict[str, float]:
-    """Return the agreement of each model's mean and standard deviation over time with the recorded
-    ones, by names with model, joint and unit.
-
-    ``std`` (M, n) in rad by model, and under ``recorded`` the recorded one, without scores where it
-    is not finite; ``error`` (M,) in rad by model, ‖mean − recorded mean‖; ``steady`` (M,) the steps
-    at constant speed, where a curve follows the pose and not the speed.
+    """Return size and variation over time of each standard deviation and the greatest error of each
+    mean, by names with model, joint and unit; ``std`` (M, n) in rad by model, without scores where
+    it is not finite; ``error`` (M,) in rad by model, ‖mean − recorded mean‖.
     """
     scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
-    scores |= {f"{model}_std_of_mean_error_over_time_rad": e.std() for model, e in error.items()}
     for j, joint in enumerate(joints):
-        recorded = std["recorded"][:, j]
         for model, values in std.items():
             own, name = values[:, j], f"{model}_std_{joint}"
-            if not np.all(np.isfinite(own)):
-                continue
-            scores[f"{name}_rms_rad"] = root_mean_square(own)
-            scores[f"{name}_variation"] = variation(own)
-            if model != "recorded":
-                follows, at_speed = f"{name}_correlation_with_recorded", "_at_constant_speed"
-                scores[follows] = correlation(own, recorded)
-                scores[follows + at_speed] = correlation(own[steady], recorded[steady])
-                scores[f"{name}_relative_error"] = relative_error(own, recorded)
+            if np.all(np.isfinite(own)):
+                scores[f"{name}_rms_rad"] = root_mean_square(own)
+                scores[f"{name}_variation"] = variation(own)
     return scores
 
 
 def following_tests(
-    modelled: ModelledNoise,
-    noise: np.ndarray,
-    steady: np.ndarray,
-    joints: Sequence[str],
-    rng: np.random.Generator,
+    modelled: ModelledNoise, noise: ndarray, steady: ndarray, joints: Sequence[str], rng: Generator
 ) -> pd.DataFrame:
     """Tabulate for each joint over all steps, and over the ``steady`` ones (M,) at constant speed,
     the ``correlation`` of the modelled and the recorded standard deviation, its ``limit`` and the
-    ``power`` at that limit.
+    ``power`` at that limit; none for a constant one. ``noise`` (takes, M, n) rad is recorded, takes
+    ≥ 2.
 
     A true model passes in all joints at once in at least RECOGNISED of the draws; the quantiles are
-    normal ones of Fisher's transform of the drawn correlations. A constant standard deviation has
-    no row. ``noise`` (takes, M, n) rad is the recorded one of at least two takes.
+    normal ones of Fisher's transform of the drawn correlations.
     """
     rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
@@ -139,7 +121,7 @@ def following_tests(
     return pd.DataFrame(rows, columns=["joint", "steps", "correlation", "limit", "power"])
 
 
-def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def constant_noise_variation(noise: ndarray, rng: Generator) -> ndarray:
     """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
     of one law at all steps stays below in RECOGNISED of the draws, in all joints at once; the law
     of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to step as it is.
@@ -153,7 +135,7 @@ def constant_noise_variation(noise: np.ndarray, rng: np.random.Generator) -> np.
     return np.array(result)
 
 
-def _autoregression(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _autoregression(noise: ndarray, rng: Generator) -> ndarray:
     """(M, REPLICATES, takes) standard normals, correlated as steps of ``noise`` (takes, M)."""
     takes, count = noise.shape
     share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
@@ -164,7 +146,7 @@ def _autoregression(noise: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return variates
 
 
-def _correlations(curve: np.ndarray, others: np.ndarray) -> np.ndarray:
+def _correlations(curve: ndarray, others: ndarray) -> ndarray:
     """(R,) Pearson's correlations of ``curve`` (K,) with each column of ``others`` (K, R)."""
     a, b = curve - curve.mean(), others - others.mean(axis=0)
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
@@ -173,7 +155,7 @@ def _correlations(curve: np.ndarray, others: np.ndarray) -> np.ndarray:
 def spread_tables(
     modelled: Mapping[str, ModelledNoise],
     following: Mapping[str, pd.DataFrame],
-    noise: np.ndarray,
+    noise: ndarray,
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
     """Return the tables ``spread_following``, ``spread_comparison``, ``mean_error_comparison`` by
@@ -184,38 +166,31 @@ def spread_tables(
         return {}
     rows = [table.assign(model=model) for model, table in following.items() if len(table)]
     tables = {"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}
-    motion = {model: each.motion for model, each in modelled.items()}
-    measurement = next(iter(modelled.values())).measurement
-    tables["spread_comparison"] = spread_comparison(motion, measurement, noise, joints)
+    tables["spread_comparison"] = spread_comparison(modelled, noise, joints)
     errors = {model: each.error for model, each in modelled.items()}
     return tables | {"mean_error_comparison": mean_error_comparison(errors)}
 
 
 def spread_comparison(
-    motion: Mapping[str, np.ndarray],
-    measurement: np.ndarray,
-    noise: np.ndarray,
-    joints: Sequence[str],
+    modelled: Mapping[str, ModelledNoise], noise: ndarray, joints: Sequence[str]
 ) -> pd.DataFrame:
     """Tabulate the relative error of each model's standard deviation over time in each joint, and
     its difference to three others, with 95 % intervals of the jackknife over takes: to the first
     model in the same joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model
     in the last joint.
 
-    All models have one level: in every set of takes each model's variances have the factor by which
-    their sum over joints and steps, with the measurement noise, is the one of the takes. For the
-    Wishart model the factor is an approximation, as the share of its joints depends slightly on
-    σ_B. Arguments as the fields of :class:`ModelledNoise`, and ``noise`` (takes, M, n) in rad.
+    All models have one level: in every set of takes of ``noise`` (takes, M, n) rad each model's
+    variances have the factor by which their sum with the measurement noise is the one of the takes.
     """
+    measurement, errors = next(iter(modelled.values())).measurement, {}
     recorded = _variances(jackknife_counts(len(noise)), noise)
     total = recorded.mean(axis=1).sum(axis=-1) - measurement.sum()
-    errors = {}
-    for model, own in motion.items():
-        factor = np.maximum(total, 0) / own.mean(axis=0).sum()
-        modelled = np.sqrt(factor[:, None, None] * own + measurement)
-        distance = np.linalg.norm(modelled - np.sqrt(recorded), axis=1)
+    for model, own in modelled.items():
+        factor = np.maximum(total, 0) / own.motion.mean(axis=0).sum()
+        std = np.sqrt(factor[:, None, None] * own.motion + measurement)
+        distance = np.linalg.norm(std - np.sqrt(recorded), axis=1)
         errors[model] = distance / np.sqrt(recorded.sum(axis=1))  # (1 + takes, n)
-    first, last, rows = next(iter(motion)), len(joints) - 1, []
+    first, last, rows = next(iter(modelled)), len(joints) - 1, []
     for model, error in errors.items():
         for j, joint in enumerate(joints):
             others = {(NO_NOISE, joint): np.ones(len(error))}
@@ -230,7 +205,7 @@ def spread_comparison(
     return pd.DataFrame(rows, columns=[*names, *Difference._fields])
 
 
-def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
+def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:
     """Tabulate the standard deviation over time of the error of each model's mean, ‖mean − recorded
     mean‖ in rad, and its difference to every other model's with the 95 % interval of the jackknife
     over takes; ``error`` (takes, M, n) in rad by model, exact mean minus measured pose.
@@ -248,7 +223,7 @@ def mean_error_comparison(error: Mapping[str, np.ndarray]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*names, *Difference._fields])
 
 
-def _variances(counts: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def _variances(counts: ndarray, noise: ndarray) -> ndarray:
     """(R, M, n) sample variances of ``noise`` (takes, M, n), takes by ``counts`` (R, takes)."""
     flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
     mean = counts @ flat / takes

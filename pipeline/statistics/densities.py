@@ -8,6 +8,7 @@ is thinned first, to samples that are nearly independent.
 from __future__ import annotations
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core.compiled import compiled, inlined
 from pipeline.core.errors import ModelDomainError
@@ -21,7 +22,7 @@ MOST = 300  # samples of a thinned record: the test holds the distances of all p
 PERMUTATIONS = 1999
 
 
-def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
+def normal_reference_bandwidth(samples: ndarray) -> ndarray:
     """(p,) h_i = (MAD_i/0.6745)·(4/((p+2)N))^{1/(p+4)} of independent ``samples`` (N, p).
 
     Raises ModelDomainError where more than half of a variable's samples are equal.
@@ -34,24 +35,22 @@ def normal_reference_bandwidth(samples: np.ndarray) -> np.ndarray:
     return scale * (4 / ((p + 2) * count)) ** (1 / (p + 4))
 
 
-def marginal_density(samples: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """(g,) Gaussian kernel density of ``samples`` (N,) at ``x`` (g,), per unit, with the
-    :func:`normal_reference_bandwidth`, whose errors it raises.
+def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
+    """(g,) Gaussian kernel density of ``samples`` (N,) at ``x`` (g,), per unit; raises what
+    :func:`normal_reference_bandwidth` raises.
     """
     (bandwidth,) = normal_reference_bandwidth(samples[:, None])
     sums = _smoothed(np.ones((len(samples), 1)), x, np.sort(samples), bandwidth)[:, 0]
     return sums / (np.sqrt(2 * np.pi) * bandwidth * len(samples))
 
 
-def kernel_density(
-    samples: np.ndarray, x: np.ndarray, y: np.ndarray, bandwidth: np.ndarray
-) -> np.ndarray:
+def kernel_density(samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray) -> ndarray:
     """Product-Gaussian kernel density of ``samples`` (N, 2) at the grid ``x`` (gx,) × ``y`` (gy,),
-    (gx, gy), per squared unit; ``bandwidth`` (2,).
+    (gx, gy), per squared unit; ``bandwidth`` (2,). Samples out of reach count in N alone.
 
     A quadratic B-spline distributes every sample to 3 × 3 nodes a third of a bandwidth apart, whose
     masses a Gaussian narrowed by the spline's variance smooths: no kernel is off by more than 8e-4
-    of its peak. Samples out of reach of the grid count in N alone.
+    of its peak.
     """
     step = bandwidth / NODES_PER_BANDWIDTH
     width = np.sqrt(bandwidth**2 - step**2 / 4)
@@ -90,7 +89,7 @@ def _shares(t):
     return 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
 
 
-def _smoothed(masses: np.ndarray, grid: np.ndarray, nodes: np.ndarray, width: float) -> np.ndarray:
+def _smoothed(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> ndarray:
     """(g, k) sums of ``masses`` (n, k) over the sorted ``nodes`` (n,) in reach, weighted by a
     Gaussian of deviation ``width`` about each of ``grid`` (g,).
     """
@@ -103,10 +102,9 @@ def _smoothed(masses: np.ndarray, grid: np.ndarray, nodes: np.ndarray, width: fl
     return result
 
 
-def autocorrelation_time(record: np.ndarray) -> float:
+def autocorrelation_time(record: ndarray) -> float:
     """Integrated autocorrelation time τ = 1 + 2·Σρ_k in samples, at least 1, of the slowest
     component of ``record`` (N, p): N/τ independent samples have a mean as certain as the record's.
-
     The sum ends at the first lag beyond five times itself. Raises ModelDomainError for a component
     that does not vary.
     """
@@ -122,7 +120,7 @@ def autocorrelation_time(record: np.ndarray) -> float:
     return float(max(1.0, *np.take_along_axis(sums, ends[None], axis=0)[0]))
 
 
-def thinned(record: np.ndarray) -> np.ndarray:
+def thinned(record: ndarray) -> ndarray:
     """(K, p) each ⌈2τ⌉-th of ``record`` (N, p), ``MOST`` at most; ModelDomainError for one."""
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:
@@ -131,13 +129,10 @@ def thinned(record: np.ndarray) -> np.ndarray:
     return record[::step]
 
 
-def energy_test(a: np.ndarray, b: np.ndarray, rng: np.random.Generator) -> tuple[float, float]:
+def energy_test(a: ndarray, b: ndarray, rng: np.random.Generator) -> tuple[float, float]:
     """Energy distance 2E‖A − B‖ − E‖A − A′‖ − E‖B − B′‖ of independent samples ``a`` (K, p) and
-    ``b`` (L, p), in their unit, and its p-value.
-
-    The p-value is the share, among ``PERMUTATIONS`` random divisions of the pooled samples and the
-    true one, of those that lie at least as far apart: one law gives a p-value ≤ α with a
-    probability of at most α.
+    ``b`` (L, p), in their unit, and its p-value: the share, among ``PERMUTATIONS`` random divisions
+    of the pooled samples and the true one, of those that lie at least as far apart.
     """
     pooled = np.concatenate([a, b])
     distances = np.sqrt(sum(np.subtract.outer(x, x) ** 2 for x in pooled.T))

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
+from numpy import ndarray
+from scipy.special import stdtrit
 
 from pipeline.core.errors import ModelDomainError
-
-if TYPE_CHECKING:  # an exported model is read without pandas
-    import pandas as pd
 
 TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
 REPLICATES = 200  # resamplings of the takes
 
 # model, numbers of the takes → value by quantity
-Quantities = Callable[[str, np.ndarray], dict[str, float]]
+Quantities = Callable[[str, ndarray], dict[str, float]]
 
 
 class Difference(NamedTuple):
@@ -28,7 +28,7 @@ class Difference(NamedTuple):
     high: float = np.nan
 
 
-def takes_moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
     """Return mean (M, n) and sample covariance (M, n, n) over the takes of ``samples`` (takes, M,
     n); raises ModelDomainError for a single take.
     """
@@ -40,18 +40,16 @@ def takes_moments(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return mean, np.einsum("tki,tkj->kij", centred, centred) / (takes - 1)
 
 
-def lag_one_correlation(values: np.ndarray) -> float:
+def lag_one_correlation(values: ndarray) -> float:
     """Correlation of neighbouring steps of ``values`` (takes, K) about their mean at each step."""
     centred = values - values.mean(axis=0)
     scale = np.sqrt(np.sum(centred[:, :-1] ** 2) * np.sum(centred[:, 1:] ** 2))
     return float(np.sum(centred[:, :-1] * centred[:, 1:]) / scale) if scale > 0 else 0.0
 
 
-def share_between(noise: np.ndarray, groups: Sequence[str]) -> float:
+def share_between(noise: ndarray, groups: Sequence[str]) -> float:
     """Share of the variance of ``noise`` (takes, M, n) over the takes that lies between the means
     of their ``groups`` (takes,); 0 for one group, or where every take is a group of its own.
-
-    About (groups − 1)/(takes − 1) where takes of one group are no more alike than others.
     """
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
@@ -62,7 +60,7 @@ def share_between(noise: np.ndarray, groups: Sequence[str]) -> float:
     return float(member.sum(axis=1) @ np.sum(means**2, axis=1) / np.sum(centred**2))
 
 
-def percentile_interval(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def percentile_interval(values: ndarray) -> tuple[ndarray, ndarray]:
     """Ends of the interval of ``values`` (N, ...) over the first axis that holds one further value
     with a probability of 95 %; least and greatest of them for N < 40.
     """
@@ -74,13 +72,11 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
     """Student's interval of a ``difference`` with the standard ``error``; none without degrees."""
     if degrees < 1:
         return Difference(float(difference))
-    from scipy.special import stdtrit  # here, as what loads a model does without SciPy
-
     half = float(stdtrit(degrees, TAILS[1]) * error)
     return Difference(float(difference), difference - half, difference + half)
 
 
-def paired_difference(scores: np.ndarray, reference: np.ndarray) -> Difference:
+def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
     """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval
     over the takes: none for a single take, nothing where a score is not finite.
     """
@@ -91,12 +87,12 @@ def paired_difference(scores: np.ndarray, reference: np.ndarray) -> Difference:
     return _student(float(difference.mean()), error, takes - 1)
 
 
-def jackknife_counts(takes: int) -> np.ndarray:
+def jackknife_counts(takes: int) -> ndarray:
     """(1 + takes, takes) weights: of all takes in the first row, then of all but one."""
     return np.vstack([np.ones((1, takes)), 1 - np.eye(takes)])
 
 
-def jackknife_difference(values: np.ndarray) -> Difference:
+def jackknife_difference(values: ndarray) -> Difference:
     """First of ``values`` (1 + takes,), one for each of :func:`jackknife_counts`, with Student's
     interval from the others; none below three takes.
     """
@@ -105,7 +101,7 @@ def jackknife_difference(values: np.ndarray) -> Difference:
     return _student(values[0], error, takes - 1 if takes > 2 else 0)
 
 
-def drawn_takes(takes: int, rng: np.random.Generator) -> list[np.ndarray]:
+def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
     """Numbers of the takes of each of REPLICATES resamplings, without those of one take alone."""
     drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
     return [numbers for numbers in drawn if np.ptp(numbers) > 0]
@@ -115,15 +111,10 @@ def resampled_differences(
     quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """Tabulate every quantity of every model, and its difference to the first model with the 95 %
-    percentile interval of the bootstrap over takes, the same takes for all models; no interval for
-    a single take.
+    percentile interval of the bootstrap over takes, the same takes for all models.
     """
-    import pandas as pd
-
     drawn, rows = [np.arange(takes), *drawn_takes(takes, rng)], []
-    values = {
-        model: pd.DataFrame([quantities(model, numbers) for numbers in drawn]) for model in models
-    }
+    values = {each: pd.DataFrame([quantities(each, one) for one in drawn]) for each in models}
     for model, own in values.items():
         table = pd.DataFrame({"model": model, "quantity": own.columns, "value": own.iloc[0].array})
         table = table.assign(**dict.fromkeys(Difference._fields, np.nan))

@@ -28,7 +28,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute, Dask
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
-from pipeline.models.wishart.fit import Problems
+from pipeline.models.wishart.fit import problem_steps, solve_problems
 from pipeline.models.wishart.perturbation import objective_weights
 from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
@@ -139,7 +139,7 @@ def many_takes(count: int) -> dict[str, float]:
         takes, rng = min(BLOCK, count - first), np.random.default_rng(first)
         q, v = drawn_takes(motion.scene, takes, STEPS, POSE, rng)
         recorded = Recorded(chain, q[:, :-1], v, process_noise(chain, q, v), ())
-        Problems.of(recorded, model.decomposition, 0.2).solved(weights)
+        solve_problems(problem_steps(recorded, model.decomposition), weights, 0.2)
         for number in range(first, first + takes):
             motion.filtered(1000, np.random.default_rng(number))
     seconds, memory = time.process_time() - begin, 1e6 * megabytes("VmHWM")

@@ -73,7 +73,7 @@ def judged(physics: PhysicsFactors, seed: int) -> dict[str, object]:
     known, fresh = motions[:KNOWN], motions[KNOWN:]
     matrix = model_options(MATRIX)
     given = {"pose_noise": POSE_NOISE, "chain": chain, "matrix": {"gaussian": matrix["gaussian"]}}
-    tables = other_motions(known, LWR4.joints, RATE, **given).tables
+    tables = other_motions(known, LWR4.joints, RATE, **given)
     chosen, why = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
     scores: dict[str, float] = {}
     for name in PLAIN:

@@ -24,7 +24,6 @@ from pipeline.models.closed_loop import (
     fit_closed_loop,
     mean_path,
     measured_poses,
-    state_space,
     take_log_likelihoods,
 )
 from pipeline.models.draws import draw_steps
@@ -229,20 +228,6 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_leaves_the_others_th
         alone = take_log_likelihoods(space, deviation, np.array([1.0]))
     assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
     assert np.all(likelihoods[1] == -np.inf)
-
-
-@pytest.mark.parametrize("kind", MODELS)
-def test_deviations_go_as_the_linear_law_says(kind, path):
-    """The mean of every model does; the Wishart model's answers a correction by more than it."""
-    (model, *_), recorded, share = MODELS[kind], takes_of("additive", path, 0.4, seed=5), 0.3
-    mean, chain, off = mean_path(recorded), path.chain, 1e-5
-    space, before = state_space(model, recorded, mean, share), mean.poses[:-1]
-    q = before + off * np.array([1.0, -2.0, 1.5])
-    v = mean.v + share * (chain.pose(before) - chain.pose(q))
-    linear = np.matvec(space.drift - share * space.correction, q - before)
-    change = model.mean(chain, q, v) - model.mean(chain, before, mean.v)
-    assert np.max(np.abs(change - linear)) < 1e-3 * off
-    assert np.allclose(space.correction, np.eye(3), atol=1e-6) == (kind != "wishart")
 
 
 def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):

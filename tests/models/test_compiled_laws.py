@@ -5,14 +5,12 @@ singular pose, past the bound of the Gaussian model, beyond the joint limits.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from oracles import READINGS, least_p_value
 from plain_laws import plain_steps
+from random_arm import motion, random_arm
 from scipy import stats
-from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.serial import SerialChain
@@ -110,17 +108,6 @@ def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step
             assert apart < 5 and off < 0.07
 
 
-def test_each_command_moves_its_own_poses_and_all_poses_may_take_one(chain, poses, step):
-    model, v = ScaledModel(np.zeros((3, 3))), np.linspace(0.1, 1.0, 4)[:, None] * step
-    q = poses[:20].reshape(5, 4, 3)
-    drawn, _ = draw_steps(model, chain, q, v, RNG(7))
-    np.testing.assert_allclose(drawn, model.mean(chain, q, v), atol=1e-14)
-    single, _ = draw_steps(model, chain, q, step, RNG(7))
-    np.testing.assert_allclose(single, model.mean(chain, q, step), atol=1e-14)
-    # control: the commands belong to their poses
-    assert np.abs(drawn - model.mean(chain, q, v[::-1])).max() > 1e-3
-
-
 @every_model
 def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain, poses):
     rest = np.zeros(3)
@@ -173,58 +160,20 @@ def test_close_to_a_singular_pose_everything_is_finite(model, sine, chain, step)
     assert np.all(np.linalg.eigvalsh(model.covariance(chain, q, step))[:, 1:] >= 0)
 
 
-@pytest.mark.parametrize("name", ["scaled", "wishart qr_transposed", "gaussian"])
-def test_beyond_the_joint_limits_the_model_goes_on_and_the_filter_counts(name, chain, step):
-    """The models know of no limits; the filter loses the particles that leave them, and says how
-    many.
-    """
-    model, nominal = MODELS[name], np.linalg.solve(chain.jacobian(POSE), step)
-    wide = POSE - 2.0, POSE + 2.0
-    axis, tight = int(np.argmax(np.abs(nominal))), np.array(wide)
-    # one limit lies where the nominal step leads, so that about half of the steps leave it
-    tight[int(nominal[axis] > 0), axis] = POSE[axis] + nominal[axis]
-
-    def arm(ends) -> PlanarChain:
-        return replace(chain, lower=ends[0], upper=ends[1])
-
-    def lost(ends) -> int:
-        begin, options = Start(POSE, np.zeros((3, 3))), FilterOptions(particles=2000)
-        run = arm(ends), open_loop(step[None]), 0.01, begin, nothing(3), options
-        return int(particle_filter(model, *run, RNG(11)).outside[1])
-
-    drawn, _ = draw_steps(model, arm(tight), np.tile(POSE, (2000, 1)), step, RNG(11))
-    outside = np.mean(~arm(tight).within_limits(drawn))
-    assert np.all(np.isfinite(drawn)) and 0.2 < outside < 0.8
-    assert abs(lost(tight) / 2000 - outside) < 0.05
-    # control: with the limits far away next to none is lost
-    assert lost(wide) < 0.05 * 2000
-
-
 SIZES = [(6, 6), (7, 6), (3, 2), (5, 1)]
 
 
-def serial_arm(n: int, m: int) -> SerialChain:
-    """A random chain of n joints, one of them prismatic where there are more than three."""
-    rng = RNG(1 + n)
-    turns = Rotation.random(n + 1, random_state=n).as_matrix().reshape(-1, 9)
-    placements = np.concatenate([turns, rng.uniform(-0.3, 0.3, (n + 1, 3))], axis=1)
-    sliding = np.arange(n) == (0 if n > 3 else n)
-    ends = np.full(n, -3.0), np.full(n, 3.0), np.full(n, 2.0)
-    return SerialChain(("x", "y", "z", "rx", "ry", "rz")[:m], 1.0, placements, sliding, *ends)
-
-
-def command_of(chain: SerialChain) -> tuple[np.ndarray, np.ndarray]:
-    """A pose, and a command: of the joints too where there are more of them than task rows."""
-    m, n = len(chain.task), len(chain.lower)
-    rng = RNG(2)
-    return rng.uniform(-1, 1, n), 0.01 * rng.standard_normal(m if m == n else m + n)
+def arm_and_command(n: int, m: int) -> tuple[SerialChain, np.ndarray, np.ndarray]:
+    """A random arm, a regular pose, and a command."""
+    arm = random_arm(n, m)
+    q, v = motion(arm, 1, 0)
+    return arm, q[0], v[0]
 
 
 @pytest.mark.parametrize("n, m", SIZES)
 def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, m):
     """Bands: five standard errors of a mean, and of a covariance under tails as these."""
-    chain = serial_arm(n, m)
-    q, command = command_of(chain)
+    chain, q, command = arm_and_command(n, m)
     v, jacobian = command[:m], chain.jacobian(q)
     # one row is one pivot: J₁ is a number, as with QR
     for name in ("pivoted_lu", "qr", "qr_transposed", "given")[m == 1 :]:
@@ -243,8 +192,7 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
 
 @pytest.mark.parametrize("n, m", SIZES)
 def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
-    chain = serial_arm(n, m)
-    q, command = command_of(chain)
+    chain, q, command = arm_and_command(n, m)
     q, factor = q + 0.1 * RNG(6).standard_normal((300, n)), 1e-3 * RNG(5).standard_normal((n, n))
     noise, gain = factor @ factor.T + 1e-8 * np.eye(n), 0.04 * np.eye(n)
     norms = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)), axis=(1, 2))
@@ -255,13 +203,12 @@ def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
         assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
         assert clipped == expected_clipped == (150 if model is bounded else 0)
     with pytest.raises(ModelDomainError, match="run the stage fit"):
-        NORMAL["scaled"].law(serial_arm(7, 6))
+        NORMAL["scaled"].law(random_arm(7, 6))
 
 
 def test_a_closed_loop_of_a_spatial_arm_corrects_the_displacement_of_its_tip():
     """Without noise: the arm is led back to its path, in rotation too."""
-    chain = serial_arm(7, 6)
-    q, _ = command_of(chain)
+    chain, q, _ = arm_and_command(7, 6)
     target, off = np.tile(chain.pose(q), (40, 1)), q + 0.05 * RNG(7).standard_normal(7)
     before = np.linalg.norm(chain.displacement(chain.pose(off), chain.pose(q)))
     for share, left in ((0.3, 0.7**40), (0.0, 1.0)):

@@ -4,7 +4,6 @@ not fitted to.
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import warnings
@@ -17,7 +16,6 @@ from exported_models import PARAMETERS, write_model
 from pipeline.core.errors import ContractError
 from pipeline.models import load
 from pipeline.models.exported import OutsideRanges
-from pipeline.models.kinds import build_model
 
 ROOT = Path(__file__).parents[2]
 # NumPy is what stays of the environment
@@ -60,16 +58,6 @@ def test_it_is_taken_up_in_less_than_a_second_by_numpy_alone(file):
     fits = ALONE.replace("from pipeline.models import load", "import pipeline.models.draws")
     done = subprocess.run([sys.executable, "-c", fits, file], cwd=ROOT, capture_output=True)
     assert b"AssertionError: numba" in done.stderr
-
-
-def test_its_moments_and_density_are_the_models(file, chain, poses, step):
-    model = load(file)
-    law = build_model(json.loads(file.read_text())["parameters"])
-    q_next = law.mean(chain, poses, step) + 1e-3
-    assert np.array_equal(model.mean(poses, step), law.mean(chain, poses, step))
-    assert np.array_equal(model.covariance(poses, step), law.covariance(chain, poses, step))
-    own = law.log_density(chain, poses, step, q_next)
-    assert np.array_equal(model.log_density(poses, step, q_next), own)
 
 
 def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(tmp_path, chain, poses, step):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from random_arm import motion, random_arm
 
-from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError
+from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.models import draws
 from pipeline.models.draws import draw_steps, realize, realized_moments
 from pipeline.models.gaussian.law import GaussianModel
@@ -19,7 +19,6 @@ from pipeline.models.noise import (
     mean_covariance,
     measurement_covariance,
     process_noise,
-    recorded_deviation,
     rest_covariance,
 )
 from pipeline.models.scaled.law import ScaledModel
@@ -61,16 +60,6 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
         measurement_covariance(noise, np.ones((8, 3)))
-
-
-def test_the_recorded_spread_is_that_of_the_noise_or_of_the_angles_as_the_realisations_are():
-    rng = np.random.default_rng(6)
-    q, noise = rng.normal(0.0, 0.1, (30, 6, 3)), rng.normal(0.0, 0.01, (30, 5, 3))
-    of_step, of_run = (recorded_deviation(q, noise, mode) for mode in ("one_step", "free_running"))
-    assert np.all(of_step[0] == 0)
-    for of, samples in ((of_step[1:], noise), (of_run, q)):
-        variances = np.diagonal(takes_moments(samples)[1], axis1=1, axis2=2)
-        np.testing.assert_allclose(of, np.sqrt(variances))
 
 
 def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a_step():
@@ -177,13 +166,8 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_singular_recorded_pose_is_refused_and_another_mode_by_those_there_are(
-    mode, chain, poses, step, rng
-):
+def test_a_singular_recorded_pose_is_refused(mode, chain, poses, step, rng):
     q, v = takes(poses, 2, 3), np.tile(step, (3, 1))
-    with pytest.raises(ConfigError, match="'two_step'; there are one_step, free_running") as why:
-        realize(NOISY, chain, q, v, "two_step", rng)
-    assert why.value.evidence["key"] == "simulation.mode"
     q[1, 0] = straight(chain, q[1, 0])
     with pytest.raises(SingularJacobianError):
         realize(NOISY, chain, q, v, mode, rng)

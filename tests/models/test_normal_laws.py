@@ -20,7 +20,7 @@ from pipeline.models.gaussian.fit import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.model import frobenius
 from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import root, without_measurement
+from pipeline.models.normal import root
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.randommatrix import normal
 
@@ -76,20 +76,6 @@ def test_a_singular_covariance_is_a_model_without_a_density(kind, chain, poses, 
             model.log_density(chain, q, v, mean, -MEASUREMENT)
 
 
-def test_noise_that_grows_with_the_speed_is_its_formula(chain, poses, step):
-    dq = chain.nominal_step(poses, step)
-    outer = dq[:, :, None] * dq[:, None, :]
-    for name, floor, gain in (
-        ("scaled", np.diag(np.diag(SIGMA)), np.diag(np.diag(GAIN))),
-        ("timing", SIGMA, TIMING),
-        ("additive", SIGMA, NONE),
-    ):
-        covariance = MODELS[name].covariance(chain, poses, step)
-        np.testing.assert_allclose(covariance, floor + gain * outer, rtol=1e-12)
-    at_rest = MODELS["scaled_full"].covariance(chain, poses, np.zeros(3))
-    assert np.array_equal(at_rest, np.broadcast_to(SIGMA, at_rest.shape))
-
-
 @pytest.mark.parametrize(
     "bad",
     [
@@ -131,12 +117,6 @@ def test_shrinkage_is_nearer_to_the_truth_where_takes_are_few_and_vanishes_where
     assert intensity < 0.02
 
 
-def test_the_measurement_noise_is_taken_off_and_never_more_than_there_is():
-    covariance, quiet = without_measurement(np.diag([3.0, 2.0, 1.0]), np.diag([1.0, 1.0, 1.5]))
-    np.testing.assert_allclose(covariance, np.diag([2.0, 1.0, 0.0]), atol=1e-15)
-    assert quiet == 1
-
-
 POSE = np.array([0.4, 1.7, -0.3])
 DRAWS = 20_000
 STEPS = 320
@@ -150,9 +130,10 @@ EXTENSIONS = np.geomspace(0.02, 17.0, 200)
 )
 def test_the_closed_form_solves_the_log_det_problem(norm, alpha, u):
     expected = noise_scale(norm, alpha, u, 3, 3) * np.eye(3)
-    np.testing.assert_allclose(
-        solve_noise_covariance(norm, alpha, u, 3, 3), expected, atol=1e-4 * expected[0, 0]
-    )
+    solved, band = solve_noise_covariance(norm, alpha, u, 3, 3), 1e-4 * expected[0, 0]
+    np.testing.assert_allclose(solved, expected, atol=band)
+    # control: another scale is seen
+    assert np.abs(solved - 1.05 * expected).max() > 100 * band
 
 
 def test_a_wrong_scale_is_seen_and_a_problem_without_an_optimum_yields_no_number(monkeypatch):

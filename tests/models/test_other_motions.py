@@ -36,7 +36,7 @@ def motion(number: int, moving: tuple[int, ...] = (0, 1, 2), *, tails=None, law=
 
 
 def chosen(motions) -> tuple[str | None, str, dict[str, pd.DataFrame]]:
-    tables = other_motions(motions, JOINTS, RATE).tables
+    tables = other_motions(motions, JOINTS, RATE)
     name, why = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
     return name, why, dict(tables)
 
@@ -84,9 +84,9 @@ def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_p
     motions = [motion(k) for k in range(3)]
 
     def rows(given) -> pd.DataFrame:
-        scored = other_motions(
-            given, JOINTS, RATE, pose_noise=1e-6, chain=chain, matrix=options
-        ).tables["other_motions"]
+        scored = other_motions(given, JOINTS, RATE, pose_noise=1e-6, chain=chain, matrix=options)[
+            "other_motions"
+        ]
         return scored[scored["model"] == "gaussian"]
 
     assert rows(motions)["score"].notna().all()

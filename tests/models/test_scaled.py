@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models.normal import normal_log_density
-from pipeline.models.scaled.fit import fit_scaled, minimise, negative_log_likelihood
+from pipeline.models.scaled.fit import fit_scaled, minimise
 
 TAKES, STEPS, REST = 40, 200, 20
 FLOOR = 1e-6 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
@@ -87,37 +87,6 @@ def test_where_nothing_but_the_measurement_is_noisy_at_rest_the_floor_is_zero(st
     assert np.abs(np.diag(ignorant) / np.diag(MEASUREMENT) - 1).max() < 0.2
 
 
-@pytest.mark.parametrize("gain", [NONE, GAIN])
-def test_at_a_zero_floor_no_direction_of_it_is_more_likely(gain):
-    """A stated measurement noise above the true one drives the floor to exactly zero along every
-    axis.
-    """
-    directions = 3e-4 * np.random.default_rng(82).normal(size=(30, 3))
-    outer = [np.outer(each, each) for each in directions]
-    noise, stated = drawn(NONE, gain, MEASUREMENT), 1.5 * MEASUREMENT
-    floor, found, most = fit(noise, stated)
-    assert distance(floor, NONE, np.sqrt(np.diag(MEASUREMENT))) < 1e-6
-    assert max(likelihood(noise, floor + more, found, stated) for more in outer) < most
-    assert max(likelihood(noise, floor, found + 1e5 * more, stated) for more in outer) < most
-    # control: where there is a floor, at zero they are
-    noise = drawn(FLOOR, gain, MEASUREMENT)
-    at_zero = likelihood(noise, NONE, gain, MEASUREMENT)
-    assert max(likelihood(noise, more, gain, MEASUREMENT) for more in outer) > at_zero
-
-
-@pytest.mark.parametrize("structure", FORMS)
-def test_the_fit_follows_the_units_of_the_joints(structure):
-    """As of a prismatic joint among rotary ones: metres and radians, or millimetres."""
-    noise, dq, units = drawn(*FORMS[structure], MEASUREMENT), joint_steps(), np.array([10, 0.1, 1])
-    one, outer = fit(noise, structure=structure), np.outer(units, units)
-    other = fit(noise * units, MEASUREMENT * outer, structure, dq * units)
-    assert distance(other[0] / outer, one[0], np.sqrt(np.diag(FLOOR))) < 1e-3
-    np.testing.assert_allclose(other[1], one[1], atol=1e-4)
-    assert other[2] == pytest.approx(one[2] - np.log(units).sum(), abs=1e-8)
-    # control: the steps alone in other units
-    assert np.abs(fit(noise, structure=structure, dq=dq * units)[1] - one[1]).max() > 0.01
-
-
 def test_in_noise_that_does_not_grow_no_gain_is_found_and_the_floor_is_the_additive_covariance():
     for gain in (NONE, GAIN):
         noise = drawn(FLOOR, gain, NONE)
@@ -147,25 +116,6 @@ def test_a_joint_that_never_moves_and_no_covariance_are_refused():
         fit(noise, -MEASUREMENT)
     with pytest.raises(ModelDomainError, match="not finite"):
         fit(noise * np.where(np.arange(3) == 1, np.nan, 1.0))
-
-
-def test_the_likelihood_and_its_slopes_are_those_of_whole_matrices():
-    rng = np.random.default_rng(82)
-    w, x = rng.normal(0, [1, 2, 3], (700, 3)), rng.normal(0, [2, 1, 0.5], (700, 3))
-    units = np.sqrt(np.diag(FLOOR))
-    floor, outer = (FLOOR + MEASUREMENT) / np.outer(units, units), x[:, :, None] * x[:, None, :]
-    covariance = floor + GAIN * outer
-    precision = np.linalg.inv(covariance)
-    white = np.matvec(precision, w)
-    slope = 0.5 * (precision - white[:, :, None] * white[:, None, :])
-    value, by_floor, by_gain = negative_log_likelihood(w.T, x.T, floor, GAIN)
-    expected = 0.5 * np.mean(np.linalg.slogdet(covariance)[1] + np.vecdot(w, white))
-    assert value == pytest.approx(expected, rel=1e-12)
-    np.testing.assert_allclose(by_floor, slope.mean(axis=0), rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(by_gain, (slope * outer).mean(axis=0), rtol=1e-10, atol=1e-12)
-    # control: without a floor a step at rest has no density
-    x[5] = 0
-    assert negative_log_likelihood(w.T, x.T, NONE, GAIN)[0] == np.inf
 
 
 @pytest.mark.parametrize(

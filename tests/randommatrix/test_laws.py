@@ -16,7 +16,6 @@ from scipy.special import digamma
 
 from pipeline.arm.rows import block_rows
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.wishart.law import step_covariance
 from pipeline.randommatrix import normal, wishart
 from pipeline.randommatrix.variates import draw_variates
 
@@ -143,19 +142,6 @@ def test_the_maxent_law_has_the_mean_and_the_dispersion_it_was_asked_for(sigma_b
     # SciPy's density, which integrates to one
     expected = stats.wishart(d, np.eye(n) / d).logpdf(np.moveaxis(draws[:50], 0, -1))
     np.testing.assert_allclose(wishart.log_density(draws[:50], d, np.eye(n) / d), expected, 1e-8)
-
-
-@every_size
-def test_the_inverse_of_the_maxent_law_moves_a_vector_as_the_closed_form_says(n):
-    """B⁻¹a has the mean d/(d − n − 1)·a and the covariance of a step with J₂ = I."""
-    sigma_b, a = 0.2, np.arange(1.0, n + 1)
-    d = wishart.degrees_of_freedom(sigma_b, n)
-    b = wishart.sample(d, np.eye(n) / d, (DRAWS,), np.random.default_rng(n))
-    moved = np.linalg.solve(b, np.tile(a, (DRAWS, 1))[..., None])[..., 0]
-    assert largest_score(moved, d / (d - n - 1) * a) < 5
-    squares = products(moved - moved.mean(axis=0))
-    assert largest_score(squares, step_covariance(a, np.eye(n), sigma_b)) < 5
-    assert largest_score(squares, step_covariance(a, np.eye(n), 1.1 * sigma_b)) > 5
 
 
 def inverse_wishart_of_the_same_constraints(d: float, n: int):

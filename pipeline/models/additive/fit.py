@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core import validation
 from pipeline.models import options as base
@@ -39,7 +40,7 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
     return [Truth("additive", known.parameters, known.estimates)]
 
 
-def _estimate(covariance: np.ndarray, diagnostics: dict[str, float]) -> Estimate:
+def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
     """The entries of Σ_ω in rad² by name, and the correlations of joints that have noise."""
     std, n = np.sqrt(np.diag(covariance)), len(covariance)
     entries = {
@@ -53,17 +54,14 @@ def _estimate(covariance: np.ndarray, diagnostics: dict[str, float]) -> Estimate
     return Estimate(parameters, entries, diagnostics)
 
 
-def shrunk_covariance(noise: np.ndarray) -> tuple[np.ndarray, float]:
-    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and the
-    intensity ρ in [0, 1] (Ledoit and Wolf, J. Multivariate Analysis 88, 2004).
-
-    ρ is the variance of Σ̂_ω over its squared distance from the target. The variance is that of the
-    mean over takes, as steps of one take depend on each other. ``noise`` ω (takes, M, n); raises
-    ModelDomainError for a single take.
+def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
+    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in [0,
+    1], the variance of Σ̂_ω over takes over its squared distance from the target (Ledoit and Wolf,
+    J. Multivariate Analysis 88, 2004). ``noise`` ω (takes, M, n); raises ModelDomainError for a
+    single take.
     """
     mean, _ = takes_moments(noise)
-    takes = len(noise)
-    centred = noise - mean
+    takes, centred = len(noise), noise - mean
     by_take = np.einsum("tki,tkj->tij", centred, centred) * takes / ((takes - 1) * noise.shape[1])
     pooled = by_take.mean(axis=0)
     target = np.trace(pooled) / len(pooled) * np.eye(len(pooled))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
@@ -20,13 +21,11 @@ from pipeline.models.normal import NormalModel, trace_factor
 UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
 
 
-def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.ndarray:
+def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm), of
     J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in the paper's
-    units (1/m and 1 mixed) of the inverse Jacobian, squared.
-
-    ln|Σ| under a bound on tr Σ is greatest where all eigenvalues are equal. Raises
-    ModelDomainError where u is below the norm: the problem then has no solution.
+    units (1/m and 1 mixed) of the inverse Jacobian, squared. Raises ModelDomainError where u is
+    below the norm: the problem then has no solution.
     """
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
@@ -42,9 +41,8 @@ def noise_scale(norm: np.ndarray, alpha: float, u: float, n: int, m: int) -> np.
 @dataclass(frozen=True)
 class GaussianModel(NormalModel):
     """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius
-    norm: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is that of Algorithm 2.
-
-    Where a single pose exceeds the bound its noise is zero, and such poses are counted.
+    norm, beyond which it has no noise: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is
+    that of Algorithm 2.
     """
 
     alpha: float
@@ -56,20 +54,16 @@ class GaussianModel(NormalModel):
             raise ModelDomainError(message, alpha=self.alpha, u=self.u)
 
     def law(self, chain: Chain) -> Law:
-        """Law of a compiled step."""
-        parameters = np.array([self.alpha, self.u], dtype=float)
-        return Law(GAUSSIAN_LAW, parameters, sets=1, each=len(chain.lower))
+        return Law(GAUSSIAN_LAW, np.array([self.alpha, self.u], float), 1, len(chain.lower))
 
-    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""
         inverse, v = chain.inverse_jacobian(q), task_step(chain, v)
         bounded = np.minimum(frobenius(inverse), self.u)
         scale = noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:])
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
-    def with_trace(
-        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
-    ) -> GaussianModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> GaussianModel:
         """Model of another α at the same u; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError, SolverError
@@ -19,7 +20,7 @@ SEARCHES = 20
 SEARCH = {"maxiter": 2000, "maxfun": 4000, "maxcor": 20, "ftol": 1e-14, "gtol": 1e-7}
 Structure = Literal["diagonal", "full"]
 # f and its slopes by each matrix, symmetric
-Objective = Callable[[list[np.ndarray]], tuple[float, list[np.ndarray]]]
+Objective = Callable[[list[ndarray]], tuple[float, list[ndarray]]]
 
 
 @validation.options(kw_only=True)
@@ -46,7 +47,7 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
     return [Truth(f"scaled {options.structure}", known.parameters, known.estimates)]
 
 
-def _estimate(floor: np.ndarray, gain: np.ndarray, joints: tuple[str, ...]) -> Estimate:
+def _estimate(floor: ndarray, gain: ndarray, joints: tuple[str, ...]) -> Estimate:
     named = ("std_at_rest", "_rad", floor), ("std_share_of_the_step", "", gain)
     values = {
         f"{name}_{joint}{unit}": std
@@ -58,38 +59,37 @@ def _estimate(floor: np.ndarray, gain: np.ndarray, joints: tuple[str, ...]) -> E
 
 
 def fit_scaled(
-    noise: np.ndarray, dq: np.ndarray, measurement: np.ndarray, structure: Structure
-) -> tuple[np.ndarray, np.ndarray, float]:
+    noise: ndarray, dq: ndarray, measurement: ndarray, structure: Structure
+) -> tuple[ndarray, ndarray, float]:
     """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
     every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
 
-    ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, ``measurement``
-    Σ_m (n, n) in rad². Raises ModelDomainError where the likelihood has no bound (no measurement
-    noise, and noise at rest that is zero or lies in a plane) or where a joint never moves,
+    ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, Σ_m (n, n) in
+    rad². Raises ModelDomainError where the likelihood has no bound or a joint never moves,
     SolverError where the search does not end at an optimum.
     """
     _ = principal_axes(measurement)  # raises where it is no covariance
     n = noise.shape[-1]
     w, x = noise.reshape(-1, n), dq.reshape(-1, n)
+    rest = ~np.any(x, axis=-1)
     _require_bound(w, measurement)
+    if np.any(rest):  # a singular floor would give the noise a density without bound
+        _require_bound(w[rest], measurement)
     # each joint in units of its own noise and its own speed, as a search needs it
     scale, speed = np.sqrt(np.diag(w.T @ w / len(w))), np.sqrt(np.mean(x**2, axis=0))
     if not np.all(speed > 0):
         message = "noise that grows with speed cannot be determined where a joint never moves"
         raise ModelDomainError(message, rms_step=speed.tolist())
-    rest = ~np.any(x, axis=-1)
-    if np.any(rest):  # a singular floor would give the noise a density without bound
-        _require_bound(w[rest], measurement)
     outer = np.outer(scale, scale)
     each = [np.eye(n)[:, [j]] for j in range(n)] if structure == "diagonal" else [np.eye(n)]
     directions, half = 2 * each, len(each)  # P of A = ΣPXPᵀ, X ⪰ 0, then those of B
     unit_noise, unit_speed, added = (w / scale).T.copy(), (x / speed).T.copy(), measurement / outer
 
-    def covariances(matrices: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def covariances(matrices: list[ndarray]) -> tuple[ndarray, ndarray]:
         parts = [p @ matrix @ p.T for p, matrix in zip(directions, matrices, strict=True)]
         return sum(parts[:half]), sum(parts[half:])
 
-    def loss(matrices: list[np.ndarray]) -> tuple[float, list[np.ndarray]]:
+    def loss(matrices: list[ndarray]) -> tuple[float, list[ndarray]]:
         floor, gain = covariances(matrices)
         value, *slopes = negative_log_likelihood(unit_noise, unit_speed, floor + added, gain)
         return value, [p.T @ slope @ p for slope in slopes for p in directions[:half]]
@@ -101,7 +101,7 @@ def fit_scaled(
     return floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood)
 
 
-def _require_bound(noise: np.ndarray, measurement: np.ndarray) -> None:
+def _require_bound(noise: ndarray, measurement: ndarray) -> None:
     """Raise ModelDomainError where the second moment of ``noise`` (N, n) and Σ_m together are
     singular or not finite: a density then has no bound.
     """
@@ -109,22 +109,17 @@ def _require_bound(noise: np.ndarray, measurement: np.ndarray) -> None:
     scale = np.sqrt(np.diag(total))
     regular = np.all(np.isfinite(scale)) and np.all(scale > 0)
     if not (regular and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 1e-12):
-        raise ModelDomainError(
-            "the recorded noise lies in a plane or is not finite: its density has no "
-            "maximum-likelihood estimate",
-            std=scale.tolist(),
-        )
+        message = "the recorded noise lies in a plane or is not finite: no likelihood is greatest"
+        raise ModelDomainError(message, std=scale.tolist())
 
 
 def negative_log_likelihood(
-    w: np.ndarray, x: np.ndarray, floor: np.ndarray, gain: np.ndarray
-) -> tuple[float, np.ndarray, np.ndarray]:
+    w: ndarray, x: ndarray, floor: ndarray, gain: ndarray
+) -> tuple[float, ndarray, ndarray]:
     """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (n, n) by F and
-    by B; infinite where a Σ is singular.
-
-    ``w`` and ``x`` (n, N) are noise and speeds of the steps, ``floor`` F (n, n) includes the
-    measurement's covariance. With Σ = LLᵀ the slope by Σ is Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, entry by entry
-    over all steps at once.
+    by B; infinite where a Σ is singular. ``w`` and ``x`` (n, N) are noise and speeds of the steps,
+    F (n, n) includes the measurement's covariance. With Σ = LLᵀ the slope by Σ is Σ⁻¹ −
+    (Σ⁻¹w)(Σ⁻¹w)ᵀ, entry by entry over all steps at once.
     """
     n, count = w.shape
     lower, inverse = np.zeros((2, n, n, count))
@@ -155,9 +150,7 @@ def negative_log_likelihood(
     return 0.5 * value / count, 0.5 * by_floor / count, 0.5 * by_gain / count
 
 
-def minimise(
-    objective: Objective, matrices: Sequence[np.ndarray]
-) -> tuple[list[np.ndarray], float]:
+def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[ndarray], float]:
     """Positive semidefinite matrices at a local minimum of ``objective`` f, and f there; the search
     begins at ``matrices`` (k, k), where f is finite, of a scale near one.
 
@@ -171,11 +164,11 @@ def minimise(
     sizes = [len(matrix) for matrix in matrices]
     ends = np.cumsum([size**2 for size in sizes])[:-1]
 
-    def split(theta: np.ndarray) -> list[np.ndarray]:
+    def split(theta: ndarray) -> list[ndarray]:
         parts = zip(np.split(theta, ends), sizes, strict=True)
         return [entries.reshape(size, size) for entries, size in parts]
 
-    def in_factors(theta: np.ndarray) -> tuple[float, np.ndarray]:
+    def in_factors(theta: ndarray) -> tuple[float, ndarray]:
         factors = split(theta)
         value, slopes = objective([factor @ factor.T for factor in factors])
         parts = zip(slopes, factors, strict=True)
@@ -185,14 +178,10 @@ def minimise(
     for _ in range(SEARCHES):
         start = np.concatenate([root(matrix).ravel() for matrix in matrices])
         result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
-        steepest = float(np.abs(result.jac).max())
+        steepest, message = float(np.abs(result.jac).max()), result.message
         # its own word is not taken: its line search may stop where values cannot be distinguished
         if not (steepest < FLAT and np.isfinite(result.fun)):
-            raise SolverError(
-                "the search over positive semidefinite matrices did not end at a minimum: "
-                f"{result.message}",
-                slope=steepest,
-            )
+            break
         matrices = [factor @ factor.T for factor in split(result.x)]
         # the negative part of each slope
         slopes = objective(matrices)[1]
@@ -206,5 +195,6 @@ def minimise(
         else:  # f falls in no direction, or by no more than rounding
             return matrices, float(result.fun)
     raise SolverError(
-        f"the search over positive semidefinite matrices found no minimum in {SEARCHES} attempts"
+        f"the search over positive semidefinite matrices did not end at a minimum: {message}",
+        slope=steepest,
     )

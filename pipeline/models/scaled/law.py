@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.models.model import SCALED_LAW, Law, row_by_row
@@ -24,19 +25,18 @@ from pipeline.models.normal import NormalModel, root, trace_factor
 @dataclass(frozen=True)
 class ScaledModel(NormalModel):
     """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), in shares of a
-    step, that grows with speed; None of the additive model, Eq. (InvDiffRndm).
-
-    Both may be singular or zero; raises ModelDomainError where one is no covariance.
+    step, that grows with speed; None of the additive model, Eq. (InvDiffRndm). Both may be
+    singular; raises ModelDomainError where one is no covariance.
     """
 
-    floor: np.ndarray
-    gain: np.ndarray | None = None
+    floor: ndarray
+    gain: ndarray | None = None
 
     def __post_init__(self) -> None:
         _ = self._roots  # raises where one is no covariance
 
     @cached_property
-    def _roots(self) -> list[np.ndarray]:
+    def _roots(self) -> list[ndarray]:
         return [root(each) for each in (self.floor, self.gain) if each is not None]
 
     def law(self, chain: Chain) -> Law:
@@ -45,16 +45,18 @@ class ScaledModel(NormalModel):
         parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
         return Law(SCALED_LAW, parameters, sets=len(self._roots), each=n)
 
-    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n, n) A + D(q̇)BD(q̇) in rad²."""
-        if self.gain is None:
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        if self.gain is None:  # at singular poses too
             return np.broadcast_to(self.floor, (*q.shape, q.shape[-1]))
-        dq = chain.nominal_step(q, v)
+        return self.covariance_of_joint_step(chain.nominal_step(q, v))
+
+    def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
+        """(..., n, n) A + D(q̇)BD(q̇) in rad² for commanded steps ``dq`` q̇ (..., n) in rad."""
+        if self.gain is None:
+            return np.broadcast_to(self.floor, (*dq.shape, dq.shape[-1]))
         return self.floor + self.gain * (dq[..., :, None] * dq[..., None, :])
 
-    def with_trace(
-        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
-    ) -> ScaledModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> ScaledModel:
         """Model of A and B times one factor; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         gain = None if self.gain is None else factor * self.gain

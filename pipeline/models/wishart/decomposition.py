@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
@@ -32,24 +33,32 @@ LEAST_CONDITION = 1e-9  # least singular value of a given J₁ as a share of its
 
 @dataclass(frozen=True)
 class Decomposition:
-    """One decomposition: ``name`` of :data:`COMPUTED`, or ``given`` with its ``left`` J₁ (m, m).
-
-    Raises ModelDomainError for an unknown name or a J₁ that is not regular.
+    """One decomposition: ``name`` of :data:`COMPUTED`, or ``given`` with its ``left`` J₁ (m, m);
+    ModelDomainError for an unknown name or a J₁ that is not regular.
     """
 
     name: str
-    left: Sequence[Sequence[float]] | np.ndarray | None = None
+    left: Sequence[Sequence[float]] | ndarray | None = None
 
     def __post_init__(self) -> None:
-        names, given = (*COMPUTED, "given"), self.left is not None
-        if self.name not in names or (self.name == "given") != given:
+        if self.left is None and self.name in COMPUTED:
+            return
+        if self.left is None or self.name != "given":
             raise ModelDomainError(
-                f"the decomposition must be one of {', '.join(names)}, and given, and no other, "
+                f"the decomposition must be one of {', '.join(COMPUTED)} or given, which alone "
                 "needs the first factor of the Jacobian",
                 decomposition=self.name,
             )
-        if given:
-            object.__setattr__(self, "left", _regular(self.left))
+        try:
+            matrix = np.array(self.left, dtype=float)
+            singular = np.linalg.svd(matrix, compute_uv=False)
+            regular = len(set(matrix.shape)) == 1 and singular[-1] > LEAST_CONDITION * singular[0]
+        except (TypeError, ValueError, IndexError, np.linalg.LinAlgError):
+            regular = False
+        if not regular:
+            message = "the given first factor of the Jacobian must be a finite, regular matrix"
+            raise ModelDomainError(f"{message}, as many rows as columns", left=str(self.left))
+        object.__setattr__(self, "left", tuple(map(tuple, matrix.tolist())))
 
     def require_size(self, m: int) -> None:
         """Raise ModelDomainError where a given J₁ is not of ``m`` task rows."""
@@ -74,36 +83,20 @@ def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Deco
     return Decomposition(name, options.left)
 
 
-def _regular(left: Sequence[Sequence[float]] | np.ndarray) -> tuple[tuple[float, ...], ...]:
-    try:
-        matrix = np.array(left, dtype=float)
-    except (TypeError, ValueError):
-        matrix = np.empty(0)
-    if matrix.ndim == 2 and len(set(matrix.shape)) == 1 and np.all(np.isfinite(matrix)):
-        singular = np.linalg.svd(matrix, compute_uv=False)
-        if singular[-1] > LEAST_CONDITION * singular[0]:
-            return tuple(map(tuple, matrix.tolist()))
-    raise ModelDomainError(
-        "the given first factor of the Jacobian must be a finite, regular, square matrix",
-        left=np.shape(matrix) and matrix.tolist(),
-    )
-
-
 def factors(
-    chain: Mechanism, q: np.ndarray, v: np.ndarray, decomposition: Decomposition
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    chain: Mechanism, q: ndarray, v: ndarray, decomposition: Decomposition
+) -> tuple[ndarray, ndarray, ndarray]:
     """a = J₁⁻¹v (..., m), J₂⁺ (..., n, m) and ½ ln det J₂J₂ᵀ (...,) of J = J₁J₂, Eq. (LUDecom), at
-    joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer.
-
-    Raises SingularJacobianError.
+    joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer. Raises
+    SingularJacobianError.
     """
     chain.require_regular(q)
     return split(chain.jacobian(q), task_step(chain, v), decomposition)
 
 
 def split(
-    jacobian: np.ndarray, v: np.ndarray, decomposition: Decomposition
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    jacobian: ndarray, v: ndarray, decomposition: Decomposition
+) -> tuple[ndarray, ndarray, ndarray]:
     """The :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) for the task step ``v``
     (..., m), whose leading axes broadcast; meaningless where J has not full row rank.
     """
@@ -133,7 +126,7 @@ def split(
     return np.moveaxis(rows[:, n], 0, -1), np.moveaxis(back, (0, 1), (-2, -1)), log_determinant
 
 
-def _eliminate(rows: np.ndarray) -> None:
+def _eliminate(rows: ndarray) -> None:
     """[J | X] (m, n + k, ...) → L⁻¹P[J | X] of PJ = LU with partial pivoting, in place."""
     for k in range(len(rows)):
         greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
@@ -145,7 +138,7 @@ def _eliminate(rows: np.ndarray) -> None:
         rows[k + 1 :, k] = 0.0  # zero but for rounding
 
 
-def orthonormalize(rows: np.ndarray, n: int) -> np.ndarray:
+def orthonormalize(rows: ndarray, n: int) -> ndarray:
     """Make of ``rows`` [J | X] (m, n + k, ...), in place, R⁻ᵀ[J | X] of J = RᵀQᵀ by modified
     Gram–Schmidt of the first ``n`` columns, the diagonal of R positive; return ln det R (...,).
     """

@@ -1,17 +1,16 @@
 """σ_B of the Wishart model: options, estimators by moments, by the paper's convex problem on every
-step and by maximum likelihood, and what is looked at beside them: the gap to the convex problem as
-printed, and σ̂_B over the weight that the paper leaves open.
+step and by maximum likelihood, and σ̂_B over the weight that the paper leaves open.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 from numpy.random import Generator
 from pydantic import Field, model_validator
 
@@ -19,7 +18,7 @@ from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import options as base
 from pipeline.models.model import task_step
-from pipeline.models.steps import Estimate, Examined, Recorded, TakeVariances, Truth, moving_steps
+from pipeline.models.steps import Estimate, Recorded, Truth, moving_steps, take_variances
 from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen, factors
 from pipeline.models.wishart.law import StepSquares, WishartModel, dispersion_of_trace, step_squares
 from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
@@ -58,6 +57,14 @@ class Options(base.Options):
         return self
 
 
+class DispersionFit(NamedTuple):
+    """σ̂_B, and its estimate from chosen takes."""
+
+    sigma_b: float
+    from_takes: Callable[[ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
+    diagnostics: Mapping[str, float] = {}
+
+
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
     given = recorded, chosen(options, recorded.chain.task, recorded.joints)
@@ -71,7 +78,8 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
     values = {"sigma_b": fit.sigma_b}
-    return Estimate(_parameters(fit.sigma_b, given[1]), values, diagnostics, fit, fit.from_takes)
+    parameters = _parameters(fit.sigma_b, given[1])
+    return Estimate(parameters, values, diagnostics, from_takes=fit.from_takes)
 
 
 def compared(options: Options) -> dict[str, Options]:
@@ -97,40 +105,39 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 
 
 def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
-    values = {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name}
-    left = decomposition.left
-    return values if left is None else values | {"left": np.array(left).tolist()}
+    left = {} if decomposition.left is None else {"left": np.array(decomposition.left).tolist()}
+    return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name} | left
 
 
 def examined(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
-) -> Examined:
+) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """The greatest gap between the closed form and (BsampOpt) at ``checks`` of the steps that move,
-    and the table ``sigma_b_weights``, of the recorded takes and of as many that are drawn from the
-    model of the ``estimate``, where there is one.
+    and the table ``sigma_b_weights``, σ̂_B of (BsampOpt) over α₂/α₁, of the recorded takes and of as
+    many that are drawn from the model of the ``estimate``, where there is one.
     """
-    decomposition = chosen(options, recorded.chain.task, recorded.joints)
+    decomposition, metrics = chosen(options, recorded.chain.task, recorded.joints), {}
     try:
         fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
-    except ModelDomainError as error:
-        print(f"fit: no convex problem is solved: {error}")
-        return {}, {}
-    metrics = _check(recorded, decomposition, fit.problems, options.floor, checks, rng)
-    try:
+        metrics = _convex_check(recorded, decomposition, fit, options, checks, rng)
         moments = fit_moments(recorded, decomposition).sigma_b
-    except ModelDomainError:
+    except ModelDomainError as error:
+        print(f"fit: no curve over the weights of the convex problem: {error}")
         return metrics, {}
-    takes = {"recorded": recorded}
+    takes, rows = {"recorded": recorded}, []
     if estimate is not None:
         takes["drawn"] = _drawn_from(estimate.model, recorded, rng)
-    rows = []
     for source, steps in takes.items():
-        problems = Problems.of(steps, decomposition, options.floor)
-        curve = np.array([problems.sigma_b(ratio) for ratio in RATIOS])
+        steps = problem_steps(steps, decomposition)
+
+        def sigma_b(ratio: float, steps=steps) -> float:
+            weights = 1 / (1 + ratio), ratio / (1 + ratio)
+            squares, _ = solve_problems(steps, weights, options.floor)
+            return float(np.sqrt(squares.mean(axis=0)).mean())
+
+        curve = np.array([sigma_b(ratio) for ratio in RATIOS])
         rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
-        meeting = _meeting_ratio(problems, curve, moments)
-        if meeting is not None:
-            metrics[f"weights_ratio_meeting_the_moments_{source}_rad"] = meeting
+        if (meeting := _meeting_ratio(sigma_b, curve, moments)) is not None:
             rows.append((meeting, moments, "moments", source))
     used = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
     rows.append((used, fit.sigma_b, "used", "recorded"))
@@ -138,19 +145,23 @@ def examined(
     return metrics, {"sigma_b_weights": table}
 
 
-def _check(recorded, decomposition, solved, floor, checks, rng) -> dict[str, float]:
-    """Gap at ``checks`` of the moving steps that ``rng`` chooses."""
+def _convex_check(recorded, decomposition, fit, options, checks, rng) -> dict[str, float]:
+    """Gap of :func:`fit_paper`'s ``fit`` at ``checks`` of the moving steps that ``rng`` chooses."""
     # imported here: CVXPY takes longer to import than most models to fit
     from pipeline.models.convex import perturbation_gap
+    from pipeline.models.wishart.perturbation import objective_weights
 
     n, v = recorded.q.shape[-1], task_step(recorded.chain, recorded.v)
+    weights = fit.diagnostics["noise_at_rest_rms_rad"], v.shape[-1], options.ratio_factor
+    weights = objective_weights(*weights)
+    _, solved = solve_problems(problem_steps(recorded, decomposition), weights, options.floor)
     v = np.broadcast_to(v, (*recorded.q.shape[:2], v.shape[-1])).reshape(-1, v.shape[-1])
     moving = np.flatnonzero(np.any(v, axis=1))
     checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
     jacobians = recorded.chain.jacobian(recorded.q.reshape(-1, n)[checked])
     steps = v[checked], recorded.noise.reshape(-1, n)[checked]
-    objectives = solved.perturbations.objective[checked]
-    gap = perturbation_gap(objectives, jacobians, *steps, decomposition, solved.weights, floor)
+    given = jacobians, *steps, decomposition, weights, options.floor
+    gap = perturbation_gap(solved.objective[checked], *given)
     return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
 
 
@@ -164,94 +175,59 @@ def _drawn_from(model: WishartModel, recorded: Recorded, rng: Generator) -> Reco
     return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
 
 
-def _meeting_ratio(problems: Problems, curve: np.ndarray, sigma_b: float) -> float | None:
-    """α₂/α₁ in rad at which the printed problem returns ``sigma_b``, between two of RATIOS whose
-    ``curve`` σ̂_B falls through it; None where it does nowhere.
+def _meeting_ratio(sigma_b: Callable, curve: ndarray, wanted: float) -> float | None:
+    """α₂/α₁ in rad at which ``sigma_b`` returns ``wanted``, between two of RATIOS whose ``curve``
+    σ̂_B falls through it; None where it does nowhere.
     """
     from scipy.optimize import brentq
 
-    above = curve > sigma_b
-    crossings = np.flatnonzero(above[:-1] & ~above[1:])
+    crossings = np.flatnonzero((curve > wanted)[:-1] & ~(curve > wanted)[1:])
     if not len(crossings):
         return None
-    low, high = np.log(RATIOS[crossings[0] : crossings[0] + 2])
-    crossing = brentq(lambda x: problems.sigma_b(np.exp(x)) - sigma_b, low, high, xtol=TOLERANCE)
-    return float(np.exp(crossing))
-
-
-class DispersionFit(NamedTuple):
-    """σ̂_B, and its estimate from chosen takes; ``problems`` of the paper's estimator alone."""
-
-    sigma_b: float
-    from_takes: Callable[[np.ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
-    diagnostics: Mapping[str, float] = {}
-    problems: SolvedProblems | None = None
+    ends = np.log(RATIOS[crossings[0] : crossings[0] + 2])
+    return float(np.exp(brentq(lambda x: sigma_b(np.exp(x)) - wanted, *ends, xtol=TOLERANCE)))
 
 
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
     """σ̂_B at which the mean of tr Cov over the takes and steps, plus the trace of the measurement
-    noise, is the recorded total variance; it depends on no weight and no bound.
-
-    Raises SingularJacobianError, and ModelDomainError as :class:`TakeVariances` and
-    :func:`dispersion_of_trace`.
+    noise, is the recorded total variance. Raises SingularJacobianError, and ModelDomainError as
+    :func:`take_variances` and :func:`dispersion_of_trace`.
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
-    squares = StepSquares(*(each.mean(axis=1) for each in step_squares(a, back)))
-    from_takes = partial(_by_moments, squares, TakeVariances.of(recorded), a.shape[-1])
+    squares = [each.mean(axis=1) for each in step_squares(a, back)]
+    variances, m = take_variances(recorded), a.shape[-1]
+
+    def from_takes(takes: ndarray) -> dict[str, float]:
+        traces, measured = variances(takes)
+        own = StepSquares(*(each[takes].mean() for each in squares))
+        return {"sigma_b": dispersion_of_trace(own, float(traces.mean()) - measured, m)}
+
     return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
 
 
-def _by_moments(
-    squares: StepSquares, variances: TakeVariances, m: int, takes: np.ndarray
-) -> dict[str, float]:
-    traces, measured = variances.of_motion(takes)
-    own = StepSquares(*(each[takes].mean() for each in squares))
-    return {"sigma_b": dispersion_of_trace(own, float(traces.mean()) - measured, m)}
+def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[ndarray, ...]:
+    """ω (takes, M, n) in rad, J₁⁻¹v (takes, M, m) and J₂⁺ (takes, M, n, m) of the problems; raises
+    SingularJacobianError.
+    """
+    v = np.broadcast_to(recorded.v, (*recorded.q.shape[:-1], recorded.v.shape[-1]))
+    return recorded.noise, *factors(recorded.chain, recorded.q, v, decomposition)[:2]
 
 
-class Problems(NamedTuple):
-    """The problems (BsampOpt) of takes × M steps, to be solved under any weights."""
+def solve_problems(
+    steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
+) -> tuple[ndarray, Perturbations]:
+    """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI of the ``floor`` ε, of :func:`problem_steps`
+    under the ``weights`` (α₁, α₂): σ̂_B² of each, Eq. (NormStd) with E[B] = I, (takes, M), and the
+    optimal perturbations, take by take.
+    """
+    from pipeline.models.wishart.perturbation import fit_perturbations
 
-    noise: np.ndarray  # (takes, M, n) ω in rad
-    a: np.ndarray  # (takes, M, m) J₁⁻¹v
-    back: np.ndarray  # (takes, M, n, m) J₂⁺
-    floor: float  # ε of B⁻¹ ⪰ εI
-
-    @classmethod
-    def of(cls, recorded: Recorded, decomposition: Decomposition, floor: float) -> Problems:
-        """Build from the steps of ``recorded``; raises SingularJacobianError."""
-        q, v, noise = recorded.q, recorded.v, recorded.noise
-        commands = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
-        a, back, _ = factors(recorded.chain, q, commands, decomposition)
-        return cls(noise, a, back, floor)
-
-    def solved(self, weights: tuple[float, float]) -> SolvedProblems:
-        """Solve Eqs. (BsampOpt) and (const10) of each step under the ``weights`` (α₁, α₂)."""
-        from pipeline.models.wishart.perturbation import fit_perturbations
-
-        n, m = self.back.shape[-2:]
-        flat = self.noise.reshape(-1, n), self.a.reshape(-1, m), self.back.reshape(-1, n, m)
-        fits, identity = fit_perturbations(*flat, weights, self.floor), np.eye(m)
-        b = np.linalg.inv(identity + fits.s.reshape(*self.a.shape, m))
-        return SolvedProblems(normalized_std(b[None], identity) ** 2, fits, weights)
-
-    def sigma_b(self, ratio: float) -> float:
-        """σ̂_B, the mean of σ̂_Bk over the steps, at the weight ``ratio`` α₂/α₁ in rad."""
-        return float(self.solved((1 / (1 + ratio), ratio / (1 + ratio))).dispersions.mean())
-
-
-class SolvedProblems(NamedTuple):
-    """Optimal perturbations of takes × M steps."""
-
-    # (takes, M) ‖B − I‖²/‖I‖² of each step: E[B] is the model's, and not a sample mean
-    squares: np.ndarray
-    perturbations: Perturbations  # take by take
-    weights: tuple[float, float]  # α₁, α₂
-
-    @property
-    def dispersions(self) -> np.ndarray:
-        """(M,) σ̂_Bk of each step, Eq. (NormStd)."""
-        return np.sqrt(self.squares.mean(axis=0))
+    noise, a, back = steps
+    n, m = back.shape[-2:]
+    flat = noise.reshape(-1, n), a.reshape(-1, m), back.reshape(-1, n, m)
+    fits, identity = fit_perturbations(*flat, weights, floor), np.eye(m)
+    b = np.linalg.inv(identity + fits.s.reshape(*a.shape, m))
+    return normalized_std(b[None], identity) ** 2, fits
 
 
 def fit_paper(
@@ -271,8 +247,8 @@ def fit_paper(
         variance = np.mean(np.sum(noise[still] ** 2, axis=-1))
     resting = float(np.sqrt(variance))
     weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
-    solved = Problems.of(recorded, decomposition, floor).solved(weights)
-    dispersions, fits, moving = solved.dispersions, solved.perturbations, ~still.all(axis=0)
+    squares, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
+    dispersions, moving = np.sqrt(squares.mean(axis=0)), ~still.all(axis=0)
     diagnostics = {
         "sigma_b_greatest_over_time": dispersions.max(),
         "sigma_b_mean_over_moving_steps": dispersions[moving].sum() / max(moving.sum(), 1),
@@ -283,28 +259,26 @@ def fit_paper(
         "problems_without_perturbation": int(np.count_nonzero(~fits.s.any(axis=(1, 2)))),
         "problems_on_the_bound_of_definiteness": int(np.count_nonzero(fits.bound)),
     }
-    from_takes = partial(_by_problems, solved.squares)
-    return DispersionFit(float(dispersions.mean()), from_takes, diagnostics, solved)
 
+    def from_takes(takes: ndarray) -> dict[str, float]:
+        counts = np.bincount(takes, minlength=len(squares))
+        return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
 
-def _by_problems(squares: np.ndarray, takes: np.ndarray) -> dict[str, float]:
-    counts = np.bincount(takes, minlength=len(squares))
-    return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
+    return DispersionFit(float(dispersions.mean()), from_takes, diagnostics)
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
     """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density
-    of a step plus the measurement noise, without which the slowest steps would decide.
-
-    Raises SingularJacobianError and ModelDomainError.
+    of a step plus the measurement noise, without which the slowest steps would decide. Raises
+    SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
     chain, takes = recorded.chain, len(recorded.q)
-    q, v, noise = moving_steps(recorded.q, recorded.v, recorded.noise)
+    q, v, noise = moving_steps(recorded)
     steps = chain, q, v, q + chain.nominal_step(q, v) + noise, recorded.measurement
 
-    def by_take(log_sigma_b: float) -> np.ndarray:
+    def by_take(log_sigma_b: float) -> ndarray:
         density = WishartModel(np.exp(log_sigma_b), decomposition).log_density(*steps)
         return density.reshape(takes, -1).sum(axis=1)
 
@@ -317,24 +291,19 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     log_likelihoods = np.stack([by_take(x) for x in nodes], axis=1)
     best = _greatest(nodes, log_likelihoods.sum(axis=0))
     at_end = best in (low, high)
-    from_takes = partial(_by_likelihood, nodes, log_likelihoods, at_end)
+
+    def from_takes(takes: ndarray) -> dict[str, float]:
+        best = _greatest(nodes, log_likelihoods[takes].sum(axis=0))
+        if not at_end and best in (nodes[0], nodes[-1]):
+            message = "the likelihood of these takes is greatest beyond where it was evaluated"
+            raise ModelDomainError(message, takes=takes.tolist())
+        return {"sigma_b": float(np.exp(best))}
+
     diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
     return DispersionFit(float(np.exp(best)), from_takes, diagnostics)
 
 
-def _by_likelihood(
-    nodes: np.ndarray, log_likelihoods: np.ndarray, at_end: bool, takes: np.ndarray
-) -> dict[str, float]:
-    best = _greatest(nodes, log_likelihoods[takes].sum(axis=0))
-    if not at_end and best in (nodes[0], nodes[-1]):
-        raise ModelDomainError(
-            "the likelihood of these takes is greatest beyond where it was evaluated",
-            takes=takes.tolist(),
-        )
-    return {"sigma_b": float(np.exp(best))}
-
-
-def _greatest(x: np.ndarray, values: np.ndarray) -> float:
+def _greatest(x: ndarray, values: ndarray) -> float:
     """Argument at which the spline through ``values`` (N,) at ``x`` (N,) is greatest."""
     from scipy.interpolate import CubicSpline
 

@@ -21,6 +21,8 @@ from math import lgamma
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
@@ -50,10 +52,9 @@ LOG_EXCESS = (-12.0, 60.0)
 @dataclass(frozen=True)
 class WishartModel:
     """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``, Eq.
-    (LUDecom); a step is Eq. (RMTInvDiff), of the law of Algorithm 1.
-
-    What is commanded in the null space of J has no noise. Raises ModelDomainError for a σ_B that
-    is not positive; with a chain, for one without a density and a given J₁ of another size.
+    (LUDecom); a step is Eq. (RMTInvDiff), of the law of Algorithm 1, without noise in the null
+    space of J. Raises ModelDomainError for a σ_B that is not positive; with a chain, for one
+    without a density and a given J₁ of another size.
     """
 
     sigma_b: float
@@ -64,7 +65,6 @@ class WishartModel:
             raise ModelDomainError("sigma_B must be positive and finite", sigma_B=self.sigma_b)
 
     def law(self, chain: Chain) -> Law:
-        """Law of a compiled step."""
         m = len(chain.task)
         self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
@@ -79,7 +79,7 @@ class WishartModel:
         kind = KINDS[self.decomposition.name]
         return Law(kind, parameters, sets=1, each=m - 1, degrees=np.array(degrees, dtype=float))
 
-    def mean(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v and the null-space step in rad; ModelDomainError for
         σ_B ≥ 1.
         """
@@ -88,22 +88,16 @@ class WishartModel:
         perturbed = chain.nominal_step(q, task_step(chain, v))
         return q + chain.null_step(q, v) + d / (d - m - 1) * perturbed
 
-    def covariance(self, chain: Mechanism, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """(..., n, n) in rad², by :func:`step_covariance`; raises what it raises."""
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         a, back, _ = factors(chain, q, v, self.decomposition)
         return step_covariance(a, back, self.sigma_b)
 
-    def with_trace(
-        self, chain: Mechanism, q: np.ndarray, v: np.ndarray, trace: float
-    ) -> WishartModel:
-        """Model of another σ_B, by :func:`dispersion_of_trace`; raises what it raises."""
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> WishartModel:
         a, back, _ = factors(chain, q, v, self.decomposition)
         squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
         return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
 
-    def sample(
-        self, chain: Chain, q: np.ndarray, v: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
+    def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) q, J₂⁺B⁻¹a and the step in the null space of J."""
         a, back, _ = factors(chain, q, v, self.decomposition)
         m, d = a.shape[-1], degrees_of_freedom(self.sigma_b, a.shape[-1])
@@ -116,17 +110,11 @@ class WishartModel:
         return q + chain.null_step(q, v) + np.matvec(back, drawn)
 
     def log_density(
-        self,
-        chain: Mechanism,
-        q: np.ndarray,
-        v: np.ndarray,
-        q_next: np.ndarray,
-        measurement: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v.
-
-        Without ``measurement`` −inf where no B > 0 gives the step; ModelDomainError where v = 0 or
-        n > m, where there is no density. With it, by quadrature, at rest N(q, measurement).
+        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+    ) -> ndarray:
+        """(...,) ln of the exact density of a step, |det J₂|·p(B⁻¹a) at J₂(q_next − q), a = J₁⁻¹v:
+        −inf where no B > 0 gives the step, ModelDomainError where v = 0 or n > m. With
+        ``measurement`` by quadrature, at rest N(q, measurement).
         """
         batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1], q_next.shape[:-1])
         q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))
@@ -143,16 +131,13 @@ class WishartModel:
             steps = step[moving], a[moving], back[moving]
             result[moving] = blurred_log_density(*steps, measurement, d)
             return result
-        if not np.all(moving):
+        if n > m or not np.all(moving):
+            where = f"on a plane ({n} joints and {m} task rows)"
+            if n == m:
+                where = f"at rest, as at {int(np.sum(~moving))} of {moving.size} step(s)"
             raise ModelDomainError(
-                "a step of the matrix model has no density at rest, as at "
-                f"{int(np.count_nonzero(~moving))} of {moving.size} step(s); "
+                f"a step of the matrix model has no density {where}; "
                 "give the covariance of the measurement noise"
-            )
-        if n > m:
-            raise ModelDomainError(
-                f"a step of the matrix model of {n} joints and {m} task rows lies on a plane, "
-                "where it has no density; give the covariance of the measurement noise"
             )
         return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
 
@@ -163,7 +148,7 @@ def build(parameters: dict[str, Any]) -> WishartModel:
     return WishartModel(parameters["sigma_b"], decomposition)
 
 
-def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
+def action_log_density(w: ndarray, a: ndarray, d: float) -> ndarray:
     """(...,) log density of B⁻¹a at ``w`` (..., m), ``a`` (..., m) not zero; −inf where wᵀa ≤ 0."""
     m = a.shape[-1]
     r = np.sqrt(np.vecdot(a, a))
@@ -179,7 +164,7 @@ def action_log_density(w: np.ndarray, a: np.ndarray, d: float) -> np.ndarray:
     return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
 
 
-def frames(a: np.ndarray) -> np.ndarray:
+def frames(a: ndarray) -> ndarray:
     """(..., m, m) orthonormal matrices of first column a/‖a‖, for ``a`` (..., m) not zero:
     Householder's reflection with its sign changed.
     """
@@ -192,7 +177,7 @@ def frames(a: np.ndarray) -> np.ndarray:
     return -sign[..., None, None] * reflection
 
 
-def step_covariance(a: np.ndarray, back: np.ndarray, sigma_b: float) -> np.ndarray:
+def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:
     """(..., n, n) Cov(J₂⁺B⁻¹a) = r²c·J₂⁺J₂⁺ᵀ + (Var z − c)·(J₂⁺a)(J₂⁺a)ᵀ for ``a`` (..., m),
     ``back`` J₂⁺ (..., n, m) and σ_B ``sigma_b``; ModelDomainError for σ_B ≥ sqrt((m+1)/(m+3)).
     """
@@ -210,10 +195,8 @@ def _degrees_with_moments(sigma_b: float, moments: int, m: int) -> float:
     limit = largest_dispersion(m, inverse_moments=moments)
     if not sigma_b < limit:
         name = ("mean", "covariance")[moments - 1]
-        raise ModelDomainError(
-            f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}",
-            sigma_B=sigma_b,
-        )
+        message = f"the {name} of a Wishart step exists only for sigma_B below {limit:.4g}"
+        raise ModelDomainError(message, sigma_B=sigma_b)
     return degrees_of_freedom(sigma_b, m)
 
 
@@ -226,11 +209,11 @@ def step_variances(d: float, m: int) -> tuple[float, float]:
 class StepSquares(NamedTuple):
     """Squared lengths in rad² of steps, or their means."""
 
-    every: np.ndarray  # ‖a‖²‖J₂⁺‖_F², as if the noise had every direction of a
-    nominal: np.ndarray  # ‖J₂⁺a‖², of the nominal step
+    every: ndarray  # ‖a‖²‖J₂⁺‖_F², as if the noise had every direction of a
+    nominal: ndarray  # ‖J₂⁺a‖², of the nominal step
 
 
-def step_squares(a: np.ndarray, back: np.ndarray) -> StepSquares:
+def step_squares(a: ndarray, back: ndarray) -> StepSquares:
     """Squared lengths (...,) of the steps of ``a`` J₁⁻¹v (..., m) and ``back`` J₂⁺ (..., n, m)."""
     mean, every = np.matvec(back, a), np.einsum("...ij,...ij->...", back, back)
     return StepSquares(np.vecdot(a, a) * every, np.vecdot(mean, mean))
@@ -238,20 +221,17 @@ def step_squares(a: np.ndarray, back: np.ndarray) -> StepSquares:
 
 def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
     """σ_B at which steps of these mean ``squares`` have the mean ``trace`` in rad² of their
-    covariance, B (m, m); the trace grows from zero to infinity with σ_B.
-
-    Raises ModelDomainError for a trace that is not positive, for steps at rest, and where σ_B
-    would be at its limit sqrt((m + 1)/(m + 3)) to rounding.
+    covariance, B (m, m), which grows with σ_B. Raises ModelDomainError for a trace that is not
+    positive, for steps at rest, and where σ_B would be at its limit sqrt((m + 1)/(m + 3)) to
+    rounding.
     """
     from scipy.optimize import brentq  # here, as what loads a model does without SciPy
 
-    if not trace > 0:
+    if not (trace > 0 and squares.every > 0):
         raise ModelDomainError(
-            "a Wishart step needs a positive variance to have a sigma_B", trace_rad2=trace
-        )
-    if not squares.every > 0:
-        raise ModelDomainError(
-            "the motion is at rest at every step, where no sigma_B gives a Wishart step a variance"
+            "no sigma_B: a Wishart step needs a positive variance, and a motion that is not at "
+            "rest at every step",
+            trace_rad2=trace,
         )
 
     def excess(x: float) -> float:

@@ -20,6 +20,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError, SolverError
@@ -37,17 +38,15 @@ APEX = 1e-9  # share of δ below which δ + x is at its bound, where there is no
 class Perturbations(NamedTuple):
     """Optimal perturbations of N steps."""
 
-    s: np.ndarray  # (N, m, m) S = B⁻¹ − I
-    objective: np.ndarray  # (N,) F at the optimum
-    bound: np.ndarray  # (N,) True where B⁻¹ ⪰ εI held the perturbation back
+    s: ndarray  # (N, m, m) S = B⁻¹ − I
+    objective: ndarray  # (N,) F at the optimum
+    bound: ndarray  # (N,) True where B⁻¹ ⪰ εI held the perturbation back
 
 
 def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[float, float]:
-    """(α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m) by ``rest_noise``, rms ‖ω‖ at rest, rad.
-
-    The paper leaves them open. Here a residual of the size of the measurement noise costs as much
-    as a perturbation of B⁻¹ by its own norm: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. Raises
-    ModelDomainError where either is not positive.
+    """(α₁, α₂) of (BsampOpt), which the paper leaves open, α₁ + α₂ = 1, for B (m, m): a residual of
+    ``rest_noise``, rms ‖ω‖ at rest in rad, costs as much as a perturbation of B⁻¹ by its own norm,
+    α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. Raises ModelDomainError where either is not positive.
     """
     if not (0 < rest_noise < np.inf and 0 < factor < np.inf):
         raise ModelDomainError(
@@ -61,14 +60,14 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
 
 
 def fit_perturbations(
-    noise: np.ndarray, a: np.ndarray, back: np.ndarray, weights: tuple[float, float], floor: float
+    noise: ndarray, a: ndarray, back: ndarray, weights: tuple[float, float], floor: float
 ) -> Perturbations:
-    """Solve (BsampOpt) for N steps, with (const10) in the form B⁻¹ ⪰ εI; where the first term
-    vanishes, Eq. (Omegki) holds.
+    """Solve (BsampOpt) for N steps, with (const10) in the form B⁻¹ ⪰ εI, ε the ``floor``; where the
+    first term vanishes, Eq. (Omegki) holds.
 
-    ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m) and ``back`` J₂⁺ (N, n, m)
-    of :func:`.decomposition.factors`; ``weights`` (α₁, α₂); ``floor`` ε. At rest (a = 0) S = 0.
-    Raises ModelDomainError for noise that is not finite, SolverError without an optimum.
+    ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m), zero at rest, where S =
+    0, and ``back`` J₂⁺ (N, n, m); ``weights`` (α₁, α₂). Raises ModelDomainError for noise that is
+    not finite, SolverError without an optimum.
     """
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
@@ -96,7 +95,7 @@ PULL, E, Y, MOVED, U, SPARE, D = range(7)
 
 
 @inner
-def _dot(x: np.ndarray, p: int, y: np.ndarray, q: int) -> float:
+def _dot(x: ndarray, p: int, y: ndarray, q: int) -> float:
     """Product of row ``p`` of ``x`` and row ``q`` of ``y``; views of rows would take longer."""
     total = 0.0
     for i in range(x.shape[1]):
@@ -105,7 +104,7 @@ def _dot(x: np.ndarray, p: int, y: np.ndarray, q: int) -> float:
 
 
 @inner
-def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> float:
+def factorize(matrix: ndarray, ridge: float, factor: ndarray) -> float:
     """Write L and D of ``matrix`` + ``ridge``·I = LDLᵀ into ``factor`` (m, m): L below the
     diagonal, 1/D on it, (LD)ᵀ above; return the least share of a pivot in its diagonal entry.
     """
@@ -126,7 +125,7 @@ def factorize(matrix: np.ndarray, ridge: float, factor: np.ndarray) -> float:
 
 
 @inner
-def _solve(factor: np.ndarray, case: np.ndarray, side: int, solution: int) -> float:
+def _solve(factor: ndarray, case: ndarray, side: int, solution: int) -> float:
     """Write M⁻¹b, b row ``side``, M by its ``factor``, into row ``solution``; return bᵀM⁻¹b."""
     m, square = len(factor), 0.0
     for i in range(m):
@@ -145,7 +144,7 @@ def _solve(factor: np.ndarray, case: np.ndarray, side: int, solution: int) -> fl
 
 @inner
 def place(
-    s: float, delta: float, rest: float, gram: np.ndarray, factors: np.ndarray, case: np.ndarray
+    s: float, delta: float, rest: float, gram: ndarray, factors: ndarray, case: ndarray
 ) -> tuple[float, float, float]:
     """c, λ(s) and ‖ω − Ay‖ at ``s`` > 0; y is written. ``rest`` is the square of ω across A,
     ``factors`` that of AᵀA ``gram`` and one more.
@@ -178,12 +177,11 @@ def place(
 
 @compiled
 def perturb(
-    noise: np.ndarray, a: np.ndarray, back: np.ndarray, ratio: float, delta: float, steps: int
-) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
-    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m), ``back`` (N, n, m), λ and δ.
-
-    Return the number of the first whose A is all but singular or whose λ(s) is not λ after
-    ``steps`` places, −1 for none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).
+    noise: ndarray, a: ndarray, back: ndarray, ratio: float, delta: float, steps: int
+) -> tuple[int, ndarray, ndarray, ndarray]:
+    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m), ``back`` (N, n, m), λ and δ: the number
+    of the first whose A is all but singular or whose λ(s) is not λ after ``steps`` places, −1 for
+    none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).
     """
     count, n, m = back.shape
     s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, np.bool_)
@@ -259,7 +257,7 @@ def _root(ratio, delta, rest, trace, steps, gram, factors, case) -> tuple[float,
 
 
 @inner
-def _write(case: np.ndarray, c: float, delta: float, k: int, s: np.ndarray) -> tuple[float, bool]:
+def _write(case: ndarray, c: float, delta: float, k: int, s: ndarray) -> tuple[float, bool]:
     """Write S of y and c; return its norm, and True where the bound holds it back."""
     m, x = case.shape[1], _dot(case, E, case, Y)
     for i in range(m):

@@ -16,6 +16,7 @@ converges fast for exponential and normal tails. In NumPy a fit takes ten times 
 from __future__ import annotations
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core.compiled import compiled, inner
 from pipeline.models.wishart.law import frames
@@ -30,19 +31,12 @@ FADED = -45.0  # logarithm of the share of the greatest term below which a node 
 
 
 def blurred_log_density(
-    step: np.ndarray,
-    a: np.ndarray,
-    back: np.ndarray,
-    measurement: np.ndarray,
-    d: float,
-    nodes: int = NODES,
-) -> np.ndarray:
-    """(N,) log density of J₂⁺B⁻¹a + ε at ``step`` (N, n) in rad, for ``a`` (N, m) not zero and
-    ``back`` J₂⁺ (N, n, m).
-
-    ``step`` is q_{k+1} − q_k without its part in the null space of J, ``measurement`` (n, n) the
-    covariance of ε in rad², positive definite, ``d`` the degrees of freedom of B. With the default
-    ``nodes`` for each integral the relative error of the density is below 1e-4.
+    step: ndarray, a: ndarray, back: ndarray, measurement: ndarray, d: float, nodes: int = NODES
+) -> ndarray:
+    """(N,) log density of J₂⁺B⁻¹a + ε at ``step`` (N, n) in rad, q_{k+1} − q_k without its part in
+    the null space of J, for ``a`` (N, m) not zero and ``back`` J₂⁺ (N, n, m); ``measurement`` (n,
+    n) the covariance of ε in rad², positive definite, ``d`` the degrees of freedom of B. With the
+    default ``nodes`` for each integral the relative error of the density is below 1e-4.
     """
     from scipy.special import gammaln
 
@@ -59,7 +53,7 @@ def blurred_log_density(
     return integrals + constant - normal
 
 
-def _mixture(y: np.ndarray, a: np.ndarray, back: np.ndarray) -> np.ndarray:
+def _mixture(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
     """(N, 3 + 3(m − 1)) z₀ = b⊥ᵀy⊥/‖b⊥‖², ‖b⊥‖² and ‖y⊥ − z₀b⊥‖², then c_i, k_i and λ_i of each
     direction; ``y`` and ``back`` are times L⁻¹, Σ_m = LLᵀ.
     """
@@ -78,7 +72,7 @@ def _mixture(y: np.ndarray, a: np.ndarray, back: np.ndarray) -> np.ndarray:
 
 
 @inner
-def _log_integrand(case: np.ndarray, d: float, law: tuple, s: float, h: float) -> float:
+def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> float:
     """ln of the integrand but for what depends neither on s nor on h."""
     (shape, freedom), z = law, np.exp(s)
     spread, rest = z * z * np.exp(-h), z - case[0]
@@ -90,7 +84,7 @@ def _log_integrand(case: np.ndarray, d: float, law: tuple, s: float, h: float) -
 
 
 @inner
-def _mode(case: np.ndarray, d: float, law: tuple) -> tuple[float, float, float, float, float]:
+def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, float, float]:
     """A mode (s, h) by Fisher scoring with halved steps, and the covariance (ss, sh, hh) there."""
     # from where the noise-free step would be, or from the law's own middle where that is none
     (shape, freedom), s, h = law, np.log(max(case[0], 0.1)), np.log(d)
@@ -126,9 +120,7 @@ def _mode(case: np.ndarray, d: float, law: tuple) -> tuple[float, float, float, 
 
 
 @compiled
-def _integrate(
-    numbers: np.ndarray, d: float, law: tuple[float, float], rule: np.ndarray
-) -> np.ndarray:
+def _integrate(numbers: ndarray, d: float, law: tuple[float, float], rule: ndarray) -> ndarray:
     """(N,) ln of the integral but for constants, from the ``numbers`` of :func:`_mixture`, at the
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """

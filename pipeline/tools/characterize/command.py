@@ -180,8 +180,8 @@ def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFra
             message = f"no motion of the logs can be analysed: {error.message}"
             raise ConfigError(message, key="joint_log") from None
         joints, motion = dataset.robot.joints, dataset.motion
-        scored = other_motions(motions, joints, motion.rate, pose_noise=motion.pose_noise)
-        return motions, dict(scored.tables), {}
+        tables = other_motions(motions, joints, motion.rate, pose_noise=motion.pose_noise)
+        return motions, tables, {}
     names = [file.stem for file in predict.OUT.glob("*.parquet")]
     tables = {name: contracts.read(name, predict.OUT) for name in names}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))

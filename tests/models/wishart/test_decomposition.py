@@ -12,10 +12,8 @@ from oracles import READINGS, every_reading, first_factor
 
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.draws import draw_steps
-from pipeline.models.steps import Recorded, mean_log_likelihood
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, chosen, factors, split
-from pipeline.models.wishart.fit import Options, fit_likelihood
+from pipeline.models.wishart.fit import Options
 from pipeline.models.wishart.law import WishartModel
 
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -133,20 +131,3 @@ def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(ch
     ):
         with pytest.raises(ModelDomainError, match="as many rows as the task, 3, and has 2"):
             call()
-
-
-@pytest.mark.parametrize("true", READINGS)
-def test_a_reading_is_recognised_among_all_by_its_likelihood(chain, poses, step, true):
-    """Each at its own most likely dispersion."""
-    rng = np.random.default_rng([*READINGS].index(true))
-    q, v = np.tile(poses[:30], (TAKES, 1, 1)), np.tile(step, (30, 1))
-    drawn, _ = draw_steps(WishartModel(SIGMA_B, READINGS[true]), chain, q, v, rng)
-    noise = drawn - q - np.matvec(chain.inverse_jacobian(q), v)
-    noise = noise + np.sqrt(MEASUREMENT[0, 0]) * rng.standard_normal(noise.shape)
-    data = Recorded(chain, q, v, noise, JOINTS, MEASUREMENT)
-    likelihood = {
-        name: mean_log_likelihood(data, WishartModel(fit_likelihood(data, each).sigma_b, each))
-        for name, each in READINGS.items()
-    }
-    # nats a step: of 300 steps, 15 for the nearest of the others
-    assert likelihood.pop(true) > max(likelihood.values()) + 0.05

@@ -113,35 +113,6 @@ def test_no_step_goes_against_the_command(chain, step):
     assert np.all(np.isfinite(blurred)) and blurred[1] < blurred[0] - 50
 
 
-def test_measurement_noise_that_vanishes_leaves_the_exact_density(chain, poses, step):
-    model = WishartModel(0.25, PIVOTED_LU)
-    q_next, _ = draw_steps(model, chain, poses, step, np.random.default_rng(3))
-    exact = model.log_density(chain, poses, step, q_next)
-    gaps = [
-        np.abs(model.log_density(chain, poses, step, q_next, share * MEASUREMENT) - exact).max()
-        for share in (1e-2, 1e-4, 1e-6)
-    ]
-    # what the blur itself changes is of its own order; what stays is the quadrature's error
-    assert gaps[0] < 0.05 and gaps[1] < 5e-4 and gaps[2] < 5e-5
-
-
-def test_a_command_that_vanishes_leaves_the_measurement_noise(chain, poses, step):
-    model = WishartModel(0.25, PIVOTED_LU)
-    q_next = poses + np.random.default_rng(4).multivariate_normal(
-        np.zeros(3), MEASUREMENT, len(poses)
-    )
-    noise = stats.multivariate_normal(cov=MEASUREMENT).logpdf(q_next - poses)
-    np.testing.assert_allclose(
-        model.log_density(chain, poses, np.zeros(3), q_next, MEASUREMENT), noise, rtol=1e-10
-    )
-    # in proportion to the command, until what is left is the quadrature's error
-    gaps = [
-        np.abs(model.log_density(chain, poses, share * step, q_next, MEASUREMENT) - noise).max()
-        for share in (1e-2, 1e-4, 1e-8)
-    ]
-    assert gaps[0] > 1 and gaps[1] < 0.1 and gaps[2] < 1e-4
-
-
 def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, step):
     v = np.tile(step, (len(poses), 1))
     v[[3, 7]] = 0.0
@@ -243,5 +214,5 @@ def test_without_measurement_it_integrates_to_one(n):
 
 def test_without_measurement_a_step_of_more_joints_than_rows_lies_on_a_plane():
     arm, q, v, model, _ = scene(3, 2)
-    with pytest.raises(ModelDomainError, match="3 joints and 2 task rows lies on a plane"):
+    with pytest.raises(ModelDomainError, match=r"on a plane \(3 joints and 2 task rows\)"):
         model.log_density(arm, q, v, q)
