@@ -26,6 +26,7 @@ from pipeline.models.normal import NormalModel, normal_log_density
 
 KIND = "joint_steps"
 BEYOND = 1.05  # of the greatest step seen, up to which a joint of unknown gain is predicted
+MIXTURE = np.arange(-24.0, 4.0, 0.1)  # ln of the mixing variable of Student's t
 ABSENT = {"gain": np.nan, "degrees": np.inf}  # null in plain values
 
 
@@ -70,17 +71,20 @@ class JointStepModel(NormalModel):
         self, dq: ndarray, noise: ndarray, measurement: ndarray | None = None
     ) -> ndarray:
         """(...,) ln p(ω) in rad⁻ⁿ of ``noise`` ω (..., n) in rad at commanded steps ``dq``, with
-        ``measurement`` (n, n) in rad² on top of normal noise; ModelDomainError with Student's t.
+        ``measurement`` (n, n) in rad² of normal noise on top, which for Student's t must be
+        diagonal (ModelDomainError otherwise).
         """
-        scale = self.scale(dq)
+        scale, n = self.scale(dq), len(self.joints)
+        measurement = np.zeros((n, n)) if measurement is None else measurement
         if np.isinf(self.degrees).all():
-            added = 0.0 if measurement is None else measurement
-            covariance = self.correlation + added / (scale[..., :, None] * scale[..., None, :])
+            added = measurement / (scale[..., :, None] * scale[..., None, :])
+            covariance = self.correlation + added
             return normal_log_density(noise / scale, covariance) - np.log(scale).sum(axis=-1)
-        if measurement is not None:
-            raise ModelDomainError("noise of Student's t takes no measurement covariance")
+        if np.any(measurement != np.diag(np.diag(measurement))):
+            raise ModelDomainError("noise of Student's t takes a diagonal measurement covariance")
         joints = [np.moveaxis(each, -1, 0) for each in (noise, scale)]
-        return np.sum([_student(*one) for one in zip(*joints, self.degrees, strict=True)], axis=0)
+        each = zip(*joints, self.degrees, np.diag(measurement), strict=True)
+        return np.sum([student_log_density(*one) for one in each], axis=0)
 
     def noise_sample(self, dq: ndarray, rng: Generator) -> ndarray:
         """(..., n) draws of ω in rad at commanded steps ``dq`` (..., n) in rad."""
@@ -122,10 +126,23 @@ def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
     return JointStepModel(joints, **arrays, power=power)
 
 
-def _student(noise: ndarray, scale: ndarray, degrees: float) -> ndarray:
-    """(...) ln density in 1/rad of Student's t; an infinite ``degrees`` ν is the normal law."""
+def student_log_density(
+    noise: ndarray, scale: ndarray, degrees: float, variance: float = 0.0
+) -> ndarray:
+    """(...) ln density in 1/rad of ``noise``/``scale`` of Student's t with ``degrees`` ν, N(0,
+    ``variance``) in rad² added to the noise: a mixture of normals N(0, s²/λ + variance) over
+    λ ~ Gamma(ν/2, ν/2), by the trapezoidal rule in ln λ. An infinite ν is the normal law.
+    """
     if np.isinf(degrees):
-        return -0.5 * (np.log(2 * np.pi * scale**2) + noise**2 / scale**2)
-    constant = lgamma((degrees + 1) / 2) - lgamma(degrees / 2) - 0.5 * np.log(degrees * np.pi)
-    tail = (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
-    return constant - np.log(scale) - tail
+        total = scale**2 + variance
+        return -0.5 * (np.log(2 * np.pi * total) + noise**2 / total)
+    if variance == 0.0:
+        constant = lgamma((degrees + 1) / 2) - lgamma(degrees / 2) - 0.5 * np.log(degrees * np.pi)
+        tail = (degrees + 1) / 2 * np.log1p((noise / scale) ** 2 / degrees)
+        return constant - np.log(scale) - tail
+    log_weight = degrees / 2 * (MIXTURE - np.exp(MIXTURE))
+    log_weight -= np.log(np.exp(log_weight - log_weight.max()).sum()) + log_weight.max()
+    total = scale[..., None] ** 2 * np.exp(-MIXTURE) + variance
+    terms = log_weight - 0.5 * (np.log(2 * np.pi * total) + noise[..., None] ** 2 / total)
+    most = terms.max(axis=-1)
+    return most + np.log(np.exp(terms - most[..., None]).sum(axis=-1))

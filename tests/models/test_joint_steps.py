@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, stats
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.joint_steps import JointStepModel, build_joint_steps
+from pipeline.models.joint_steps import JointStepModel, build_joint_steps, student_log_density
 from pipeline.models.joint_steps_fit import PLAIN, fit_joint_steps
 
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -52,6 +52,19 @@ def test_draws_have_the_stated_covariance_and_the_density_of_the_stated_law(degr
     else:
         reference = stats.t(degrees, scale=own.scale(dq)).logpdf(noise[:5]).sum(axis=1)
     np.testing.assert_allclose(own.noise_log_density(dq, noise[:5]), reference, rtol=1e-10)
+
+
+@pytest.mark.parametrize("degrees", [3.0, 8.0])
+def test_measurement_noise_on_student_noise_is_the_convolution(degrees):
+    def convolved(x: float) -> float:
+        law, blur = stats.t(degrees), stats.norm(scale=0.7)
+        return integrate.quad(lambda y: law.pdf(y) * blur.pdf(x - y), -30, 30, limit=300)[0]
+
+    x = np.array([0.0, 1.0, 4.0])
+    own = student_log_density(x, np.ones(3), degrees, 0.49)
+    np.testing.assert_allclose(np.exp(own), [convolved(each) for each in x], rtol=1e-5)
+    with pytest.raises(ModelDomainError, match="diagonal"):
+        model(6.0).noise_log_density(np.zeros(3), np.zeros(3), R * 1e-10)
 
 
 @pytest.mark.parametrize("name", [name for name, (power, _) in PLAIN.items() if power])
