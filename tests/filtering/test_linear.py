@@ -129,16 +129,6 @@ def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
     assert np.all(autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005)
 
 
-def test_takes_of_measurement_alone_have_no_deviation_and_no_autocorrelation():
-    noise = np.random.default_rng(4).multivariate_normal(np.zeros(2), NOISE, (50, STEPS))
-    roots, without = deviation_roots(noise, 3 * NOISE)
-    assert without == 2 * STEPS and not roots.any()
-    # nor is the law of a few takes any less of a covariance
-    law = path_covariance(deviation_roots(noise[:5], NOISE)[0], autocorrelation(noise[:5], NOISE))
-    assert np.linalg.eigvalsh(law.reshape(2 * STEPS, 2 * STEPS)).min() > -1e-12
-    assert autocorrelation(noise, 300 * NOISE).tolist() == [1.0] + [0.0] * (STEPS - 1)
-
-
 def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(poses):
     true, k, rng = measured(100, 6, 0 * NOISE), np.arange(0, STEPS, 3), np.random.default_rng(5)
 

@@ -1,5 +1,5 @@
 """The compiled particle filter: equal to its plain NumPy form on the same stream for every kind of
-model and scheme; its limits and refusals.
+model and scheme; its limits and refusals; counts of resampling with their exact moments.
 """
 
 from __future__ import annotations
@@ -8,10 +8,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from compiled_calls import chosen_by, from_python
+from compiled_calls import chosen_by
 from oracles import READINGS
-from plain_filter import PLAIN_SCHEMES, plain_filter
-from scipy.stats import norm
+from plain_filter import plain_filter
 from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
@@ -22,11 +21,9 @@ from pipeline.filtering.particle_filter import (
     FilterOptions,
     Posterior,
     Start,
-    domain_of,
     particle_filter,
 )
 from pipeline.filtering.resampling import SCHEMES
-from pipeline.filtering.sampling import keep_inside
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel
@@ -138,37 +135,6 @@ def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(
         assert greatest_difference(other, plain) > 1e-3
 
 
-@pytest.mark.parametrize("scheme", PLAIN_SCHEMES)
-@pytest.mark.parametrize("equal", [1, 40, 200])
-def test_every_compiled_scheme_chooses_the_plain_ones_particles(scheme, equal):
-    for seed in range(50):
-        weights = np.random.default_rng(seed).dirichlet(np.full(200, 0.3))
-        weights[:equal] = weights[:equal].mean()
-        one, other = np.random.default_rng(seed), np.random.default_rng(seed)
-        expected = PLAIN_SCHEMES[scheme](weights, other)
-        assert np.array_equal(chosen_by(scheme, weights, one), expected)
-        assert one.bit_generator.state == other.bit_generator.state
-
-
-@pytest.mark.parametrize("signs", [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, 1.0, -1.0]])
-def test_particles_outside_the_chains_domain_lose_their_weight_and_go_back(signs, arm):
-    chain = replace(arm, signs=np.array(signs), lower=np.full(3, -8.0), upper=np.full(3, 8.0))
-    rng = np.random.default_rng(9)
-    q = rng.uniform(-9, 9, (4000, 3))
-    # three thousand poses about a straight elbow
-    links = chain.links
-    straight = chain.signs[1] * np.arctan2(np.linalg.det(links[:2]), links[0] @ links[1])
-    q[:3000, 1] = straight + np.pi * rng.integers(-2, 3, 3000) + rng.uniform(-3e-3, 3e-3, 3000)
-    gone = ~chain.within_limits(q) | chain.singular(q)
-    assert 900 < np.sum(chain.singular(q[:3000])) < 1100
-    here, there, log_weights = np.zeros((3, 4000)), np.ascontiguousarray(q.T), np.zeros(4000)
-    log_weights[:100] = -np.inf
-    arguments = domain_of(chain), here, there, log_weights, np.empty(4000)
-    assert from_python(keep_inside)(*arguments) == np.sum(gone[100:])
-    assert np.array_equal(there.T, np.where(gone[:, None], 0.0, q))
-    assert np.array_equal(log_weights == -np.inf, gone | (np.arange(4000) < 100))
-
-
 # an arm whose joints are its task, J = I, its limits out of the way
 FREE = sliding_arm(np.eye(3), np.full(3, -50.0), np.full(3, 50.0))
 # its elbow is at a right angle where the joints are at zero
@@ -199,19 +165,6 @@ def along(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.stack([np.interp(t, DT * np.arange(len(path)), q) for q in path.T], axis=1)
 
 
-def test_without_any_noise_the_filter_follows_the_commanded_polygon():
-    t = np.array([0.0, 0.0175, 0.03, 0.0312, 0.0388])
-    steps = 0.1 * np.random.default_rng(2).standard_normal((5, 3))
-    y = along(t, steps) + 0.01
-    measurements = seen(t, y, 0.003, 0.01)
-    posterior = filtered(EXACT, FREE, steps, STILL, measurements, particles=50)
-    np.testing.assert_allclose(posterior.mean, along(DT * np.arange(6), steps), atol=1e-14)
-    assert np.all(np.abs(posterior.covariance) < 1e-28)
-    assert posterior.measured.tolist() == [True, False, True, True, True, False]
-    expected = norm.logpdf(y, along(t, steps) + 0.003, 0.01).sum()
-    assert posterior.log_evidence == pytest.approx(expected, rel=1e-12)
-
-
 def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
     t = np.arange(0.0, 3.2, 1 / 30)
     y = along(t, STEPS) + 0.02 * np.random.default_rng(11).standard_normal((len(t), 3))
@@ -220,13 +173,6 @@ def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
         posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), resampling=scheme)
         ess[scheme] = posterior.ess[160:][posterior.measured[160:]]
     assert np.max(ess["none"]) < 10 and np.median(ess["systematic"]) > 200
-
-
-def test_a_far_outlier_is_weighed_without_underflow():
-    far = seen([0.02], np.full((1, 3), 40.0), std=1e-3)
-    posterior = filtered(DIFFUSING, FREE, STEPS[:5], START, far, particles=100)
-    assert posterior.ess[2] == pytest.approx(1.0)
-    assert -np.inf < posterior.log_evidence < -1e8
 
 
 def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_name():
@@ -258,3 +204,70 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
 def test_a_start_that_no_normal_law_has_or_beyond_the_limits_is_refused(start, error, words):
     with pytest.raises(error, match=words):
         filtered(EXACT, FREE, STEPS, start, particles=5)
+
+
+DRAWING = SCHEMES[:-1]
+REPEATS = 6000
+BAND = 4.5  # standard errors; twelve weights of four schemes stay inside with probability 0.9997
+
+
+@pytest.fixture(scope="module")
+def weights() -> np.ndarray:
+    drawn = np.random.default_rng(7).dirichlet(np.full(12, 0.7))
+    drawn[3] = 0.0
+    return drawn / drawn.sum()
+
+
+def exact_variance(name: str, weights: np.ndarray) -> np.ndarray:
+    """Var(count_i) in closed form."""
+    count = len(weights)
+    expected = count * weights
+    left = expected % 1
+    if name == "multinomial":
+        return expected * (1 - weights)
+    if name == "systematic":
+        return left * (1 - left)
+    if name == "residual":
+        return left * (1 - left / left.sum())
+    # stratified: stratum s hits particle i with the probability that their intervals share
+    edges, strata = np.concatenate([[0.0], np.cumsum(expected)]), np.arange(count)
+    ends = np.minimum(edges[1:, None], strata + 1), np.maximum(edges[:-1, None], strata)
+    hit = np.clip(ends[0] - ends[1], 0.0, 1.0)
+    return (hit * (1 - hit)).sum(axis=1)
+
+
+def off(values: np.ndarray, mean: np.ndarray) -> float:
+    """Greatest deviation from ``mean`` of the average of ``values``, in standard errors."""
+    error = values.std(axis=0) / np.sqrt(len(values))
+    fixed = error < 1e-12
+    np.testing.assert_allclose(values[:, fixed].mean(axis=0), mean[fixed], atol=1e-9)
+    return np.max(np.abs(values.mean(axis=0) - mean)[~fixed] / error[~fixed])
+
+
+@pytest.mark.parametrize("name", DRAWING)
+def test_counts_have_the_mean_and_the_variance_of_their_scheme_and_of_no_other(name, weights):
+    rng, count = np.random.default_rng(1), len(weights)
+    drawn = [chosen_by(name, weights, rng) for _ in range(REPEATS)]
+    counts = np.array([np.bincount(chosen, minlength=count) for chosen in drawn])
+    assert np.all(counts[:, weights == 0.0] == 0)
+    assert off(counts, count * weights) < BAND
+    for other in DRAWING:
+        variance = exact_variance(other, weights)
+        distance = off((counts - counts.mean(axis=0)) ** 2, variance)
+        assert (distance < BAND) == (other == name)
+
+
+@pytest.mark.parametrize("scheme", DRAWING)
+def test_weights_at_the_ends_of_their_range(scheme):
+    for sole in (0, 4, 9):
+        chosen = chosen_by(scheme, np.eye(10)[sole], np.random.default_rng(8))
+        assert np.all(chosen == sole)
+    # weights that went through an exponential, as in the filter, are right only up to rounding
+    equal = np.full(1000, np.nextafter(1 / 1000, 0.0))
+    chosen = np.sort(chosen_by(scheme, equal, np.random.default_rng(6)))
+    assert np.array_equal(chosen, np.arange(1000)) == (scheme != "multinomial")
+    # rounding may bring a point up to the end, where no particle has weight
+    ends = np.concatenate([[0.0], np.full(1000, 1 / 1000), [0.0, 0.0]])
+    for seed in range(20):
+        chosen = chosen_by(scheme, ends, np.random.default_rng(seed))
+        assert chosen.min() >= 1 and chosen.max() <= 1000

@@ -1,5 +1,5 @@
 """The motion capture: exact without noise, faults that are counted and follow their laws; rigid
-bodies, and the same physics, on an arm of seven joints and six task rows.
+bodies on an arm of seven joints.
 """
 
 from __future__ import annotations
@@ -11,18 +11,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from space_arms import LWR4, link_poses
 
-from pipeline.arm.frames import rigid_motion
-from pipeline.arm.model import chain_of, link_chains
-from pipeline.laboratory.dynamics import true_chain
+from pipeline.arm.model import link_chains
 from pipeline.laboratory.mocap import (
     MarkerCluster,
-    as_built,
     capture,
     capture_bodies,
     in_body,
     place_markers,
 )
-from pipeline.laboratory.options import DynamicsOptions, MocapOptions
+from pipeline.laboratory.options import MocapOptions
 
 TEMPLATE = np.array([[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]) * [
     [[scale]] for scale in (1.0, 0.9, 1.1)
@@ -118,107 +115,25 @@ def test_lost_labels_reappear_as_unlabeled_columns(take):
     observed, true = labelled(result), labelled(take(SILENT, 3000))
     strays = {name: column for name, column in result.items() if name not in NAMES}
     assert list(strays) == [f"Unlabeled {1000 + i}" for i in range(len(strays))]
-    appearances = []
     for column in strays.values():
         at = np.flatnonzero(~np.isnan(column[:, 0]))
         np.testing.assert_array_equal(at, np.arange(at[0], at[-1] + 1))
-        appearances.append(at[0])
-        owner = np.flatnonzero(np.all(true[at] == column[at][:, None], axis=(0, 2)))
-        assert owner.size == 1
-        assert np.isnan(observed[at, owner[0]]).all()
-        observed[at, owner[0]] = column[at]
-    assert appearances == sorted(appearances)
+        (owner,) = np.flatnonzero(np.all(true[at] == column[at][:, None], axis=(0, 2)))
+        assert np.isnan(observed[at, owner]).all()
+        observed[at, owner] = column[at]
     # with the strays put back nothing is missing
-    assert appearances
+    assert strays
     np.testing.assert_array_equal(observed, true)
 
 
-CHAIN = chain_of(LWR4)
-
-
-PLACES = np.array([[0.08, 0.0, 0.01], [-0.01, 0.08, 0.0], [-0.07, -0.03, 0.01], [0.0, -0.05, 0.02]])
-MOUNT = (PLACES.mean(axis=0), [0.2, -0.4, 1.1])
-BASE = (Rotation.from_euler("xyz", [-1.5, 0.1, 0.3]).as_matrix(), np.array([0.4, 0.9, -1.2]))
-LINKS = {"Fore": "link_5", "Hand": "flange"}
-
-
-@pytest.fixture(scope="module")
-def chains():
-    return dict(zip(LINKS, link_chains(LWR4, LINKS.values(), "markers").values(), strict=True))
-
-
-def clusters(chains, places: np.ndarray = PLACES) -> dict[str, MarkerCluster]:
-    shape = in_body(PLACES, *MOUNT)
-    return {name: MarkerCluster(chain, places, shape) for name, chain in chains.items()}
-
-
-def joint_angles(frames: int) -> np.ndarray:
-    return np.random.default_rng(1).uniform(-1.5, 1.5, (frames, 7))
-
-
-def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(chains, rng):
-    q = joint_angles(20)
-    captured = capture_bodies(clusters(chains), q, BASE, SILENT, rng)
-    for name, link in LINKS.items():
+def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
+    places = np.array([[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]])
+    mount, q = (places.mean(axis=0), [0.2, -0.4, 1.1]), rng.uniform(-1.5, 1.5, (20, 7))
+    for link, chain in link_chains(LWR4, ["link_5", "flange"], "markers").items():
+        body = {link: MarkerCluster(chain, places, in_body(places, *mount))}
+        (where, quaternion) = capture_bodies(body, q, (WORLD, ORIGIN), SILENT, rng)[link]
         rotation, position = link_poses(LWR4, link, q)
-        at = (position + rotation @ MOUNT[0]) @ BASE[0].T + BASE[1]
-        turn = BASE[0] @ rotation @ Rotation.from_euler("xyz", MOUNT[1]).as_matrix()
-        np.testing.assert_allclose(captured[name][0], at, atol=1e-12)
-        pose = Rotation.from_quat(captured[name][1]).as_matrix()
-        np.testing.assert_allclose(pose, turn, atol=1e-12)
-
-
-def moved(number: int, places: np.ndarray, rng) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Poses drawn at random, and where they carry ``places``."""
-    rotation = Rotation.random(number, rng=rng).as_matrix()
-    translation = rng.normal(size=(number, 3))
-    return rotation, translation, translation[:, None] + places @ np.swapaxes(rotation, 1, 2)
-
-
-def test_a_pose_comes_back_from_any_three_points_and_from_none_that_do_not_decide_it(rng):
-    rotation, translation, world = moved(50, PLACES, rng)
-    world[10:20, 1], world[20, :2], world[21] = np.nan, np.nan, np.nan
-    found_rotation, position = rigid_motion(PLACES, world)
-    known = np.arange(50) // 2 != 10
-    assert np.isnan(position).any(axis=1).tolist() == (~known).tolist()
-    np.testing.assert_allclose(found_rotation[known], rotation[known], atol=1e-12)
-    np.testing.assert_allclose(position[known], translation[known], atol=1e-12)
-    line = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0]])
-    assert np.isnan(rigid_motion(line, moved(1, line, rng)[2])[1]).all()
-
-
-def test_the_noise_of_a_pose_is_that_of_its_markers(chains, rng):
-    q = np.repeat(joint_angles(1), 5000, axis=0)
-    options = replace(SILENT, noise_std=5e-5)
-    bodies = [capture_bodies(clusters(chains), q, BASE, each, rng) for each in (SILENT, options)]
-    still, shaken = (poses["Hand"] for poses in bodies)
-    band = 4.5 / np.sqrt(2 * 5000)
-    np.testing.assert_allclose((shaken[0] - still[0]).std(axis=0), 2.5e-5, rtol=band)
-    turns = Rotation.from_quat(still[1]).inv() * Rotation.from_quat(shaken[1])
-    local = in_body(PLACES, *MOUNT)
-    lever = np.linalg.inv(np.eye(3) * np.sum(local**2) - local.T @ local)
-    spread = np.cov(turns.as_rotvec().T)
-    np.testing.assert_allclose(np.diag(spread), 25e-10 * np.diag(lever), rtol=2 * band)
-
-
-def test_a_body_is_lost_where_fewer_than_three_of_its_markers_are_seen(chains, rng):
-    options = replace(SILENT, occlusion_rate=0.1, occlusion_frames=1.0)
-    q = np.repeat(joint_angles(1), 20_000, axis=0)
-    position, quaternion = capture_bodies(clusters(chains), q, BASE, options, rng)["Hand"]
-    gone = np.isnan(position).any(axis=1)
-    assert np.array_equal(gone, np.isnan(quaternion).any(axis=1))
-    # of four markers two or more are hidden
-    share = 1 - 0.9**4 - 4 * 0.1 * 0.9**3
-    assert abs(gone.mean() - share) < 4.5 * np.sqrt(share / 20_000)
-    assert abs(gone.mean() - (1 - 0.9**4)) > 4.5 * np.sqrt(share / 20_000)  # control: one or more
-
-
-def test_a_link_follows_the_arm_as_it_was_built(chains, rng):
-    built = true_chain(CHAIN, DynamicsOptions(sway_std=(0.0,) * 6, length_std=3e-3), rng)
-    q = joint_angles(4)
-    hand = as_built(chains["Hand"], built).pose(q)[:, :3]
-    # only the last length, from the wrist to the flange, is the link's own
-    last = built.placements[-1, 9:] - CHAIN.placements[-1, 9:]
-    turn = built.pose(q)[:, 3:].reshape(-1, 3, 3)
-    np.testing.assert_allclose(hand + turn @ last, built.pose(q)[:, :3], atol=1e-12)
-    assert np.abs(hand - chains["Hand"].pose(q)[:, :3]).max() > 1e-3
+        at = (position + rotation @ mount[0]) @ WORLD.T + ORIGIN
+        turn = WORLD @ rotation @ Rotation.from_euler("xyz", mount[1]).as_matrix()
+        np.testing.assert_allclose(where, at, atol=1e-12)
+        np.testing.assert_allclose(Rotation.from_quat(quaternion).as_matrix(), turn, atol=1e-12)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import kurtosis
 
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.dynamics import (
@@ -25,10 +24,6 @@ NO_OFFSET, OFFSET = np.zeros(3), np.array([1e-3, -2e-3, 3e-3])
 ENCODERS = EncoderOptions(rate=250.0, resolution=1e-3)
 
 
-def goal_at(t: np.ndarray, trajectory) -> tuple[np.ndarray, np.ndarray]:
-    return desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
-
-
 @pytest.fixture
 def moved(arm, trajectory, rng):
     """Function of the disturbances that lets the arm perform the motion once."""
@@ -37,12 +32,6 @@ def moved(arm, trajectory, rng):
         return simulate_take(arm.chain, offset, trajectory, options, rng)
 
     return once
-
-
-def deviations(moved, quiet, takes: int, **disturbance) -> np.ndarray:
-    """(takes, N, 3) what a single kind of disturbance adds to the undisturbed joint angles."""
-    still, options = moved(quiet).q, replace(quiet, **disturbance)
-    return np.stack([moved(options).q for _ in range(takes)]) - still
 
 
 def lagged(x: np.ndarray) -> np.ndarray:
@@ -89,21 +78,6 @@ def test_a_motion_that_the_arm_cannot_do_is_refused(arm, trajectory, change, wor
 @pytest.fixture
 def sampled(arm, trajectory):
     return JointPath(desired_path(arm.chain, trajectory), trajectory.rate)
-
-
-def test_a_sampled_path_goes_through_its_poses_rests_where_it_rests_and_never_overshoots(sampled):
-    path, grid = sampled.joints, np.arange(len(sampled.joints)) / sampled.rate
-    np.testing.assert_allclose(desired_joints(grid, sampled)[0], path, atol=1e-15)
-    still = ~np.any(np.diff(path, axis=0), axis=1)
-    assert still.any() and not still.all()
-    between, speed = desired_joints(grid[:-1] + 0.4 / sampled.rate, sampled)
-    assert not speed[still].any()
-    low, high = np.minimum(path[:-1], path[1:]), np.maximum(path[:-1], path[1:])
-    assert np.all((low - 1e-12 <= between) & (between <= high + 1e-12))
-    # the speed is the path's derivative
-    t = np.linspace(0.5, 1.5, 41)
-    ahead, behind = (desired_joints(t + h, sampled)[0] for h in (1e-5, -1e-5))
-    np.testing.assert_allclose((ahead - behind) / 2e-5, desired_joints(t, sampled)[1], atol=1e-3)
 
 
 def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
@@ -153,20 +127,6 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_pe
     # controls: one lag fewer, and a single one
     for other in ((1 + x + x**2 / 3) * np.exp(-x), np.exp(-x)):
         assert np.all(np.abs(moved[:2] / (1 - other[:2]) - 1) > band)
-
-
-def test_the_clearance_moves_the_third_joint_alone_anywhere_inside_the_play(
-    moved, trajectory, quiet
-):
-    options = {"clearance": 0.03, "rattle_speed": 0.5, "clearance_time": 2e-3}
-    added = deviations(moved, quiet, 60, **options)
-    assert not added[..., :2].any()
-    assert np.abs(added).max() <= 0.03
-    t, _, _ = moved(quiet)
-    filled = added[:, np.abs(goal_at(t, trajectory)[1][:, 2]) > 0.5, 2] / 0.03
-    assert abs(filled.var() - 1 / 3) < 4 * np.sqrt(4 / 45 / filled.size) * 2
-    # uniform, and so far from normal
-    assert abs(kurtosis(filled, axis=None) + 1.2) < 0.05
 
 
 def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):

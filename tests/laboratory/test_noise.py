@@ -193,13 +193,3 @@ def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded, modelled
             correlation, band = later(drawn, steps)
             assert np.all(np.abs(correlation) < band)
             assert band < least
-
-
-def test_the_noise_does_not_wander_off_and_the_models_do(recorded, modelled):
-    def wandering(noise: np.ndarray) -> np.ndarray:
-        x = noise - noise.mean(axis=0)
-        return x.sum(axis=1).var(axis=0) / x.var(axis=0).sum(axis=0)
-
-    assert np.all(wandering(recorded.noise) < 0.05)
-    for _, drawn in modelled.values():
-        assert np.all(np.abs(wandering(drawn) - 1) < 4 * np.sqrt(2 / len(drawn)))

@@ -1,4 +1,6 @@
-"""Least-squares postures of any chain: exact, as SciPy and Pinocchio have them, or refused."""
+"""Joint angles of takes: least-squares postures of any chain, exact, as SciPy and Pinocchio have
+them; labels of a planar arm put right, gaps; refusals.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +9,13 @@ import pinocchio as pin
 import pytest
 from marker_takes import PLACES, marker_places
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 from space_arms import HERE, LWR4, MARKERS, START, UR5, mocap, motion, points
 
 from pipeline.arm.model import arm_of
-from pipeline.arm.serial import SerialChain
-from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Robot
-from pipeline.perception.markers import track
-from pipeline.perception.posture import Carried, points_in_plane, points_in_space
+from pipeline.perception.markers import JointTrack, fill_gaps, track
+from pipeline.perception.posture import points_in_plane, points_in_space
 
 FRAMES, NOISE = 120, 5e-5  # m
 UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -30,15 +29,6 @@ def measured() -> np.ndarray:
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
     return track(positions, points_in_space(robot, mocap(markers, **options)), max_gap=20, take="t")
-
-
-def solved(carried: Carried, frame: np.ndarray, start: np.ndarray):
-    """The solution of one frame."""
-    return type(all_ := carried.solve_all(frame[None], start[None]))(*(each[0] for each in all_))
-
-
-def noisy(positions: np.ndarray, seed: int = 1) -> np.ndarray:
-    return positions + NOISE * np.random.default_rng(seed).standard_normal(positions.shape)
 
 
 def test_exact_points_give_exact_angles(measured):
@@ -95,12 +85,13 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
             return points(UR5, MARKERS, angles[None])[0]
 
     np.testing.assert_allclose(solver.carry(q[None])[0], carry(q), atol=1e-12)
-    frame = noisy(carry(q))
+    frame = carry(q) + NOISE * np.random.default_rng(1).standard_normal((9, 3))
     ends = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
     other = least_squares(
         lambda angles: (carry(angles) - frame).ravel(), q, "3-point", x_scale=0.1, **ends
     )
-    solution = solved(solver, frame, q + 0.05)
+    frames = solver.solve_all(frame[None], q[None] + 0.05)
+    solution = type(frames)(*(each[0] for each in frames))
     np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
     assert (solution.distances**2).sum() == pytest.approx(2 * other.cost, rel=1e-9)
     np.testing.assert_allclose(solution.normal, other.jac.T @ other.jac, rtol=0, atol=1e-5)
@@ -196,29 +187,96 @@ def test_points_and_postures_that_are_not_of_the_arm_are_refused():
         points_in_space(UR5, mocap(posture=[0.0] * 7))
 
 
-def placements(count: int, rng: np.random.Generator) -> np.ndarray:
-    turns = Rotation.random(count, rng=rng).as_matrix().reshape(-1, 9)
-    return np.hstack([turns, rng.uniform(-0.3, 0.3, (count, 3))])
+# out and back, 1.5 rad a joint in 3.2 s
+PHASE = (1 - np.cos(np.linspace(0, 2 * np.pi, 321))) / 2
+MOTION = np.array([0.6, -4.6, 0.6]) + PHASE[:, None] * np.array([1.5, 1.3, 1.4])
 
 
-def random_arm(n: int, rng: np.random.Generator, points: int = 3) -> Carried:
-    """An arm with ``points`` on a link beyond each of its joints."""
-    sliding = rng.random(n) < 0.3
-    whole, ends, chains = placements(n, rng), placements(n, rng), []
-    for j in range(n):
-        to_link = np.vstack([whole[: j + 1], ends[j]])
-        limits = np.full(j + 1, -2.0), np.full(j + 1, 2.0), np.ones(j + 1)
-        chains.append(SerialChain(SPACE, 1.0, to_link, sliding[: j + 1], *limits))
-    owner, places = np.repeat(np.arange(n), points), rng.uniform(-0.1, 0.1, (n * points, 3))
-    return Carried(chains, sliding, chains[-1].lower, chains[-1].upper, owner, places, 0.005)
+def recording(noise: float = 0.0, seed: int = 3) -> np.ndarray:
+    """(321, 9, 3) m in the base frame."""
+    places = ARM.to_base(marker_places(MOTION, PLACES, ARM.chain)).reshape(-1, 9, 3)
+    return places + noise * np.random.default_rng(seed).standard_normal(places.shape)
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 8])
-def test_points_give_back_the_joints_that_carry_them(n):
-    rng = np.random.default_rng(n)
-    for _ in range(10):
-        carried = random_arm(n, rng)
-        q = rng.uniform(-1.5, 1.5, n)
-        solution = solved(carried, carried.carry(q[None])[0], q + rng.uniform(-0.2, 0.2, n))
-        np.testing.assert_allclose(solution.q, q, atol=1e-9)
-        assert solution.decided and solution.residual < 1e-9
+def of_plane(positions: np.ndarray, template: np.ndarray = PLACES, take: str = "") -> JointTrack:
+    return track(positions, points_in_plane(ARM, template, 0.01), max_gap=10, take=take)
+
+
+def test_without_noise_the_joint_angles_are_exact_where_a_link_is_hidden_too():
+    positions = recording()
+    exact = of_plane(positions)
+    np.testing.assert_allclose(exact.q, MOTION, atol=1e-10)
+    assert exact.residual.max() < 1e-10 and not any(exact.counts.values())
+    assert exact.samples == positions.shape[0] * 9
+    positions[40:90, 3:6] = np.nan
+    hidden = of_plane(positions)
+    np.testing.assert_allclose(hidden.q, MOTION, atol=1e-10)
+    assert hidden.counts["missing"] == 150 and not hidden.counts["interpolated"]
+    # a base that is registered wrongly shows in the residual
+    shifted = of_plane(np.add(recording(), [1e-3, 0.0, 0.0]))
+    assert 1e-4 < np.median(shifted.residual) < 1e-3
+    assert np.abs(shifted.q - MOTION).max() > 1e-3
+
+
+def test_labels_swapped_within_and_between_links_are_put_right_and_counted():
+    clean = recording(2e-4)
+    swapped, reference = clean.copy(), of_plane(clean)
+    swapped[40:90, [0, 1]] = clean[40:90, [1, 0]]
+    swapped[150:230, 5], swapped[150:230, 6] = clean[150:230, 6], clean[150:230, 5]
+    swapped[:10, [6, 7, 8]] = clean[:10, [8, 6, 7]]
+    repaired = of_plane(swapped)
+    np.testing.assert_allclose(repaired.q, reference.q, atol=1e-9)
+    assert repaired.counts == {**reference.counts, "relabelled": 2 * 50 + 2 * 80 + 3 * 10}
+
+
+def test_a_reflection_with_a_label_is_rejected_and_the_rest_of_the_markers_decide():
+    ghost = recording()
+    ghost[200:205, 7] += 0.05
+    solved = of_plane(ghost)
+    np.testing.assert_allclose(solved.q, MOTION, atol=1e-10)
+    assert (solved.counts["rejected"], solved.counts["two_marker_fits"]) == (5, 5)
+
+
+def test_short_gaps_are_filled_linearly_counted_and_have_no_residual():
+    gap = recording()
+    gap[50:60, 6:] = np.nan
+    gap[:3] = np.nan
+    filled = of_plane(gap)
+    share = (np.arange(50, 60) - 49)[:, None] / 11
+    line = (1 - share) * MOTION[49] + share * MOTION[60]
+    np.testing.assert_allclose(filled.q[50:60], line, atol=1e-10)
+    np.testing.assert_allclose(filled.q[:3], np.tile(MOTION[3], (3, 1)), atol=1e-10)
+    assert (filled.counts["interpolated"], filled.counts["held"]) == (10, 3)
+    assert np.isnan(filled.residual).sum() == 13
+    gap[60, 6:] = np.nan
+    with pytest.raises(RecordingError, match=r"take-7.*50 to 60"):
+        of_plane(gap, take="take-7")
+
+
+def test_gaps_of_turning_joints_are_filled_the_short_way_round_and_of_sliding_ones_as_they_are():
+    q = np.array([[3.1, 0.0], [np.nan, np.nan], [-3.1, 3.8]])
+    solved, sliding = np.array([True, False, True]), np.array([False, True])
+    filled, counts = fill_gaps(q, solved, sliding, 1, "t")
+    np.testing.assert_allclose(filled, [[3.1, 0.0], [np.pi, 1.9], [2 * np.pi - 3.1, 3.8]])
+    assert counts == {"interpolated": 1, "held": 0}
+
+
+LINE = np.array([PLACES[0], [[0, 0, 0.02], [0, 0, 0.06], [0, 0, 0.1]], PLACES[2]])
+
+
+@pytest.mark.parametrize(
+    ("positions", "template", "error", "words"),
+    [
+        (recording()[:20] * 1000, PLACES, RecordingError, "fit the arm"),
+        (recording()[:20, ::-1], PLACES, RecordingError, "check the template, the labels"),
+        (np.full((5, 9, 3), np.nan), PLACES, RecordingError, "fit the arm"),
+        (recording()[:0], PLACES, RecordingError, "no frame"),
+        (recording()[:20], LINE, ConfigError, "in line"),
+        (recording()[:20], PLACES[:2], ConfigError, "three markers"),
+    ],
+)
+def test_markers_that_never_fit_and_templates_that_decide_no_angle_are_refused(
+    positions, template, error, words
+):
+    with pytest.raises(error, match=words):
+        of_plane(positions, template)

@@ -1,5 +1,5 @@
 """A planned motion is the best there is and keeps what it has to, or its first failing step is
-named.
+named; cost of a step; the grid holds every pose that carries the tip to the path, and no other.
 """
 
 from __future__ import annotations
@@ -9,12 +9,14 @@ from itertools import product
 
 import numpy as np
 import pytest
-from planned_arms import LAWS, joint_path, law_cost, path_problem
+from planned_arms import LAWS, chain, joint_path, law_cost, path_problem
 
-from pipeline.core.errors import ConfigError
+from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.models.draws import draw_steps
+from pipeline.models.kinds import build_model
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm, on_stages
-from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle
-from pipeline.planning.self_motion import grid, spacing_of
+from pipeline.planning.problem import Cost, InfeasibleError, Problem, settle, uncertainty
+from pipeline.planning.self_motion import curves, grid, spacing_of
 
 
 def value(problem: Problem, cost: Cost, joints: np.ndarray) -> float:
@@ -72,17 +74,6 @@ def test_under_every_model_a_motion_is_refined_beyond_its_grid_and_keeps_everyth
         near, _ = settle(problem.chain, planned.joints + size * bump * tangent, problem.path, 20)
         change = value(problem, cost, near) - planned.objective
         assert change > -1e-4 * abs(driven - planned.objective) or problem.failure(near)
-
-
-def test_the_weight_of_smoothness_makes_the_null_space_still():
-    def null_speed(smoothness: float) -> float:
-        problem = path_problem("planar", 48, smoothness=smoothness)
-        joints = least_uncertain(problem, law_cost("gaussian", problem.chain), 60).joints
-        none = np.zeros(len(joints) - 1)
-        return replace(problem, smoothness=1.0).objective(none, joints)
-
-    rough, smooth = null_speed(1e-4), null_speed(1e3)
-    assert smooth < 0.1 * rough
 
 
 def test_of_the_branches_of_a_square_arm_the_cheaper_is_taken():
@@ -154,3 +145,108 @@ def test_a_problem_without_a_plan_is_refused(arm, changes, error, words):
     with pytest.raises(error, match=words):
         problem = path_problem(arm, 20, **changes)
         least_uncertain(problem, law_cost("gaussian", problem.chain), 40)
+
+
+WIDE = {"kind": "wishart", "sigma_b": 0.9, "decomposition": "qr_transposed"}
+BEYOND = {"kind": "gaussian", "alpha": 0.1, "u": 1e-3}  # no noise at any pose
+STEP = np.array([2e-3, 1e-3])
+
+
+@pytest.mark.parametrize("law", ["gaussian", "qr_transposed", "pivoted_lu"])
+def test_the_cost_of_a_step_is_the_trace_and_the_ln_det_of_drawn_steps(law):
+    arm, model = chain("planar"), build_model(LAWS[law])
+    q, draws = joint_path("planar", 2)[1], 40_000
+    drawn, _ = draw_steps(model, arm, np.tile(q, (draws, 1)), STEP, np.random.default_rng(4))
+    variances = np.linalg.eigvalsh(np.cov(drawn, rowvar=False))
+    trace, log_det = (
+        law_cost(law, arm, objective)(q[None], STEP[None])[0] for objective in ("trace", "log_det")
+    )
+    # of heavy tails, so that a sample's variance is off by some percent
+    assert trace == pytest.approx(variances.sum(), rel=0.1)
+    rank = 3 if law == "gaussian" else 2
+    assert log_det == pytest.approx(np.log(variances[-rank:]).sum(), abs=0.2)
+    # the control: by the other rank it would be far from that
+    assert abs(log_det - np.log(np.maximum(variances[-(5 - rank) :], 1e-30)).sum()) > 1
+
+
+def test_a_step_at_rest_costs_the_matrix_models_nothing_and_the_additive_one_its_noise():
+    arm, q = chain("planar"), joint_path("planar", 2)
+    still = np.zeros((3, 2))
+    for objective in ("trace", "log_det"):
+        assert law_cost("qr_transposed", arm, objective)(q, still).tolist() == [0, 0, 0]
+        assert law_cost("additive", arm, objective)(q, still) == pytest.approx(
+            3e-6 if objective == "trace" else 3 * np.log(1e-6)
+        )
+
+
+def test_singular_poses_cost_infinitely_much_and_no_others():
+    arm = chain("planar")
+    cost = law_cost("pivoted_lu", arm)
+    q = np.random.default_rng(5).uniform(arm.lower, arm.upper, (300, 3))
+    q[::30] = np.nan  # which is refused as a singular pose is
+    v = np.random.default_rng(6).uniform(0, 0.01, (300, 2))
+    costs = cost(q, v)
+    np.testing.assert_array_equal(np.isfinite(costs), ~arm.singular(q))
+    assert np.isinf(costs).sum() >= 10
+
+
+def test_a_model_without_a_covariance_is_refused_and_a_step_without_a_ln_det_is_not_taken():
+    arm, q, v = chain("planar"), joint_path("planar", 1), np.tile(STEP, (2, 1))
+    assert uncertainty(build_model(BEYOND), arm, "trace")(q, v).tolist() == [0, 0]
+    assert uncertainty(build_model(BEYOND), arm, "log_det")(q, v).tolist() == [np.inf, np.inf]
+    with pytest.raises(ModelDomainError, match="Wishart step exists only for sigma_B below"):
+        uncertainty(build_model(WIDE), arm, "trace")(q, v)
+    problem = path_problem("planar", 4)
+    with pytest.raises(InfeasibleError, match="or none with a ln det"):
+        least_uncertain(problem, uncertainty(build_model(BEYOND), arm, "log_det"), 7)
+
+
+SPACING = 0.2
+
+
+def solutions(task: Problem, step: int, tried: int) -> np.ndarray:
+    """Poses at ``step`` that Newton's method finds from random ones, and that are to be kept."""
+    chain = task.chain
+    begun = np.random.default_rng(3).uniform(chain.lower, chain.upper, (tried, len(chain.lower)))
+    left, reached = settle(chain, begun, np.tile(task.path[step], (tried, 1)), 60)
+    left = task.nearest_turns(left[reached])
+    left = left[chain.within_limits(left)]
+    return left[task.clear(left)]
+
+
+@pytest.mark.parametrize("arm", ["planar", "seven"])
+def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
+    task = path_problem(arm, 4)
+    (poses,) = curves(task, np.array([2]), SPACING)
+    held = solutions(task, 2, 400)
+    assert len(held) > 50
+    apart = np.linalg.norm(task.less_turns(held[:, None] - poses), axis=-1).min(axis=1)
+    # half a spacing along the curve; where a curve is cut, up to a whole one
+    assert np.mean(apart < 0.55 * SPACING) > 0.9
+    assert apart.max() < 1.05 * SPACING
+    off = task.chain.displacement(task.chain.pose(poses), task.path[2])
+    assert np.abs(off).max() < 1e-10
+    assert task.chain.within_limits(poses).all()
+    assert (task.chain.least_singular_value(poses) >= task.margin).all()
+    if arm == "seven":
+        # the control: the curve of one start alone misses branches
+        (poses,) = curves(task, np.array([2]), SPACING, 1)
+        apart = np.linalg.norm(task.less_turns(held[:, None] - poses), axis=-1).min(axis=1)
+        assert np.mean(apart < SPACING) < 0.7
+
+
+@pytest.mark.parametrize(
+    ("changes", "upper", "words"),
+    [
+        ({}, 9.0, r"does not reach the pose .*\[step 4\]"),
+        ({"margin": 5.0}, 9.0, r"least singular value of .* margin of 5 m \[step 0"),
+        ({}, 1e-3, r"beyond its joint limits alone \[step 0"),
+    ],
+)
+def test_where_the_path_cannot_be_followed_its_first_step_is_named_and_why(changes, upper, words):
+    task = path_problem("planar", 6, **changes)
+    chain = replace(task.chain, upper=np.minimum(task.chain.upper, task.chain.lower + upper))
+    path = task.path.copy()
+    path[4:, 0] += 5.0
+    with pytest.raises(InfeasibleError, match=words):
+        grid(replace(task, chain=chain, path=path), np.array([0, 6]), SPACING)

@@ -78,16 +78,6 @@ def test_a_drift_is_found_beside_the_offset_and_none_where_there_is_none(drift):
     assert result.value == pytest.approx(OFFSET, abs=0.006)
 
 
-def test_correlated_residuals_widen_the_standard_error():
-    t_a, a, t_b, b = recording()
-    white = np.random.default_rng(5).normal(scale=0.002, size=a.shape)
-    slow = np.zeros_like(white)
-    for i in range(1, len(slow)):
-        slow[i] = 0.7 * slow[i - 1] + np.sqrt(1 - 0.49) * white[i]
-    wide, narrow = (find_offset(t_a, a + each, t_b, b).standard_error for each in (slow, white))
-    assert wide > 1.5 * narrow
-
-
 @pytest.mark.parametrize(
     ("spoil", "search", "words"),
     [
@@ -182,14 +172,6 @@ def test_what_is_right_stays_as_it_is(kind):
         require_pair(actual, target, **HELD)
 
 
-def test_joints_with_the_same_command_are_not_taken_for_exchanged():
-    actual, target = logged("without rest")
-    actual[:, 1], target[:, 1] = actual[:, 0] + 1e-4, target[:, 0]
-    pair = pairing_of(actual, target / TURN, RATE)
-    assert pair.order.tolist() == [0, 1, 2, 3]
-    np.testing.assert_allclose(pair.factor, TURN)
-
-
 def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual, _ = logged("without rest")
     _, target = logged("there and back")
@@ -202,15 +184,3 @@ def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual[:, 3] += 0.2
     with pytest.raises(RecordingError, match="d misses its command by 1"):
         require_pair(actual, target, **HELD)
-
-
-def test_an_arm_that_never_moves_is_held_to_where_it_is_commanded():
-    rest = np.full((50, 2), 0.3)
-    require_pair(rest, rest, **HELD)
-    # encoders have noise, a command that is read back creeps, and a static error is no lag
-    rng = np.random.default_rng(2)
-    noisy, creeping = (rest + rng.normal(0, 2e-5, rest.shape) for _ in range(2))
-    require_pair(noisy + 1e-3, creeping, **HELD)
-    assert not list(suspects(pairing_of(noisy, creeping, RATE), noisy, creeping, RATE))
-    with pytest.raises(RecordingError, match="misses its command"):
-        require_pair(rest, rest + 0.1, **HELD)

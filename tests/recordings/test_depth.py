@@ -119,18 +119,6 @@ def test_frozen_frames_are_left_out_and_empty_ones_stay(tmp_path):
     np.testing.assert_array_equal(points[0], first)
 
 
-TAKE = "kinect/test_001/depth"
-
-
-@pytest.mark.parametrize("missing", [f"{TAKE}.txt", f"{TAKE}/1.png", "kinect/intrinsics.yaml"])
-def test_a_take_without_its_index_a_frame_or_its_camera_is_refused(tmp_path, missing):
-    take, depth = record(tmp_path, ARM)
-    (tmp_path / missing).unlink()
-    with pytest.raises(RecordingError) as refused:
-        read(take, depth, tmp_path)
-    assert refused.value.evidence["file"] == tmp_path / missing
-
-
 @pytest.mark.parametrize("form", ["ros1", "sqlite3", "mcap"])
 def test_a_bag_of_images_gives_the_points_of_the_images(tmp_path, form):
     take, depth = record(tmp_path, ARM)
@@ -192,6 +180,7 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
         (take, {"index": None}, "need.* index"),
         (take, {"intrinsics": None}, "intrinsics"),
         (take, {"width": None}, "width"),
+        (take, {"index": "none.txt"}, "none.txt"),
         (bag, {"topic": "/colour"}, "/depth"),
         (bag, {"intrinsics": None}, "CameraInfo"),
         (bag, {}, "metres"),
@@ -200,14 +189,6 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
             read(path, replace(depth, **changes), tmp_path)
     with pytest.raises(PipelineError, match="exclude"):
         replace(depth, frames="*.png")
-
-
-def test_a_bag_whose_times_do_not_increase_is_refused_at_the_message(tmp_path):
-    _, depth = record(tmp_path, ARM)
-    images = [(5.0 + i, image(ONES, stamp)) for i, stamp in enumerate([5.0, 5.033, 5.033])]
-    with pytest.raises(RecordingError, match="increase") as refused:
-        read(write_bag(tmp_path, "ros1", {"/depth": images}), depth, tmp_path)
-    assert refused.value.evidence["number"] == 2
 
 
 TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
@@ -246,7 +227,6 @@ def test_an_offset_is_that_of_the_motion_unless_it_is_stated(planar, markers):
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
     np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
-    assert {"clock_offset_standard_error", "clock_correlation", "clock_drift"} <= {*values}
     stated = made(Depth, search=0.3, clock_offset=-0.25)
     for seen in (filmed, frames(np.ones((len(TIME), 2)))):  # whatever the motion says
         rows, quality = on_motion_clock((seen, markers), stated, planar)
@@ -261,9 +241,6 @@ def test_takes_that_tell_no_offset_are_refused_by_their_name(planar, markers):
         with pytest.raises(RecordingError, match=words) as refused:
             on_motion_clock((seen, markers), made(Depth, search=0.3), planar)
         assert refused.value.evidence["take"] == "test_001"
-    both = pd.concat([frames(path(TIME)), frames(path(TIME), "test_002")])
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:
-        with_markers(both, markers)
+        with_markers(frames(path(TIME), "test_002"), markers)
     assert refused.value.evidence["take"] == "test_002"
-    ((rows, of_take),) = with_markers(frames(path(TIME)), markers)
-    assert len(rows) == len(TIME) and of_take["take"].unique().tolist() == ["test_001"]

@@ -22,11 +22,10 @@ from marker_takes import (
 )
 from space_arms import LWR4, UR5, motion
 
-from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of, load_arm
 from pipeline.core.columns import members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import Dataset, Motion, Robot
+from pipeline.core.options.dataset import Dataset, Motion
 from pipeline.core.options.instruments import Body, Pose
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
@@ -135,24 +134,19 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
         with pytest.raises(error, match=words):
             find_takes(tmp_path, dataset(**patterns).mocap)
     (tmp_path / "test_1.csv").rename(tmp_path / "t\udce9.csv")
-    with pytest.raises(RecordingError, match="no UTF-8") as caught:
+    with pytest.raises(RecordingError, match="no UTF-8"):
         find_takes(tmp_path, dataset(training="t*.csv").mocap)
-    str(caught.value).encode()
 
 
-GRID, JOINTS = 30, ["joint_2", "joint_3", "joint_4"]
-PLANAR = Robot("pipeline/arm/ur5.urdf", JOINTS, "wrist_centre", plane=True)
+GRID = 30
 TIME = np.arange(GRID + 1) / 100
 
 
 @pytest.fixture
 def file(tmp_path):
-    return exported(tmp_path, pd.DataFrame(spread("q", UR5.joints, motion(GRID + 1))))
-
-
-def exported(folder: Path, table: pd.DataFrame) -> Path:
-    write_trajectory(folder / "t.csv", table.assign(t=TIME))
-    return folder / "t.csv"
+    table = pd.DataFrame({"t": TIME} | spread("q", UR5.joints, motion(GRID + 1)))
+    write_trajectory(tmp_path / "t.csv", table)
+    return tmp_path / "t.csv"
 
 
 def commanded(robot=UR5, rate: float = 100.0) -> Dataset:
@@ -177,22 +171,3 @@ def test_the_steps_take_the_arm_from_each_commanded_pose_to_the_next(file):
 def test_another_arms_or_another_grids_trajectory_is_refused(file, robot, rate, words):
     with pytest.raises(RecordingError, match=words):
         trajectory_rows(file, commanded(robot, rate))
-
-
-def test_of_pose_and_joints_the_pose_is_the_whole_tasks_and_the_joints_are_a_smaller_ones(tmp_path):
-    q = motion(GRID + 1)[:, 1:4]
-    pose, smaller = trajectory_table(chain_of(PLANAR), q, 100.0), replace(PLANAR, task=["x", "z"])
-    # without its joints it leaves open what they do beside a smaller task
-    with pytest.raises(RecordingError, match="export the commanded joints") as refused:
-        trajectory_rows(exported(tmp_path, pose), commanded(smaller))
-    assert refused.value.evidence["key"] == "dataset.robot.task"
-    alone = trajectory_rows(exported(tmp_path, pose), commanded(PLANAR))
-    file = exported(tmp_path, pose.assign(**spread("q", JOINTS, q)))
-    beside = trajectory_rows(file, commanded(PLANAR))
-    pd.testing.assert_frame_equal(beside, alone, check_exact=True)
-    redundant = trajectory_rows(file, commanded(smaller))
-    assert members(redundant, "v") == ("x", "z")
-    for family in "xv":
-        expected = values(alone, family)[:, :2]
-        np.testing.assert_allclose(values(redundant, family), expected, atol=1e-9)
-    np.testing.assert_allclose(values(redundant, "u")[:-1] / 100, np.diff(q, axis=0), atol=1e-12)

@@ -1,13 +1,21 @@
-"""Logs of one movement and of encoders: paired, unwrapped, or refused."""
+"""Logs of one movement and of encoders: paired, unwrapped, or refused; what is known of one motion
+twice agrees, or is refused.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 from joint_files import log, read_movement, table
 from made_options import made
 from written_logs import write_joint_log
 
+from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.model import load_arm
+from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.options.instruments import Encoders
@@ -15,10 +23,14 @@ from pipeline.core.options.instruments import JointLogSection as Log
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement
-from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.commands import (
+    circular_joints,
+    require_commanded,
+    require_encoders,
+    require_velocities,
+)
 from pipeline.recordings.joint_logs import encoder_rows
 from pipeline.recordings.movement import read_logged_movement
-from pipeline.recordings.repetitions import find_repetitions
 
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
@@ -141,27 +153,15 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     slide[30:] += 3.5
     scale = np.array([1.0, np.degrees(1.0) if unit == "deg" else 1.0])
     rows = np.column_stack([slide, turn])
-    archive = {"time": np.arange(60) / 100, "q": rows * scale}
-    np.savez(tmp_path / "run.npz", **archive, d=rows * scale + [2 * np.pi, 0])
+    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=rows * scale)
     options = {"joints": 2, "angle_unit": unit, "time": "time", "signals": {"actual": ["q"]}}
     log = movement.read_log(tmp_path / "run.npz", LogOptions(**options, circular=circular))
     np.testing.assert_allclose(log.signals["actual"], np.c_[slide, TURNING[:, 0]], atol=1e-12)
     assert log.counts[movement.UNWRAPPED] == 1
-    # the controls: as angles they jump, and a turn beside the command would be taken out
+    # the control: as angles they jump
     if unit == "rad":
         with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
             movement.read_log(tmp_path / "run.npz", LogOptions(**options))
-    signals = {"actual": ["q"], "target": ["d"]}
-    names = ["slide", "turn"]
-    of_log = made(Log, joints=names, signals=signals, time="time", angle_unit=unit)
-    with pytest.raises(RecordingError, match="slide misses its command"):
-        read_logged_movement("run", tmp_path / "run.npz", of_log, 100.0, circular)
-    # whole turns lead a joint that turns to the ends of a motion, and no other
-    rows = np.array([[0.0], [np.pi], [2 * np.pi]]) + 2 * np.pi
-    for turns in (True, False):
-        sought = {"steps": 1, "rest": 0, "circular": np.array([turns])}
-        runs = find_repetitions(rows, rows, [0], ([0.0], [np.pi]), **sought).runs
-        assert bool(runs) == turns
 
 
 NAMES = ["shoulder", "elbow"]
@@ -217,18 +217,69 @@ def test_logs_of_other_joints_are_refused(raw, options, words):
         encoder_rows(raw[0], encoder_dataset(**options))
 
 
-def test_a_wrapped_reading_is_unwrapped_and_counted_and_a_step_no_joint_makes_refused(raw):
-    folder, q = raw
-    turning = q + np.linspace(3.0, 3.4, 40)[:, None] * [1, 0]
-    wrapped, file = (turning + np.pi) % (2 * np.pi) - np.pi, folder / "logs/train_a.csv"
-    write_joint_table(file, CLOCK, {"actual": wrapped}, NAMES)
-    (rows, quality), *_ = encoder_rows(folder, encoder_dataset())
-    np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], turning, atol=1e-7)
-    jumps = np.sum(np.abs(np.diff(wrapped[:, 0])) > np.pi)
-    assert [r["value"] for r in quality if r["quantity"] == "unwrapped_jumps"] == [jumps]
-    q[20, 1] += 0.05
-    write_joint_table(file, CLOCK, {"actual": q}, NAMES)
-    words = r"elbow \(actual\) steps .* allows 2 rad/s"
-    with pytest.raises(RecordingError, match=words) as refused:
-        encoder_rows(folder, encoder_dataset())
-    assert refused.value.evidence["time"] == 0.08
+RATE, JOINTS = 100.0, ["joint_2", "joint_3", "joint_4"]
+TIME = np.arange(301) / RATE
+POSITIONS, VELOCITIES = (columns(family, ("x", "z", "phi")) for family in "xv")
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return load_arm("pipeline/arm/ur5.urdf", JOINTS, "wrist_centre", {}).chain
+
+
+@pytest.fixture
+def q() -> np.ndarray:
+    """(301, 3) rad: there and back, from rest to rest."""
+    share = (1 - np.cos(2 * np.pi * TIME / TIME[-1])) / 2
+    return np.array([-0.2, 1.0, -2.6]) + share[:, None] * [-1.4, 0.5, 1.4]
+
+
+def exchanged(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    first, second, *_ = names
+    return table.assign(**{first: table[second], second: table[first]})
+
+
+def scaled(table: pd.DataFrame, names: list[str], factor: float) -> pd.DataFrame:
+    return table.assign(**{name: factor * table[name] for name in names})
+
+
+WRONG = {
+    "millimetres": lambda table, names: scaled(table, names[:2], 1000),
+    "degrees": lambda table, names: scaled(table, names[2:], 180 / np.pi),
+    "exchanged": exchanged,
+    "a second late": lambda table, names: table.assign(**table[names].shift(100).bfill()),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(chain, q, wrong):
+    tracked = q + np.random.default_rng(1).normal(0, 5e-3, q.shape)
+    trajectory, spoil = trajectory_table(chain, q, RATE), WRONG[wrong]
+    require_commanded(tracked, trajectory, chain, "a")
+    with pytest.raises(RecordingError, match=r"not on the commanded path.*suspected") as refused:
+        require_commanded(tracked, spoil(trajectory, POSITIONS), chain, "a")
+    assert refused.value.evidence["take"] == "a"
+    require_velocities(trajectory, RATE, Path("t.csv"))
+    with pytest.raises(RecordingError, match="do not lead along") as refused:
+        require_velocities(spoil(trajectory, VELOCITIES), RATE, Path("t.csv"))
+    assert refused.value.evidence["file"] == Path("t.csv")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda table, names: scaled(table, names, 180 / np.pi), "angle_unit"),
+        (exchanged, "order of their columns"),
+        (lambda table, names: table.assign(t=table["t"] + 1), "when their log starts"),
+        (lambda table, names: table.assign(t=table["t"] + 10), "0 of 250 readings"),
+        (lambda table, names: table.add([0.0, 2 * np.pi, 0.0, 0.0]), "joint_2 [+]1 turns"),
+    ],
+)
+def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(q, wrong, words):
+    tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, q))
+    times = np.arange(250) / 83.3
+    held = np.stack([np.interp(times, TIME, angle) for angle in q.T], axis=1)
+    readings = pd.DataFrame({"t": times} | spread("q", JOINTS, held + 2e-3))
+    require_encoders(tracked, readings, JOINTS, "a")
+    with pytest.raises(RecordingError, match=words):
+        require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")

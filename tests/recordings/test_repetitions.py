@@ -78,37 +78,16 @@ def test_ways_out_and_back_are_told_apart_by_their_commands_in_spite_of_noise(no
     assert find(angles, speeds + 1e-3).runs == []
 
 
-@pytest.mark.parametrize("rows", [1, 30, STEPS])
-def test_an_excursion_cut_off_by_either_end_of_the_record_is_named_and_left_out(rows):
-    angles, speeds = log(*WHOLE)
-    first = 650 + rows
-    at_end = find(angles[:first], speeds[:first])
-    # a single row does not yet move far enough to be an excursion
-    assert at_end.left_out["cut_off"] == ([650] if rows > 1 else [])
-    assert [run.first for run in at_end.runs] == [50, 350]
-    at_start = find(angles[50 + STEPS - rows :], speeds[50 + STEPS - rows :])
-    assert at_start.left_out["cut_off"] == ([0] if rows > 1 else [])
-    assert len(at_start.runs) == 2
-
-
 def test_a_way_without_enough_rest_beside_it_or_at_another_speed_is_another_motion():
     result = find(*log(AT_HOME, OUT, ("rest", 10, AWAY), BACK, AT_HOME, OUT, AT_AWAY))
     assert ([run.first for run in result.runs], result.left_out["too_little_rest"]) == ([310], [50])
     angles, speeds = log(AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, ("go", HOME, AWAY, 130), AT_AWAY)
     assert [run.first for run in find(angles, speeds).runs] == [50]
     assert [run.first for run in find(angles, speeds, steps=130).runs] == [350]
-    # the jerk of a controller taking over is no excursion
+    # the jerk of a controller taking over is no excursion, and a record at rest holds none
     jerk = ("rest", 3, HOME), ("go", HOME, HOME + 5e-4, 3)
     assert [run.first for run in excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))] == [56]
-
-
-def test_motions_of_other_joints_alone_are_other_motions_and_a_record_at_rest_holds_none():
-    turned = HOME + np.array([1.0, 0, 0, 0])
-    aside = (("go", HOME, turned), ("rest", 50, turned), ("go", turned, HOME))
-    result = find(*log(AT_HOME, *aside, AT_HOME, OUT, AT_AWAY))
-    assert (len(result.runs), len(result.left_out["other_motion"])) == (1, 2)
-    for record in (log(("rest", 300, HOME)), (HOME[None], np.zeros((1, 4)))):
-        assert excursions(*record) == [] and find(*record).runs == []
+    assert excursions(*log(("rest", 300, HOME))) == []
 
 
 @pytest.mark.parametrize("shift", [-2, -1, 0, 1, 2])
@@ -126,10 +105,7 @@ def test_the_lag_of_the_measured_angles_is_recovered_and_none_at_rest(delay):
     # standard error 1e-4 / sqrt(Σ q̇²) = 3 µs
     noisy = late + rng.normal(0, 1e-4, late.shape)
     assert lag(curve, noisy, RATE) == pytest.approx(delay, abs=12e-6)
-    creep = rng.normal(0, 1e-5, (2, 300, 3)) - 0.3
-    assert np.isnan(lag(*creep, RATE))
-    # the control: as far as the joints move they do
-    assert np.isfinite(lag(*(creep + np.linspace(0, 0.02, 300)[:, None]), RATE))
+    assert np.isnan(lag(*(rng.normal(0, 1e-5, (2, 300, 3)) - 0.3), RATE))
 
 
 def periodic(rows: int, period: float) -> np.ndarray:
@@ -156,13 +132,11 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
         np.testing.assert_allclose(stretch(command, place, steps + 1), reference, atol=1e-6)
     # the control: by whole rows the last one is off by a third of a row
     assert np.abs(command[523 : 523 + steps + 1] - reference).max() > 5e-3
-    # motions that would overlap or do not fit are left out
+    # motions that would overlap are left out
     command = periodic(800, 200.0)
     outcome = passes(command, (command[10], command[10 + 250]), 250)
     assert [run.first for run in outcome.runs] == [10, 410]
     assert outcome.left_out == {"overlapping": [210]}
-    assert passes(command, (command[10], command[10]), 800).runs == []
-    assert passes(command, (command[10] + 0.02, command[260]), 250).runs == []
 
 
 JOINTS = tuple(f"joint_{j}" for j in range(1, 7))
@@ -204,19 +178,6 @@ def test_motions_have_ends_steps_pauses_and_repetitions(pushed):
     assert 0 < there.rest(SAMPLED) < PAUSE / 2
 
 
-def test_a_command_that_never_rests_is_cut_where_the_arm_is_nearly_singular():
-    t = np.arange(2000) / SAMPLED
-    swing = np.array([0.5, 0.2, 0.2, 0.3, 0.9, 0.4])  # joint 5 passes through 0
-    centre = AT_START * np.array([1, 1, 1, 1, 0, 1])
-    target = centre + swing * np.sin(2 * np.pi * t[:, None] / 5)
-    listed = motions({"run": movement(target)}, ROBOT, SAMPLED)
-    assert listed and all(motion.pause is None and motion.rest(SAMPLED) == 0 for motion in listed)
-    for motion in listed:
-        assert np.sign(motion.start[4]) == np.sign(motion.end[4]) and motion.least_singular > 0.01
-    # the control: between them the wrist is straight, so that the whole period is none
-    assert max(motion.steps for motion in listed) < 250
-
-
 LOGGED, LIMIT = 125.0, 6.0  # 1/s; robust standard deviations
 PUSH = np.sin(np.pi * (np.arange(31) + 0.5) / 31)  # a quarter of a second
 
@@ -237,8 +198,8 @@ def pushed(rows: np.ndarray, height: float, rng: np.random.Generator) -> tuple[n
     return rows, take
 
 
-def scores(rows: np.ndarray, *others: np.ndarray) -> np.ndarray:
-    return disturbances(rows, others, LOGGED)
+def scores(rows: np.ndarray) -> np.ndarray:
+    return disturbances(rows, (), LOGGED)
 
 
 @pytest.mark.parametrize("takes", [3, 4, 7, 20])
@@ -250,16 +211,6 @@ def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
         rows, take = pushed(residuals(takes, rng), 2e-3, rng)
         assert np.flatnonzero(scores(rows) > LIMIT).tolist() == [take]
         assert beside_others(rows)[take] > 1e-4
-
-
-def test_a_current_by_a_factor_of_two_shows_what_the_angles_do_not():
-    rng = np.random.default_rng(5)
-    rows = residuals(5, rng)
-    current = 2.0 + 0.1 * rng.standard_normal((5, 300, 3))
-    assert scores(rows, current).max() < LIMIT
-    current[3, 100:160, 1] *= 2
-    assert np.flatnonzero(scores(rows, current) > LIMIT).tolist() == [3]
-    assert scores(rows).max() < LIMIT
 
 
 def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_disturbed():

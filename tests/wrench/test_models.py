@@ -244,14 +244,6 @@ def test_without_active_bounds_the_moments_are_the_parametric_ones_and_else_vari
     assert np.abs(difference[..., 0, 1]).max() > 0.01
 
 
-def test_equal_jacobians_and_cables_without_tension_are_refused():
-    with pytest.raises(ModelDomainError, match="need variance"):
-        moment_fit(np.tile(MODEL.jacobian, (5, 1, 1)))
-    with pytest.raises(ModelDomainError, match="tension"):
-        slack = planar_cables(np.zeros(2), np.ones(2), np.zeros(2), np.ones(2))
-        unbounded_sigma_s(matrix_model(slack), np.eye(2))
-
-
 MEAN = np.array([[0.9, -0.4, 0.1, 0.5], [0.3, 0.8, -1.0, 0.2]])
 SIGMA_CABLES = np.array([[5.0, 2.0], [2.0, 3.0]]) * 1e-4
 # its trace is the number of cables
