@@ -24,8 +24,11 @@ KEPT = 3  # folders of earlier sources beside the current one
 
 def sources_hash(folder: Path = SOURCES) -> str:
     """Hash of the paths and contents of all Python files in ``folder``."""
-    digest = hashlib.sha256()
-    for file in sorted(folder.rglob("*.py")):
+    digest, files = hashlib.sha256(), []
+    # os.walk passes over caches that another process removes meanwhile
+    for place, _, names in os.walk(folder):
+        files += [Path(place, name) for name in names if name.endswith(".py")]
+    for file in sorted(files):
         digest.update(f"{file.relative_to(folder)}\0".encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -43,7 +43,10 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     if np.isfinite(record.torque).any():
         moment = record.torque - np.cross(force.point, record.force)
         wrench = np.hstack([record.force, moment])
-    time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare)
+    try:
+        time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare)
+    except RecordingError as error:
+        raise RecordingError(error.message, **error.evidence, file=file) from None
     axes = dict(zip(WRENCH, wrench.T, strict=False))
     quality = [*(record.counts | faults).items()]
     for axis, bias in zip(axes, biases, strict=True):

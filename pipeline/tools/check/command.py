@@ -5,6 +5,7 @@ two files, its robot and its recordings.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
@@ -57,7 +58,15 @@ def dataset_faults(option_file: Path) -> list[str]:
         refused = ingest_faults(dataset)
     if not texts and not refused and read_yaml(PARAMS).get("dataset") == option_file.stem:
         refused = _errors(config.compose_config, PARAMS)
-    return texts + [str(error) for error in refused]
+    # errors alike but for their numbers are one line, with the number of the others
+    groups: dict[tuple[str, Any], list[PipelineError]] = {}
+    for error in refused:
+        kind = re.sub(r"[0-9]+", "#", error.message.partition(";")[0])
+        groups.setdefault((kind, error.evidence.get("key")), []).append(error)
+    return texts + [
+        str(first) + f"; and {len(others)} more such" * bool(others)
+        for first, *others in groups.values()
+    ]
 
 
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
