@@ -63,10 +63,11 @@ def dataset_faults(option_file: Path) -> list[str]:
     for error in refused:
         kind = re.sub(r"[0-9]+", "#", error.message.partition(";")[0])
         groups.setdefault((kind, error.evidence.get("key")), []).append(error)
-    return texts + [
-        str(first) + f"; and {len(others)} more such" * bool(others)
-        for first, *others in groups.values()
-    ]
+    for first, *others in groups.values():
+        files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]
+        named = f", as {', '.join(files[:3])}{' …' * (len(files) > 3)}" if files else ""
+        texts.append(f"{first}; and {len(others)} more{named}" if others else str(first))
+    return texts
 
 
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
