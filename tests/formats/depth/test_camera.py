@@ -11,8 +11,8 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 from depth_files import CALIBRATIONS
+from ros_bags import Message, cloud, image
 from ros_bags import camera_info as info
-from ros_bags import cloud, image
 from written_logs import refusal as reject
 
 from pipeline.core.errors import RecordingError
@@ -35,23 +35,22 @@ def refusal(file, content: str, **options: object) -> str:
 
 def test_the_intrinsics_of_a_real_kinect_are_read_from_yaml_1_0(shared):
     file = shared / "samples/kinect/kinect2_ir_intrinsics.yaml"
-    result = read_intrinsics(file, width=512, height=424)
-    assert (result.fx, result.fy) == (366.94757270064110, 364.79117165721783)
-    assert (result.cx, result.cy) == (242.98551682775121, 207.69853575457685)
-    k1, k2, p1, p2, k3 = result.distortion
-    assert (k1, k2, k3) == (0.096558110377123016, -0.28298244017989416, 0.10523948765859192)
-    assert (p1, p2) == (1.5889951609432634e-04, -5.0751483524871712e-04)
+    found = read_intrinsics(file, width=512, height=424)
+    assert (found.fx, found.fy) == (366.94757270064110, 364.79117165721783)
+    assert (found.cx, found.cy) == (242.98551682775121, 207.69853575457685)
+    radial, tangential = found.distortion[:2], found.distortion[2:4]
+    assert radial == (0.096558110377123016, -0.28298244017989416)
+    assert tangential == (1.5889951609432634e-04, -5.0751483524871712e-04)
+    assert found.distortion[4:] == (0.10523948765859192,)
 
 
 def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path):
-    distortion = (0.1, -0.2, 1e-4, -1 / 3, 0.5)
-    original = Intrinsics(365.456, 365.1, 254.878, 205.395, 512, 424, distortion)
-    write_intrinsics(tmp_path / "ir.yaml", original)
-    head = "%YAML:1.0\n---\ncameraMatrix: !!opencv-matrix\n   rows: 3\n"
-    assert (tmp_path / "ir.yaml").read_text().startswith(head)
-    assert read_intrinsics(tmp_path / "ir.yaml", width=512, height=424) == original
-    write_intrinsics(tmp_path / "ir.yaml", Intrinsics(1.5, 1, 2, 3, 4, 5))
-    assert read_intrinsics(tmp_path / "ir.yaml", width=4, height=5).distortion == (0,) * 5
+    for distortion in ((0.1, -0.2, 1e-4, -1 / 3, 0.5), (0,) * 5):
+        original = Intrinsics(365.456, 365.1, 254.878, 205.395, 512, 424, distortion)
+        write_intrinsics(tmp_path / "ir.yaml", original)
+        head = "%YAML:1.0\n---\ncameraMatrix: !!opencv-matrix\n   rows: 3\n"
+        assert (tmp_path / "ir.yaml").read_text().startswith(head)
+        assert read_intrinsics(tmp_path / "ir.yaml", width=512, height=424) == original
 
 
 @pytest.mark.parametrize("name", CALIBRATIONS)
@@ -130,19 +129,6 @@ def test_images_of_either_byte_order_and_any_padding_keep_their_pixels(kind, big
     np.testing.assert_array_equal(result, pixels)
 
 
-NO_IMAGE = [({"encoding": "bgr8"}, "'bgr8'"), ({"height": 4}, "7 × 4")]
-NO_IMAGE += [({"step": 13}, "bytes in 5 rows"), ({"data": np.zeros(69, np.uint8)}, "69 bytes")]
-
-
-@pytest.mark.parametrize(("changes", "words"), NO_IMAGE)
-def test_images_that_are_no_depth_or_not_whole_are_refused(changes, words):
-    message = image(np.ones((5, 7), np.uint16), 1.0)
-    message.fields.update(changes)
-    with pytest.raises(RecordingError, match=words) as refused:
-        image_pixels(message.for_version("ros1"), shape=(5, 7), file="take.bag", number=3)
-    assert refused.value.evidence == {"file": "take.bag", "number": 3}
-
-
 X, Y, Z = ("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1)  # name, offset, type, count
 LAYOUTS = {
     "xyz of a depth camera": ([X, Y, Z, ("rgb", 16, 7, 1)], 32),
@@ -161,19 +147,27 @@ def test_clouds_of_any_layout_keep_their_points(layout, big, rows):
     np.testing.assert_array_equal(cloud_points(message), points)
 
 
-NO_CLOUD = [({"fields": [X, Y, ("w", 8, 7, 1)]}, "there are x, y, w")]
-NO_CLOUD += [
-    ({"fields": [X, Y, ("z", *z)]}, "x, y and z must") for z in ((14, 7, 1), (8, 7, 2), (8, 5, 1))
-]
-NO_CLOUD += [({"width": 13}, "13 points"), ({"data": np.zeros(10, np.uint8)}, "10 bytes")]
+PIXELS, CLOUD = image(np.ones((5, 7), np.uint16), 1.0), cloud(np.ones((12, 3)), 1.0, [X, Y, Z], 16)
+depth_pixels = partial(image_pixels, shape=(5, 7))
+NO_MESSAGE = [  # function, message, fields that are changed, words
+    (depth_pixels, PIXELS, {"encoding": "bgr8"}, "'bgr8'"),
+    (depth_pixels, PIXELS, {"height": 4}, "7 × 4"),
+    (depth_pixels, PIXELS, {"step": 13}, "bytes in 5 rows"),
+    (depth_pixels, PIXELS, {"data": np.zeros(69, np.uint8)}, "69 bytes"),
+    (cloud_points, CLOUD, {"fields": [X, Y, ("w", 8, 7, 1)]}, "there are x, y, w"),
+    *((cloud_points, CLOUD, {"fields": [X, Y, ("z", *z)]}, "x, y and z must")
+      for z in ((14, 7, 1), (8, 7, 2), (8, 5, 1))),
+    (cloud_points, CLOUD, {"width": 13}, "13 points"),
+    (cloud_points, CLOUD, {"data": np.zeros(10, np.uint8)}, "10 bytes"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "words"), NO_CLOUD)
-def test_clouds_whose_points_are_not_there_are_refused(changes, words):
-    message = cloud(np.ones((12, 3)), 1.0, [X, Y, Z], 16)
-    message.fields.update(changes)
-    with pytest.raises(RecordingError, match=words):
-        cloud_points(message.for_version("ros1"), file="take.bag")
+@pytest.mark.parametrize(("convert", "sound", "changes", "words"), NO_MESSAGE)
+def test_messages_that_are_no_depth_or_not_whole_are_refused(convert, sound, changes, words):
+    message = Message(sound.kind, 1.0, **sound.fields | changes).for_version("ros1")
+    with pytest.raises(RecordingError, match=words) as refused:
+        convert(message, file="take.bag", number=3)
+    assert refused.value.evidence == {"file": "take.bag", "number": 3}
 
 
 @pytest.mark.parametrize("version", ["ros1", "ros2"])
