@@ -66,6 +66,9 @@ CALIBRATIONS = {
     "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
     "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: plumb_bob\n"
     "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [2.5e-1, 0, 0, 0, 0]\n",
+    "printed.yaml": "header:\n  stamp: {sec: 1}\nwidth: 640\nheight: 480\n"
+    "distortion_model: plumb_bob\nk: [525.5, 0.0, 319.5, 0.0, 524.0, 239.25, 0.0, 0.0, 1.0]\n"
+    "d: [0.25, 0, 0, 0, 0]\n---\n",
     "plain.yaml": f"fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: {D}\n",
     "rows.yaml": f"K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- {ROWS}\nD: {D}\n",
     "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, '

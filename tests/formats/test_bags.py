@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from ros_bags import Message, image, write_bag
+from written_logs import refusal
 
-from pipeline.core.bounds import Reading, within
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import is_bag
 from pipeline.formats.joints.bag import JOINT_STATE, read_joint_bag
@@ -53,9 +53,7 @@ def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_
     content = inside.read_bytes()
     for share in (0.0, 0.3, 0.6):
         inside.write_bytes(content[: int(share * len(content))])
-        with pytest.raises(RecordingError) as refused:
-            read_all(bag)
-        assert refused.value.evidence["file"] == bag
+        refusal(read_all, bag)
 
 
 def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
@@ -84,18 +82,8 @@ def test_files_that_are_no_bags_are_refused(tmp_path):
         (tmp_path / name).mkdir()
         (tmp_path / name / "metadata.yaml").write_text(text)
     for bag in [*tmp_path.iterdir(), tmp_path / "absent.bag"]:
-        with pytest.raises(RecordingError) as refused:
-            topics(bag)
-        assert refused.value.evidence["file"] == bag
+        refusal(topics, bag)
     assert not is_bag(tmp_path / "absent.bag") and not is_bag(tmp_path)
-
-
-def test_a_bag_that_takes_more_memory_than_the_bound_is_refused_in_the_sandbox(tmp_path):
-    zeros = np.zeros((4000, 8000), np.uint16)
-    bag = write_bag(tmp_path, "ros1_bz2", {"/depth": [(1.0, image(zeros, 1.0))]})
-    with pytest.raises(RecordingError, match=r"memory|damaged") as refused:
-        within(Reading(memory_mib=60), lambda: read_all(bag))
-    assert refused.value.evidence["file"] == bag
 
 
 def test_a_bag_that_lost_a_message_or_does_not_count_them_is_refused(tmp_path):
@@ -169,14 +157,13 @@ def test_what_other_publishers_send_is_passed_over_and_repeated_messages_are_dro
 def test_efforts_and_velocities_are_read_as_what_they_are(tmp_path):
     fields = {"velocity": np.array([1.0, 2.0]), "effort": np.array([5.0, 6.0])}
     bag = write_bag(tmp_path, "ros1", {"/joint_states": states(**fields)})
-    named = {key: ["/joint_states"] for key in ("actual", "target", "speed", "torque")}
-    log = read_joint_bag(bag, LogOptions(signals=named))
+    options = LogOptions(signals={k: ["/joint_states"] for k in ("actual", "speed", "torque")})
+    log = read_joint_bag(bag, options)
     assert log.signals["speed"].tolist() == [[1, 2]] * 6
     assert log.signals["torque"].tolist() == [[5, 6]] * 6
-    (tmp_path / "bare").mkdir()
-    bag = write_bag(tmp_path / "bare", "ros1", {"/joint_states": states()})
+    bag = write_bag(tmp_path, "sqlite3", {"/joint_states": states()})
     with pytest.raises(RecordingError, match=r"no velocity of a, b \(speed\)"):
-        read_joint_bag(bag, LogOptions(signals=named))
+        read_joint_bag(bag, options)
 
 
 def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):

@@ -37,7 +37,7 @@ from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write
 from pipeline.formats.depth.messages import image_pixels
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
-from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
+from pipeline.formats.force.record import ForceRecord
 from pipeline.formats.joints.arrays import read_arrays
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import read_joint_table
@@ -48,10 +48,6 @@ from pipeline.formats.rosbag import messages
 from pipeline.formats.trajectory import read_trajectory, write_trajectory
 
 SAMPLES = np.random.default_rng(5).normal(size=(5, 6)).round(4)
-AXES = ("t", "fx", "fy", "fz", "tx", "ty", "tz")
-FORCE_TABLE = ForceLogOptions(
-    columns={name: name for name in AXES}, force_unit="N", torque_unit="N-m", time_unit="s"
-)
 RECORD = ForceRecord(np.arange(5) / 500, SAMPLES[:, :3], SAMPLES[:, 3:], 500.0, "", "4/2/13", {})
 JOINTS = JointLog(np.arange(5) / 125, {"actual": SAMPLES}, {})
 POSES = pd.DataFrame(
@@ -84,12 +80,6 @@ def write_typed_rows(file: Path) -> None:
     rows_file(file.parent, *rows).replace(file)
 
 
-def write_force_table(file: Path, separator: str, decimal: str) -> None:
-    cells = [list(AXES), *([k / 8, *row] for k, row in enumerate(SAMPLES.tolist()))]
-    lines = [separator.join(str(cell).replace(".", decimal) for cell in row) for row in cells]
-    file.write_text("\n".join([*lines, ""]))
-
-
 def samples(take: MotionTake) -> np.ndarray:
     poses = [np.hstack([body.position, body.quaternion]) for body in take.bodies.values()]
     return np.hstack([*take.markers.values(), *poses])
@@ -110,7 +100,6 @@ def content(held: bytes) -> Callable[[Path], object]:
 camera = partial(read_intrinsics, width=640, height=480)
 image = partial(read_depth, shape=SMALL.shape)
 joints = partial(read_joint_table, options=LogOptions(joints=6, signals={"actual": None}))
-forces = partial(read_force_table, options=FORCE_TABLE)
 SOUND = {
     "Motive": Sound(write_take, read_motive, samples, 7),
     "Motive, typed rows": Sound(write_typed_rows, in_metres, lambda take: take.markers["a"], 2),
@@ -130,9 +119,6 @@ for mark in ".,":
 for counts in (None, 1000):
     write = partial(write_netft, record=RECORD, counts_per_unit=counts)
     SOUND[f"Net F/T, counts {counts}"] = Sound(write, read_netft, wrenches, 7)
-for marks in (",.", ";,", ";.", "\t,"):
-    write = partial(write_force_table, separator=marks[0], decimal=marks[1])
-    SOUND[f"force table {marks!r}"] = Sound(write, forces, wrenches, 1)
 IMAGES = {"PNG": encoded(".png", SMALL), "PGM": PGM, "TIFF": tiff(SMALL)}
 IMAGES["TIFF, LZW"] = tiff(SMALL, compression="tiff_lzw")
 for name, held in IMAGES.items():
@@ -171,7 +157,7 @@ def test_a_file_cut_at_any_byte_is_refused_or_holds_only_rows_that_were_whole(
 
 
 OF_FIVE_ROWS = ["Motive", "Motive, typed rows", "DAQ F/T .", "DAQ F/T ,", "Net F/T, counts None"]
-OF_FIVE_ROWS += ["force table ';,'", "joint table"]
+OF_FIVE_ROWS += ["joint table"]
 
 
 @pytest.mark.parametrize("name", OF_FIVE_ROWS)

@@ -17,17 +17,16 @@ from written_logs import refusal
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats import force, motion
+from pipeline.formats import motion
 from pipeline.formats.delimited import numbers_of
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
-from pipeline.formats.format import Kind, formats_in
+from pipeline.formats.format import formats_in
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
 from pipeline.recordings.motion_capture import read_take
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.kinds import DESCRIBE
 from pipeline.tools.new_dataset.command import dataset_texts
 from pipeline.tools.new_dataset.layout import layout
 
@@ -80,37 +79,24 @@ def test_a_module_that_is_added_is_read_by_the_stage_inspected_and_proposed(own,
         read_take(own, None)
 
 
-def test_inspect_describes_every_kind_and_options_name_each_force_log_once():
-    assert set(DESCRIBE) == set(Kind) == {form.kind for form in formats_in(formats)}
-    options = [form.option for form in formats_in(force, Kind.FORCE)]
-    assert sorted(options) == ["bag", "daqft", "netft", "table"]
-    assert formats_in(formats)[-1].kind == Kind.TABLE  # which begins like others
-
-
 FOLDER = Path(formats.__file__).parent
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-PAGES = {
-    folder: (FOLDER / folder / "README.md").read_text()
+SECTIONS = {
+    f"{folder}: {section.splitlines()[0]}": section
     for folder in ("joints", "motion", "force", "depth")
+    for section in (FOLDER / folder / "README.md").read_text().split("\n## ")[1:]
 }
-SECTIONS = [
-    (folder, section.partition("\n")[0], section)
-    for folder, page in PAGES.items()
-    for section in page.split("\n## ")[1:]
-]
 
 
-@pytest.mark.parametrize(
-    ("folder", "title", "section"), SECTIONS, ids=[f"{f}-{t}" for f, t, _ in SECTIONS]
-)
-def test_an_example_says_what_stands_there(folder, title, section, tmp_path, monkeypatch):
-    *files, (language, place, code), (_, _, printed) = BLOCK.findall(section)
+@pytest.mark.parametrize("title", SECTIONS)
+def test_an_example_prints_what_its_page_says(title, tmp_path, monkeypatch):
+    *files, (language, place, code), (_, _, printed) = BLOCK.findall(SECTIONS[title])
     assert (language, place) == ("python", "") and printed
     monkeypatch.chdir(tmp_path)
     for _, name, text in files:
         Path(name).write_text(text)
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        exec(compile(code, f"{folder}: {title}", "exec"), {})
+        exec(compile(code, title, "exec"), {})
     assert said.getvalue().split() == printed.split()
 
 
@@ -174,12 +160,8 @@ def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(tmp_pat
 
 
 def test_options_settle_it_and_what_is_no_mark_is_refused(tmp_path):
-    for options, values in (
-        ({"separator": ","}, [[1, 5], [3, 4]]),
-        ({"separator": ";", "decimal": ","}, [[1.5], [3.4]]),
-    ):
-        result = sheet(tmp_path, "1,5\n3,4\n", **options)
-        assert result.values([*range(result.width)]).tolist() == values
+    result = sheet(tmp_path, "1,5\n3,4\n", separator=";", decimal=",")
+    assert (result.width, result.values([0]).tolist()) == (1, [[1.5], [3.4]])
     for wrong in ({"separator": "|"}, {"decimal": "'"}, {"separator": ",", "decimal": ","}):
         with pytest.raises(ConfigError, match=KEY):
             sheet(tmp_path, "1,5\n", **wrong)
