@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
 
 import cv2
 import numpy as np
 from PIL import Image
-
-from pipeline.formats.depth.image import PNG
 
 SHAPE = (424, 512)
 
@@ -23,29 +20,17 @@ def frame(seed: int = 1, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     return raw.astype(np.uint16)
 
 
-def tiff(pixels: np.ndarray, description: str = "", append=(), **options: object) -> bytes:
+def tiff(pixels: np.ndarray, description: str = "", **options: object) -> bytes:
     content = io.BytesIO()
-    options["append_images"] = [Image.fromarray(more) for more in append]
     Image.fromarray(pixels).save(content, "TIFF", description=description, **options)
     return content.getvalue()
-
-
-def png(data: bytes, width: int, height: int, *, bits: int = 16, colour: int = 0) -> bytes:
-    """A PNG whose check sums are right, whatever its compressed ``data``."""
-    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
-    return PNG + b"".join(
-        struct.pack(">I", len(content)) + name + content
-        + struct.pack(">I", zlib.crc32(name + content))
-        for name, content in ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
-    )  # fmt: skip
 
 
 def encoded(ending: str, image: np.ndarray) -> bytes:
     return cv2.imencode(ending, image)[1].tobytes()
 
 
-SMALL = frame(shape=(12, 16))  # and its pixels in a PNG and a PGM
-ZIPPED = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
+SMALL = frame(shape=(12, 16))
 PGM = b"P5\n# a comment\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
 
 

@@ -103,11 +103,6 @@ def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
         read_joint_table(tmp_path / "q.txt", LogOptions(joints=2, signals={"actual": None}))
 
 
-def pcd(viewpoint: str) -> str:
-    head = "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\n"
-    return f"{head}VIEWPOINT {viewpoint}\nPOINTS 1\nDATA ascii\n1 2 3\n"
-
-
 LINKS = (
     '<link name="base"/><link name="upper"/><link name="{0}"/><link name="jaw"/><link name="tip"/>'
 )
@@ -156,7 +151,6 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
     "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
     "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),
-    "viewpoint.pcd": (pcd("1000 0 -5 0 1 0 0"), "at 1e+03 0 -5, turned by 180° about 1 0 0"),
     "bom.urdf": ("\ufeff" + urdf("hand"), "joints revolute (shoulder, elbow, wrist)"),
     "floating.urdf": (urdf("a").replace("revolute", "floating", 1), "joints floating (sh"),
 }  # fmt: skip

@@ -40,6 +40,9 @@ def test_frames_of_real_sensors_keep_all_sixteen_bits(shared, name):
 
 
 def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path):
+    (tmp_path / "d.pgm").write_bytes(made.PGM)
+    pixels = read_depth(tmp_path / "d.pgm", shape=(12, 16)).pixels
+    np.testing.assert_array_equal(pixels, made.SMALL)
     extremes = made.frame()
     extremes[0, :4] = 0, 1, 65534, 65535
     for file in (tmp_path / "1.png", tmp_path / "2.png"):
@@ -58,12 +61,6 @@ def test_tiffs_keep_their_values_and_their_description(tmp_path, kind, compressi
     np.testing.assert_array_equal(raw.pixels, image)
     depth = metres(raw, Encoding("plain", 1000, scale_key="scale"))
     np.testing.assert_allclose(depth[image > 0], image[image > 0] * 0.25e-3, rtol=1e-6)
-
-
-def test_images_of_other_programs_are_decoded(tmp_path):
-    for content in (made.png(made.ZIPPED, 16, 12), made.PGM):
-        (tmp_path / "d").write_bytes(content)
-        np.testing.assert_array_equal(read_depth(tmp_path / "d", shape=(12, 16)).pixels, made.SMALL)
 
 
 def test_a_scale_of_a_description_is_one_positive_number():
@@ -194,12 +191,10 @@ def refusal(file, content: str, **options: object) -> str:
 def test_the_intrinsics_of_a_real_kinect_are_read_from_yaml_1_0(shared):
     file = shared / "samples/kinect/kinect2_ir_intrinsics.yaml"
     found = read_intrinsics(file, width=512, height=424)
-    assert (found.fx, found.fy) == (366.94757270064110, 364.79117165721783)
-    assert (found.cx, found.cy) == (242.98551682775121, 207.69853575457685)
-    radial, tangential = found.distortion[:2], found.distortion[2:4]
-    assert radial == (0.096558110377123016, -0.28298244017989416)
-    assert tangential == (1.5889951609432634e-04, -5.0751483524871712e-04)
-    assert found.distortion[4:] == (0.10523948765859192,)
+    pinhole = (366.94757270064110, 364.79117165721783, 242.98551682775121, 207.69853575457685)
+    assert (found.fx, found.fy, found.cx, found.cy) == pinhole
+    tangential, k3 = (1.5889951609432634e-04, -5.0751483524871712e-04), 0.10523948765859192
+    assert found.distortion == (0.096558110377123016, -0.28298244017989416, *tangential, k3)
 
 
 def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path):
@@ -298,14 +293,9 @@ depth_pixels = partial(image_pixels, shape=(5, 7))
 NO_MESSAGE = [  # function, message, fields that are changed, words
     (depth_pixels, PIXELS, {"encoding": "bgr8"}, "'bgr8'"),
     (depth_pixels, PIXELS, {"height": 4}, "7 × 4"),
-    (depth_pixels, PIXELS, {"step": 13}, "bytes in 5 rows"),
-    (depth_pixels, PIXELS, {"data": np.zeros(69, np.uint8)}, "69 bytes"),
     (cloud_points, CLOUD, {"fields": [X, Y, ("w", 8, 7, 1)]}, "there are x, y, w"),
-    *((cloud_points, CLOUD, {"fields": [X, Y, ("z", *z)]}, "x, y and z must")
-      for z in ((14, 7, 1), (8, 7, 2), (8, 5, 1))),
-    (cloud_points, CLOUD, {"width": 13}, "13 points"),
     (cloud_points, CLOUD, {"data": np.zeros(10, np.uint8)}, "10 bytes"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("convert", "sound", "changes", "words"), NO_MESSAGE)

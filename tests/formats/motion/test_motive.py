@@ -5,18 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from motive_files import (
-    DEFINITION,
     MARKER,
     POSE,
     START,
     TRACKED,
-    body_row,
     columns,
     columns_file,
     in_metres,
     random_take,
     rows_file,
-    seen_row,
 )
 from scipy.spatial.transform import Rotation
 from written_logs import refusal
@@ -260,15 +257,3 @@ def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_p
     np.testing.assert_array_equal(result.markers["Arm-Marker 1"], [[0, 0, 1], [1, 0, 1], [2, 0, 1]])
     assert np.isnan(result.markers["Arm-Marker 2"]).all()
     np.testing.assert_array_equal(result.markers["Unlabeled 1"], [[5, 5, 5]] * 3)
-
-
-def test_trailing_and_blank_cells_and_repeated_rows_change_nothing_and_are_counted(tmp_path):
-    rows = [[seen_row(k), body_row(k, f"{k},0,1", "NAN,NAN,NAN")] for k in range(3)]
-    lines = [DEFINITION, *(row for pair in rows for row in pair)]
-    plain = in_metres(rows_file(tmp_path, *lines))
-    padded = [lines[0] + ",,", "", *lines[1:3], ",,,,", lines[3], lines[3]]
-    padded += [line + ",,," for line in lines[4:]]
-    result = in_metres(rows_file(tmp_path, *padded, head="\ufeffrighthanded\ninfo,version,1.1\n"))
-    for name in plain.markers:
-        np.testing.assert_array_equal(result.markers[name], plain.markers[name])
-    assert (result.counts["blank_rows"], result.counts["repeated_rows"]) == (2, 1)
