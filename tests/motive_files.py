@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 
 START = "2024-03-05 10.15.00.000 AM"
@@ -64,10 +63,6 @@ def rows_file(
     file = folder / "rows.csv"
     file.write_bytes((head + "\n".join(rows) + end).encode())
     return file
-
-
-def in_metres(file: Path) -> MotionTake:
-    return read_motive(file, "m")
 
 
 # rows of the row-typed grammar

@@ -68,13 +68,6 @@ def test_a_topic_is_the_only_one_or_the_chosen_one(tmp_path):
         next(messages(bag, "/else", first))
 
 
-def test_messages_without_time_are_refused():
-    assert seconds(image(PIXELS, 12.5).for_version("ros2")) == 12.5
-    for message in (image(PIXELS, 0.0).for_version("ros1"), object()):
-        with pytest.raises(RecordingError, match="no time"):
-            seconds(message, file="take.bag")
-
-
 def test_files_that_are_no_bags_are_refused(tmp_path):
     for name, text in (("empty.bag", ""), ("a.bag", "no"), ("a.mcap", "no"), ("a.db3", "no")):
         (tmp_path / name).write_text(text)

@@ -17,7 +17,7 @@ import pytest
 from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded, tiff
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from motive_files import START, frame_row, in_metres, random_take, rows_file
+from motive_files import START, frame_row, random_take, rows_file
 from mutants import mutants
 from scipy.io import savemat
 from written_logs import CALIBRATION, write_joint_log, write_netft
@@ -102,7 +102,8 @@ image = partial(read_depth, shape=SMALL.shape)
 joints = partial(read_joint_table, options=LogOptions(joints=6, signals={"actual": None}))
 SOUND = {
     "Motive": Sound(write_take, read_motive, samples, 7),
-    "Motive, typed rows": Sound(write_typed_rows, in_metres, lambda take: take.markers["a"], 2),
+    "Motive, typed rows": Sound(
+        write_typed_rows, partial(read_motive, unit="m"), lambda take: take.markers["a"], 2),
     "index": Sound(
         lambda file: write_index(file, np.arange(3) / 30, ("a.png", "b.png", "c.png")),
         read_index, lambda index: np.array(index.files), 2),

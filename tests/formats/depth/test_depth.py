@@ -99,7 +99,7 @@ def test_disparities_whose_bytes_were_not_swapped_are_refused():
 
 
 @pytest.mark.parametrize("name", made.CLOUDS)
-def test_points_are_read_with_any_fields_and_the_viewpoint_and_surplus_bytes_told(tmp_path, name):
+def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, name):
     (tmp_path / name).write_bytes(made.CLOUDS[name])
     cloud = read_cloud(tmp_path / name)
     np.testing.assert_array_equal(cloud.points, made.positions(made.records()))

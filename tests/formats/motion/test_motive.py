@@ -4,23 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from motive_files import (
-    MARKER,
-    POSE,
-    START,
-    TRACKED,
-    columns,
-    columns_file,
-    in_metres,
-    random_take,
-    rows_file,
-)
+from motive_files import MARKER, POSE, START, TRACKED, columns, columns_file, random_take, rows_file
 from scipy.spatial.transform import Rotation
 from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.formats.motion.take import MotionTake, settle_unit
+from pipeline.formats.motion.take import MotionTake
 
 
 def test_written_takes_read_back_to_a_half_micrometre_and_keep_their_gaps(tmp_path):
@@ -198,16 +188,6 @@ def test_a_rate_that_the_printed_times_contradict_is_refused(tmp_path):
     assert read_motive(take(100.0, 109.0)).counts["time_mismatches"] == 30
 
 
-def test_a_unit_is_the_files_or_the_options_and_neither_a_guess_nor_a_contradiction(tmp_path):
-    for stated in ("mm", "MM", "Millimeters", " millimetres "):
-        for text, option in ((stated, None), ("", "mm"), (stated, "mm")):
-            assert settle_unit(text, option, tmp_path, key="U") == "mm"
-    for text, option, key in (("", None, "unit"), ("mm", "m", "unit"), ("ft", "m", "U")):
-        with pytest.raises(RecordingError) as caught:
-            settle_unit(text, option, tmp_path, key="U")
-        assert caught.value.evidence["key"].endswith(key)
-
-
 @pytest.mark.parametrize(("w", "sound"), [("1.0002", True), ("0.1", False), ("1e19", False)])
 def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(tmp_path, w, sound):
     rows = "".join(f"{k},{k / 100},0,0,0,{w if k == 2 else 1},1,2,3\n" for k in range(3))
@@ -222,7 +202,7 @@ def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(tmp_path, w
 def test_version_1_1_gives_measured_markers_poses_and_strays_in_the_unit_that_is_asked_for(shared):
     file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
     assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"  # it states none
-    result = in_metres(file)
+    result = read_motive(file, "m")
     assert (result.version, result.rate, result.unit, len(result.frame)) == ("1.1", 120.0, "m", 548)
     names = [f"Rigid Body 1-Marker {i}" for i in range(1, 6)]
     assert [name for name in result.markers if not name.startswith("Unl")] == names
@@ -252,7 +232,7 @@ def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_p
             f"frame,{k},{t},1,{TRACKED.format(k)},2,{k},0,1,0,5,5,5,0",
             f'trackable,{k},{t},"Arm",7,0,2,9,9,9,9,9,9,{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
         ]
-    result = in_metres(rows_file(tmp_path, *rows, head="righthanded\n"))
+    result = read_motive(rows_file(tmp_path, *rows, head="righthanded\n"), "m")
     assert (result.version, result.rate) == ("1.0", 250.0)  # the cameras' own times are irregular
     np.testing.assert_array_equal(result.markers["Arm-Marker 1"], [[0, 0, 1], [1, 0, 1], [2, 0, 1]])
     assert np.isnan(result.markers["Arm-Marker 2"]).all()
