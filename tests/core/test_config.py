@@ -19,7 +19,6 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.validation import options
 from pipeline.models.kinds import kinds, options_type
 
-ROOT = Path(__file__).parents[2]
 PARTS = "robot motion trajectory mocap depth force laboratory".split()
 NOTHING = "{" + ", ".join(f"{part}: null" for part in PARTS) + "}"
 
@@ -202,16 +201,6 @@ def test_a_stage_that_there_is_not_and_a_stale_configuration_are_refused(section
         config.sections("stage")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "file", [ROOT / "dvc.yaml", *sorted(ROOT.glob("data/raw/*/dvc.yaml"))], ids=str
-)
-def test_every_section_that_a_stage_declares_exists(file, sections):
-    sections("seed")
-    for stage in yaml.safe_load(file.read_text())["stages"]:
-        config.sections(stage, file, item="wishart")
-
-
 @options()
 class StudyOptions:
     """Options of a study of these tests."""
@@ -237,12 +226,3 @@ def test_a_study_gets_its_options_for_the_scale_of_the_run(sections, tmp_path):
         with pytest.raises(ConfigError, match=words) as refused:
             config.study_options(tmp_path, StudyOptions)
         assert refused.value.evidence["file"] == file
-
-
-def test_options_of_models_that_the_run_has_not_chosen_are_typed_by_their_kinds():
-    names = config.option_names("model")
-    models = config.model_options(names)
-    assert list(models) == names
-    assert {type(model) for model in models.values()} == {options_type(kind) for kind in kinds()}
-    with pytest.raises(ConfigError, match=f"no model 'laplace'; there are {', '.join(names)}"):
-        config.model_options(["additive", "laplace"])

@@ -73,41 +73,6 @@ def test_a_wrong_value_or_key_is_named_with_the_datasheet(sheet, tmp_path, key, 
     assert refused.evidence["file"] == sheet and key.split(".")[0] in refused.evidence["key"]
 
 
-def test_a_value_to_fill_in_is_named_with_its_file_or_filled_by_an_override(
-    sheet, tmp_path, monkeypatch
-):
-    edit(sheet, "force.tare", "???")
-    override = "{dataset: {force: {tare: 4.0}}}"
-    assert config.compose_config(parameters(tmp_path, overrides=override)).dataset.force.tare == 4.0
-    shutil.copytree(config.CONF, tmp_path / "conf")
-    monkeypatch.setattr(config, "CONF", tmp_path / "conf")
-    option_file = config.CONF / "dataset/youbot.yaml"
-    edit(option_file, "mocap.gate", "???")
-    refused = refusal(tmp_path, overrides=override)
-    assert refused.evidence == {"key": "mocap.gate", "file": option_file}
-
-
-def test_a_datasheet_that_is_missing_is_refused(sheet, tmp_path):
-    sheet.unlink()
-    assert refusal(tmp_path).evidence["file"] == sheet
-
-
 def test_every_dataset_has_a_datasheet_with_nothing_to_fill_in():
     for dataset in config.option_names("dataset"):
         assert not datasheet.is_open(config.read_yaml(datasheet.path_of(dataset)))
-
-
-def test_all_faults_and_all_absent_keys_are_named_and_open_values_are_neither():
-    values = {
-        "name": "lab",
-        "robot": {"urdf": "arm.urdf", "joint": ["a"], "length": -1.0, "joints": ["???"]},
-        "motion": {"rate": "fast", "steps": "???", "pose_noise": 0.0},
-        "measurement": "taste",
-    }
-    found, wrong, absent = datasheet.checked(values)
-    keys = ("robot.length", "robot.joint", "motion.rate", "motion.pose_noise", "measurement")
-    assert [fault.evidence["key"] for fault in wrong] == [f"dataset.{key}" for key in keys]
-    assert found is None and absent == ["recordings"]
-    given = {"robot": {"urdf": "a.urdf", "joints": ["a"], "task": ["x"]}, "recordings": "."}
-    motion = {"rate": 1.0, "steps": 3}
-    assert datasheet.checked(values | given | {"motion": motion, "measurement": "tip"})[0]

@@ -4,20 +4,18 @@ come back, on arms of any number of joints and task rows, and from another model
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import algorithm_1_steps
 from random_arm import motion, random_arm
 
-from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.kinds import build_model, compared, estimate
+from pipeline.models.kinds import build_model, estimate
 from pipeline.models.model import frobenius
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
@@ -93,18 +91,6 @@ def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
         build_model({"kind": options.kind, "reason": "measured too well"})
 
 
-def test_every_estimator_is_compared_and_the_control_beside_each():
-    patterns = compared(wishart("moments"))
-    assert [*patterns] == [
-        f"{prefix}{{}}_{name}"
-        for prefix in ("", "control_qr_transposed_")
-        for name in ("moments", "paper", "likelihood")
-    ]
-    assert {each.decomposition for each in patterns.values()} == {"pivoted_lu", "qr_transposed"}
-    assert len(compared(wishart("moments", "qr_transposed"))) == 3
-    assert [*compared(Gaussian("gaussian", ""))] == ["{}_moments", "{}_paper", "{}_likelihood"]
-
-
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
 def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
     chain, poses, step, estimator
@@ -164,52 +150,23 @@ every_arm = pytest.mark.parametrize(
 )
 
 
-@dataclass(frozen=True)
-class Scene:
-    """An arm, a motion of it, and noise of a tenth of the steps' size."""
-
-    arm: SerialChain
-    q: np.ndarray
-    v: np.ndarray
-    covariance: np.ndarray
-
-    @property
-    def measurement(self) -> np.ndarray:
-        """A hundredth of it in the measured pose."""
-        return 1e-2 * np.diag(np.diag(self.covariance))
-
-
-def scene(n: int, m: int) -> Scene:
+def scene(n: int, m: int):
+    """An arm, a motion of it, and the covariance of noise of a tenth of the steps' size."""
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
     step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
     root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(n)
-    return Scene(arm, q, v, (0.1 * step) ** 2 * root @ root.T)
+    return arm, q[:-1], v, (0.1 * step) ** 2 * root @ root.T
 
 
-def draw(model, arm, q, v, rng) -> np.ndarray:
-    """(N, n) one step after each of the poses ``q`` (N, n), in plain NumPy, of the Wishart model by
-    Algorithm 1: Bartlett's matrices and the pseudo-inverse of J₁BJ₂.
-    """
-    if isinstance(model, WishartModel):
-        return algorithm_1_steps(arm, q, v, model.sigma_b, model.decomposition, rng)
-    covariance = np.broadcast_to(model.covariance(arm, q, v), (*q.shape, q.shape[-1]))
-    values, axes = np.linalg.eigh(covariance)
-    white = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(q.shape)
-    return q + arm.nominal_step(q, v) + np.matvec(axes, white)
-
-
-def recorded_on(scene: Scene, model) -> Recorded:
-    """Takes of steps that begin at the poses of the motion, measured with noise."""
-    rng, (arm, q) = np.random.default_rng(1), (scene.arm, scene.q[:-1])
-    drawn = [
-        draw(model, arm, np.tile(pose, (COUNT, 1)), command, rng)
-        for pose, command in zip(q, scene.v, strict=True)
-    ]
-    noise = np.swapaxes(drawn, 0, 1) - q - arm.nominal_step(q, scene.v)
-    noise += rng.multivariate_normal(np.zeros(q.shape[1]), scene.measurement, noise.shape[:2])
+def recorded_on(arm, q, v, covariance, model) -> Recorded:
+    """Takes of steps that begin at the poses ``q``, measured with a hundredth of the noise."""
+    rng, measurement = np.random.default_rng(1), 1e-2 * np.diag(np.diag(covariance))
+    poses = np.tile(q, (COUNT, 1, 1))
+    noise = draw_steps(model, arm, poses, v, rng)[0] - q - arm.nominal_step(q, v)
+    noise += rng.multivariate_normal(np.zeros(q.shape[1]), measurement, noise.shape[:2])
     joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
-    return Recorded(arm, np.tile(q, (COUNT, 1, 1)), scene.v, noise, joints, scene.measurement)
+    return Recorded(arm, poses, v, noise, joints, measurement)
 
 
 # beginning of the estimates that are compared, what their sampling leaves and the control's noise
@@ -239,12 +196,12 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
     (kind, option, value), case = given, scene(n, m)
     choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
     options = kinds.options_type(kind)(kind, **choice)
-    (truth,) = kinds.truths(recorded_on(case, ScaledModel(case.covariance)), options, [0.25])
-    model, at = build_model(truth.parameters), (case.arm, case.q[:-1], case.v)
+    (truth,) = kinds.truths(recorded_on(*case, ScaledModel(case[-1])), options, [0.25])
+    model, at = build_model(truth.parameters), case[:3]
     variance = np.trace(model.covariance(*at), axis1=-2, axis2=-1).mean()
 
     def error(model) -> float:
-        found = estimate(recorded_on(case, model), options).estimates
+        found = estimate(recorded_on(*case, model), options).estimates
         errors = []
         for name, known in truth.values.items():
             own = name.startswith("sigma_omega") and name[12] != name[13]

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.models import kinds
 
-ROOT = Path(__file__).parents[2]
 MALFORMED = [
     *(None, "{", "[]", '{"kind": "laplace"}', '{"kind": "gaussian", "alpha": 0.1}'),
     '{"kind": "gaussian", "alpha": "low", "u": 20.0}',
@@ -58,12 +53,3 @@ def test_the_level_of_an_unbounded_gaussian_model_is_its_limit(chain, poses, ste
 def test_a_kind_without_a_folder_is_refused_by_name():
     with pytest.raises(ConfigError, match="no kind 'tiny'; there are additive, gaussian"):
         kinds.options_type("tiny")
-
-
-@pytest.mark.slow
-def test_options_and_plain_fits_load_no_compiler():
-    program = (
-        "import sys; from pipeline.models import kinds; [*map(kinds.options_type, kinds.kinds())]; "
-        "sys.exit('numba' in sys.modules or 'cvxpy' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0

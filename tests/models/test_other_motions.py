@@ -90,12 +90,6 @@ def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_p
         return scored[scored["model"] == "gaussian"]
 
     assert rows(motions)["score"].notna().all()
-    # a motion that was recorded once is scored and fits nothing
-    once = MotionSteps("once", *(each[:1] for each in motions[0][1:]))
-    assert rows([*motions[1:], once])["score"].notna().all()
-    refused = rows([once, once._replace(name="again")])
-    assert refused.dropna(subset=["score"]).empty
-    assert refused["reason"].str.contains("needs two takes of a motion").any()
     straight = motion(3)
     bent = straight.q.copy()
     bent[..., 1] = chain.straight

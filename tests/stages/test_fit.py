@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import JOINTS, ROOT, TAKES
+from known_law import JOINTS, ROOT
 from made_options import parameters
 
 from pipeline.core import config, contracts
-from pipeline.core.columns import spread
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.closed_loop import fitted_closed_loop
 from pipeline.models.kinds import fitted_model
@@ -62,18 +61,6 @@ def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(
     ridge = contracts.read("ridge", fit.OUT / "gaussian")
     assert np.ptp(ridge["level"]) < 0.1 * ridge["level"].mean()
     assert ridge["alpha"].iloc[-1] < 0.5 * ridge["alpha"].iloc[0]
-
-
-def test_fewer_than_ten_takes_have_standard_errors_and_no_intervals(project):
-    for name in ("joints", "process_noise"):
-        table = contracts.read(name, fit.TRACK).query("part == 'training'")
-        few = table[table["take"].isin(sorted(table["take"].unique())[:9])]
-        contracts.write(few, name, fit.TRACK)
-    fit.run("gaussian")
-    metrics = metrics_of("gaussian")
-    assert metrics["takes"] == 9 and "noise_level_standard_error" in metrics
-    intervals = [name for name in metrics if "_interval_" in name]
-    assert all(name.startswith("closed_loop") for name in intervals)
 
 
 def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it_out(
@@ -185,29 +172,11 @@ def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
     assert log_scores().loc["none", "mean"] > held_out + 0.3
 
 
-NOISE = 1e-4 * np.eye(3)
-
-
 @pytest.fixture
 def claims(project) -> None:
     """The paper's claims in the project."""
     Path("reports").mkdir(exist_ok=True)
     Path("reports/claims.yaml").write_bytes((ROOT / "reports/claims.yaml").read_bytes())
-
-
-def film() -> None:
-    """A depth camera that saw the test takes at every tenth step."""
-    q = contracts.stacked(contracts.read("joints", fit.TRACK), "q")[1]
-    k = np.arange(0, q.shape[1], 10)
-    rng = np.random.default_rng(2)
-    angles = q[TAKES:, k] + rng.multivariate_normal(np.zeros(3), NOISE, (TAKES, len(k)))
-    takes = [f"take_{number:02d}" for number in range(TAKES, 2 * TAKES)]
-    frame = {"take": np.repeat(takes, len(k)), "part": "test"}
-    frame |= {"frame": np.tile(np.arange(len(k)), TAKES), "t": np.tile(k / 100, TAKES)}
-    nodes = dict.fromkeys(("x2", "z2", "x3", "z3", "xe", "ze"), 0.0)
-    table = frame | spread("q", JOINTS, angles) | nodes | {"points": 1, "objective": 0.0}
-    readings.ARTICULATE.mkdir(parents=True)
-    contracts.write(pd.DataFrame(table), "angles", readings.ARTICULATE)
 
 
 def verdicts() -> pd.DataFrame:
@@ -229,11 +198,3 @@ def test_without_a_camera_claims_about_motion_alone_are_decided_without_a_wishar
     choose(models=["additive"])
     readings.run()
     assert readings.OUT.is_dir() and not contracts.exists("readings", readings.OUT)
-
-
-@pytest.mark.slow
-def test_with_a_camera_the_filter_is_decided_and_again_the_same(project, claims):
-    film()
-    ruled = verdicts()
-    assert {"filter-accuracy-equal", "kinect-biased"} <= set(ruled.index)
-    pd.testing.assert_frame_equal(ruled, verdicts())

@@ -4,7 +4,6 @@ traps are found, refused where they are not settled, and what is left is the arm
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -137,28 +136,6 @@ def test_a_motion_from_the_straight_elbow_is_refused_by_name(ur5, log_project):
     assert quality("repetitions", "Movement") == 4
     with pytest.raises(SingularJacobianError, match="the Jacobian is singular"):
         track.run()
-
-
-def test_a_truncated_and_a_malformed_copy_of_a_real_log(ur5, log_project, tmp_path):
-    folder = tmp_path / "ur5" / "Movement_No5_copy"
-    shutil.copytree(next(ur5.glob("Movement_No5_*")), folder, copy_function=shutil.copyfile)
-    for place in (folder.parent, folder):
-        place.chmod(0o755)
-    file = folder / FILES[0]
-    content = file.read_bytes()
-    file.write_bytes(content[: int(0.75 * len(content))])
-    log_project("ur5_planar", folder.parent)
-    ingest.run("motion")
-    counts = {"repetitions": 3, "cut_rows": 2, "excursions_cut_off": 1}
-    assert {name: quality(name, "copy") for name in counts} == counts
-    file.write_bytes(content.replace(b"-2.135030", b"-2.13503O", 1))
-    with pytest.raises(RecordingError, match=r"not a finite number|a damaged row") as caught:
-        ingest.run("motion")
-    assert caught.value.evidence["line"] == 1
-    lines = content.split(b"\n")
-    file.write_bytes(b"\n".join(lines[:100] + lines[101:]))
-    with pytest.raises(RecordingError, match="samples are missing"):
-        ingest.run("motion")
 
 
 TAKES = [f"measurements_{file}_{number}" for file in (1, 2) for number in (1, 2)]

@@ -166,25 +166,6 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("progress", "command", "motions", "gaps", "settled"),
-    [
-        (np.sin(TIME), "missed by 0 of the motion", "0 whole", {}, {"rest": "0"}),
-        (np.clip(TIME - 4, 0, None) ** 2, "missed by 0", "0 whole", {"motions_cut_off": 1}, {}),
-        (np.zeros_like(TIME), "at rest, missed by 0 rad", "0 whole", {}, {}),
-    ],
-    ids=["never rests", "cut off", "at rest"],
-)
-def test_motions_and_lag_of_a_plain_archive(tmp_path, progress, command, motions, gaps, settled):
-    q = np.array([0.3, -1.0, 0.8]) + progress[:, None] * [1.0, 0.5, -0.7]
-    np.savez(tmp_path / "run.npz", times=TIME, positions=q, target_positions=q)
-    (finding,) = inspect(tmp_path / "run.npz")
-    assert finding.facts["command"].startswith(command)
-    assert (finding.facts["motions"], finding.gaps) == (motions, gaps)
-    assert ("pose_noise" in finding.suggested) == ("rest" in settled)
-    assert finding.suggested.items() >= (settled | UNITS).items()
-
-
-@pytest.mark.parametrize(
     ("arrays", "option"),
     [({"q": angles(TIME)}, "signals"), ({"q": angles(TIME), "q_target": angles(TIME)}, "time")],
 )

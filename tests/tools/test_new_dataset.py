@@ -24,8 +24,6 @@ from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
-from pipeline.tools.new_dataset.command import open_dataset
-from pipeline.tools.new_dataset.draft import Draft
 
 FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
 
@@ -226,58 +224,8 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
     assert "joint_log" not in written("others")[0]
 
 
-SHEET, OPTION = Path("dataset.yaml"), Path("lab.yaml")
-TEXTS = {
-    SHEET: "# ??? is asked\nabout:\n  subject: ??? # what\njoint_log:\n  time_unit: ??? # unit\n",
-    OPTION: "name: lab\nmotion:\n  rate: ??? # 1/s\n  steps: ??? # M\n",
-}
-
-
-def test_answers_take_the_places_of_open_values_and_wrong_ones_leave_the_draft():
-    draft = Draft(dict(TEXTS))
-    wrong = {"joint_log.time_unit": "minutes", "motion.steps": "many", "motion.pace": "1"}
-    for key, value in (wrong | {"motion.rate": ""}).items():
-        with pytest.raises(ConfigError):
-            draft.answer(key, value)
-    assert draft.texts == TEXTS
-    questions = {key: question.hint for key, question in draft.questions().items()}
-    keys = ("about.subject", "joint_log.time_unit", "motion.rate", "motion.steps")
-    assert questions == dict(zip(keys, ("what", "unit", "1/s", "M"), strict=True))
-    answers = {"about.subject": "an arm: # 1", "motion.steps": "20", "motion.rate": "1e2"}
-    for key, value in answers.items():
-        draft.answer(key, value)
-    assert '  subject: "an arm: # 1" # what\n' in draft.texts[SHEET]
-    assert draft.texts[OPTION].endswith("  rate: 1e2 # 1/s\n  steps: 20 # M\n")
-    assert draft.values()["motion"] == {"rate": 100.0, "steps": 20}
-    assert [*draft.questions()] == ["joint_log.time_unit"]
-
-
 def urdf() -> str:
     return os.path.relpath(ROOT / "pipeline/arm/ur5.urdf")
-
-
-@pytest.mark.slow
-def test_options_suggestions_and_a_number_leave_nothing_open(root, logs, capsys):
-    given = {"robot.tool": "flange", "joint_log.speed": "null"}
-    given |= {"about.subject": "UR5: its way", "about.source": "the lab"}
-    given["robot.urdf"] = urdf()
-    filling = open_dataset("lab", logs, given)
-    filling.fill(given, suggested=True, motion=1)
-    filling.write()
-    assert not filling.draft.questions() and not unfilled()
-    sheet, option = written()
-    joints = [f"joint_{j}" for j in range(1, 7)]
-    about = {"subject": "UR5: its way", "source": "the lab", "licence": "MIT License, Copyright"}
-    assert sheet["about"] == about
-    tables = {"actual": "q_actual.csv", "target": "q_target.csv", "speed": None}
-    expected = {"movements": "No*_slow", "time_unit": "s", "angle_unit": "rad", "joints": joints}
-    assert contains(sheet["joint_log"], expected | tables)
-    assert "# 2 not placed: LICENSE.txt, rest_3/force.csv" in datasheet.path_of("lab").read_text()
-    assert (option["robot"]["joints"], option["motion"]["rate"]) == (joints, 100)
-    log = option["joint_log"]
-    np.testing.assert_allclose(sorted([log["start"], log["end"]]), sorted([FROM, TO]), atol=1e-3)
-    assert option["motion"]["steps"] == 80 + 2 * log["rest"] and 0 < log["rest"] < 15
-    assert capsys.readouterr().out.count("No1_slow (3), No2_slow (3)") == 2
 
 
 @pytest.mark.slow
