@@ -1,6 +1,5 @@
 """Every compiled law of one step: its formula in NumPy from the same stream, the law of NumPy's own
-draws, its moments on arms of any size, and the edges of where it is defined: at rest, at and near a
-singular pose, past the bound of the Gaussian model, beyond the joint limits.
+draws, its moments on arms of any size, and its edges: at rest and at a singular pose.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
 """Estimators on takes that are drawn from known models with measurement noise: their parameters
-come back, on arms of any number of joints and task rows, and from another model others come.
+come back, on arms of any number of joints and task rows, and from another model others come. Their
+standard errors by the bootstrap over takes are the spread over independent recordings.
 """
 
 from __future__ import annotations
@@ -12,17 +13,20 @@ from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
+from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, estimate
 from pipeline.models.model import frobenius
+from pipeline.models.noise import mean_covariance
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.fit import examined
 from pipeline.models.wishart.law import WishartModel
+from pipeline.studies.recovery.stage import drawn
 
 MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
 TAKES, REST = 60, 20
@@ -211,3 +215,78 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
         return max(errors)
 
     assert error(model) < band < error(model.with_trace(*at, factor**2 * variance))
+
+
+ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
+
+
+def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
+    """(takes, 20, 3) noise in rad whose size differs from take to take, so that the squares of the
+    steps of a take go together.
+    """
+    size = np.sqrt(rng.gamma(4.0, 0.25, (takes, 1, 1)))
+    return 5e-3 * size * rng.standard_normal((takes, 20, 3))
+
+
+def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
+    return Recorded(
+        chain,
+        np.broadcast_to(poses[: noise.shape[1]], noise.shape),
+        np.tile(step, (noise.shape[1], 1)),
+        noise,
+        ("a", "b", "c"),
+        MEASUREMENT,
+    )
+
+
+def standard_error(data: Recorded, rng: np.random.Generator) -> float:
+    estimator = resampled_estimator(data, ADDITIVE, estimate(data, ADDITIVE))
+    result, lost = spreads([replicate(estimator, len(data.q), rng) for _ in range(60)])
+    assert lost == 0
+    return result["sigma_omega_11_rad2"].standard_error
+
+
+def test_the_standard_error_is_the_spread_over_independent_recordings(chain, poses, step):
+    rng = np.random.default_rng(1)
+    spread = np.std([mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)], ddof=1)
+    recordings = [correlated(COUNT, rng) for _ in range(12)]
+    errors = [standard_error(recording(chain, poses, step, noise), rng) for noise in recordings]
+    assert abs(np.mean(errors) / spread - 1) < 0.15
+    # control: steps drawn one by one, as if those of a take were independent
+    single = [
+        standard_error(recording(chain, poses, step, noise.reshape(-1, 1, 3)), rng)
+        for noise in recordings
+    ]
+    assert np.mean(single) / spread < 0.65
+
+
+@pytest.mark.parametrize(
+    ("kind", "estimator", "tolerance"),
+    [
+        ("wishart", "moments", 1e-12),
+        ("wishart", "paper", 1e-12),  # the weights follow from a known measurement noise here
+        ("wishart", "likelihood", 2e-4),
+        ("gaussian", "moments", 1e-12),
+        ("gaussian", "likelihood", 5e-3),
+    ],
+)
+def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
+    chain, poses, step, kind, estimator, tolerance
+):
+    still = recording(chain, poses, step, np.zeros((8, 20, 3)))
+    data = drawn(WishartModel(0.25), still, np.random.default_rng(2))
+    options = kinds.options_type(kind)(kind, estimator=estimator)
+    found = estimate(data, options)
+    name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]
+    for takes in (np.arange(8), np.array([0, 0, 3, 5, 5, 5, 6, 7]), np.array([1, 2])):
+        anew = estimate(data.subset(takes), options).estimates[name]
+        assert found.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
+    # control: the last takes have another estimate than all
+    assert abs(found.estimates[name] / anew - 1) > max(2e-3, tolerance)
+
+
+def test_a_replicate_without_an_estimate_is_counted_and_no_number():
+    known = [{"a": 1.0, "b": 2.0}, None, {"a": 3.0}]
+    spread, lost = spreads(known)
+    assert lost == 1 and set(spread) == {"a"}
+    assert spread["a"].standard_error == pytest.approx(np.sqrt(2))

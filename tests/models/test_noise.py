@@ -172,15 +172,3 @@ def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_f
     # control: the other mode's law is far outside the band
     other = STD * np.arange(1, steps + 1)[:, None] ** (0.5 - growth)
     assert np.abs(spread / other - 1).max() > 5 * band
-
-
-def test_what_has_no_spread_has_a_reason(chain, poses, step, rng):
-    """A model without a covariance, and a single realisation that survives."""
-    wide, q, v = WishartModel(0.9), takes(poses, 5, 4), np.tile(step, (4, 1))
-    realized, _, _ = realize(wide, chain, q, v, "one_step", rng)
-    mean, deviation, refused = realized_moments(wide, chain, q, v, "one_step", realized)
-    assert np.isfinite(mean).all() and np.isnan(deviation).all() and "covariance" in refused
-    realized[1:, 2:] = np.nan
-    with pytest.raises(ModelDomainError, match="fewer than two") as refusal:
-        realized_moments(NOISY, chain, q, v, "free_running", realized)
-    assert refusal.value.evidence["step"] == 2

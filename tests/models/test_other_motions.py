@@ -10,7 +10,6 @@ import pytest
 from planar_poses import chain
 
 from pipeline.core import config
-from pipeline.models.joint_steps_fit import PLAIN
 from pipeline.models.other_motions import EACH, MotionSteps, other_motions
 from pipeline.verdicts.model_card import recommended
 
@@ -71,12 +70,6 @@ def test_a_joint_that_moves_in_the_held_out_motion_alone_is_refused_by_name():
     assert np.isfinite(rows.loc[("additive_all", EACH), "score"])
     # fitted to all motions its gain is known
     assert tables["untold"].query("model == 'scaled_all'").empty
-
-
-def test_a_single_motion_tells_nothing_of_another():
-    name, why, tables = chosen([motion(1)])
-    assert name is None and "one motion" in why
-    assert tables["other_motions"]["motion"].str.startswith("take").sum() == 5 * len(PLAIN)
 
 
 def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_pose(chain):

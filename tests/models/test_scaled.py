@@ -1,5 +1,5 @@
 """Noise that grows with speed is found again in its own draws beside the measurement's, and not in
-noise that does not grow; the search ends at minima alone, on the boundary too.
+noise that does not grow.
 """
 
 from __future__ import annotations

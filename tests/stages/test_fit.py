@@ -1,6 +1,6 @@
 """The stage fit writes standard errors and the ridge beside the parameters; configure removes the
 models that params.yaml does not name; predict scores every model and baseline on takes that it was
-not fitted to; readings decides what the recordings have evidence on, with a camera or without.
+not fitted to; readings decides what the recordings without a camera have evidence on.
 """
 
 from __future__ import annotations
@@ -11,16 +11,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import JOINTS, ROOT
+from known_law import JOINTS, MODELS, REST, ROOT, STEPS, TAKES, TRUE
 from made_options import parameters
+from scipy.stats import chi2, multivariate_normal
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.closed_loop import fitted_closed_loop
-from pipeline.models.kinds import fitted_model
+from pipeline.models.kinds import build_model, fitted_model
+from pipeline.models.noise import process_noise
+from pipeline.models.prediction import score_steps
+from pipeline.models.steps import Recorded
 from pipeline.stages import configure, fit, predict, readings
-
-NEVER_RESTS = {"v:x": lambda table: table["v:x"] + 1e-9}
 
 
 def metrics_of(model: str) -> dict[str, float]:
@@ -106,20 +108,6 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(p
     assert "closed_loop_share" not in metrics_of("gaussian")
 
 
-def test_a_motion_that_never_rests_has_ranges_and_neither_closed_loop_nor_scores(
-    project, choose, capsys
-):
-    table = contracts.read("trajectory", fit.MOTION).assign(**NEVER_RESTS)
-    contracts.write(table, "trajectory", fit.MOTION)
-    choose(models=["additive"])
-    fit.run("additive")
-    assert fitted_closed_loop(fit.OUT / "additive") is None
-    assert "additive has no closed loop: the motion never rests" in capsys.readouterr().out
-    predict.run()
-    there = [contracts.exists(name, predict.OUT) for name in ("ranges", "predictions")]
-    assert there == [True, False]
-
-
 def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     parameters(tmp_path, models="[additive]")
@@ -198,3 +186,40 @@ def test_without_a_camera_claims_about_motion_alone_are_decided_without_a_wishar
     choose(models=["additive"])
     readings.run()
     assert readings.OUT.is_dir() and not contracts.exists("readings", readings.OUT)
+
+
+@pytest.fixture
+def known(known_project) -> tuple[Recorded, np.ndarray]:
+    """The recorded training takes, and the poses of the test takes."""
+    _, chain, q, v = known_project
+    noise = process_noise(chain, q[:TAKES], v)
+    return Recorded(chain, q[:TAKES, :-1], v, noise, tuple(JOINTS)), q[TAKES:]
+
+
+def scored(known, model: str) -> dict[str, np.ndarray]:
+    """The scores (takes, M) of every test take."""
+    recorded, poses = known
+    takes = [score_steps(build_model(MODELS[model]), recorded, take)[0] for take in poses]
+    return {name: np.stack([take[name] for take in takes]) for name in takes[0]}
+
+
+def test_every_step_of_a_take_is_scored_by_the_density_of_its_law(known):
+    (recorded, poses), scores = known, scored(known, "gaussian")
+    for k in (0, REST + 29):
+        before, after = poses[0, k], poses[0, k + 1]
+        mean = before + np.linalg.solve(recorded.chain.jacobian(before), recorded.v[k])
+        alone = TRUE.covariance(recorded.chain, before, recorded.v[k])
+        law = multivariate_normal(mean, alone + recorded.measurement)
+        error = after - mean
+        assert scores["log_density"][0, k] == pytest.approx(law.logpdf(after))
+        assert scores["nees"][0, k] == pytest.approx(error @ np.linalg.solve(law.cov, error))
+        assert scores["z"][0, k, 1] == pytest.approx(error[1] / np.sqrt(law.cov[1, 1]))
+
+
+def test_the_true_model_is_calibrated_and_a_wrong_one_is_not(known):
+    """The band of the mean NEES holds it with a probability of 99.9 %."""
+    cases = TAKES * (STEPS - REST)
+    low, high = chi2(3 * cases).ppf([5e-4, 1 - 5e-4]) / cases
+    true, wrong = (scored(known, model)["nees"] for model in ("gaussian", "gaussian_ml"))
+    assert low < true[:, REST:].mean() < high
+    assert not low < wrong[:, REST:].mean() < high

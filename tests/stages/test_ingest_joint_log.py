@@ -1,5 +1,5 @@
 """From the raw logs of a made-up robot that repeats its motions, in several forms and with
-disturbed repetitions, to the tables; of it everything is known. A command in another unit, order or
+disturbed repetitions, to the tables; everything is known of it. A command in another unit, order or
 clock than the measured angles never becomes a result, nor do locked joints that moved.
 """
 

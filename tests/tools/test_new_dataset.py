@@ -25,8 +25,6 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
 
-FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
-
 
 def run(*words: object) -> None:
     tool_call("new_dataset", [*map(str, words)])()
@@ -139,11 +137,6 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     assert "one of logs/hold_*.csv, logs/move_*.csv" in datasheet.path_of("lab").read_text()
     assert option["measurement"] == "encoders" and len(option["robot"]["joints"]) == 7
     assert "plane" not in option["robot"] and "joint_log" not in option
-    for part in ("mocap", "logs"):
-        (space_exports / part / "hold_1.csv").unlink()
-    run("one", "--from", space_exports)
-    sheet, _ = written("one")
-    assert (sheet["mocap"]["test"], sheet["encoders"]["test"]) == (None, "???")
     # control: a log of another name is a table of something else, and markers are a planar arm's
     for log in (space_exports / "logs").iterdir():
         log.rename(log.with_stem(f"other_{log.stem}"))
@@ -189,22 +182,6 @@ def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports
     write_takes(exports / "mocap", "fit_4", frames=31)
     run("lab", "--from", exports)
     assert written()[1]["motion"] == {"rate": 100, "steps": "???"}
-
-
-def test_names_that_yaml_or_a_pattern_would_read_otherwise_come_back_as_they_are(root, tmp_path):
-    folder = tmp_path / "odd [1]"
-    folder.mkdir()
-    for number in (1, 2):
-        take = random_take(9, body=False)
-        marker = take.markers["Link1:Marker1"]
-        take.markers.clear()
-        take.markers.update(dict.fromkeys(("no", "a: b", "#1", "1e3", '"q"', "ü"), marker))
-        write_motive(folder / f"a[b] {number}.csv", take, start=START)
-    run("odd", "--from", folder)
-    sheet, _ = written("odd")
-    takes = sorted(file.name for file in folder.glob(sheet["mocap"]["training"]))
-    assert (takes, sheet["recordings"]) == (["a[b] 1.csv", "a[b] 2.csv"], "../odd [1]")
-    assert 'no", "a: b", "#1", "1e3"' in datasheet.path_of("odd").read_text()
 
 
 def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_path):

@@ -137,13 +137,6 @@ def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
     np.testing.assert_allclose(plane[..., [0, 2]], arm.chain.points(POSES), atol=1e-12)
 
 
-def test_without_the_viewer_the_command_names_what_installs_it(monkeypatch, tmp_path):
-    monkeypatch.setattr(command, "ENVIRONMENT", tmp_path)
-    monkeypatch.setitem(command.sys.modules, "rerun", None)
-    with pytest.raises(PipelineError, match="run `make view`"):
-        command.run()
-
-
 @pytest.mark.slow
 def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_path):
     monkeypatch.setattr(command, "ENVIRONMENT", ROOT / ".venv-view")

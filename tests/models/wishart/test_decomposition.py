@@ -1,6 +1,4 @@
-"""Decompositions of the Jacobian against LAPACK's, dependences of their laws, names of them, and
-how steps that were drawn under one of them tell it.
-"""
+"""Decompositions of the Jacobian against LAPACK's, and dependences of their laws."""
 
 from __future__ import annotations
 

@@ -100,19 +100,6 @@ def test_the_density_is_that_of_algorithm_1_box_by_box(
     assert max(excesses(WishartModel(1.3 * sigma_b, decomposition))) > 5
 
 
-def test_no_step_goes_against_the_command(chain, step):
-    """B > 0 makes aᵀB⁻¹a > 0: on the other side there is nothing, and with measurement noise
-    little.
-    """
-    model = WishartModel(0.25)
-    forward = model.mean(chain, POSE, step) - POSE
-    steps = POSE + np.array([1.0, -1.0])[:, None] * forward
-    exact = model.log_density(chain, POSE, step, steps)
-    assert np.isfinite(exact[0]) and exact[1] == -np.inf
-    blurred = model.log_density(chain, POSE, step, steps, MEASUREMENT)
-    assert np.all(np.isfinite(blurred)) and blurred[1] < blurred[0] - 50
-
-
 def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, step):
     v = np.tile(step, (len(poses), 1))
     v[[3, 7]] = 0.0
