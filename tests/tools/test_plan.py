@@ -84,7 +84,7 @@ def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(work):
         with pytest.raises(PipelineError, match=message):
             run(["wishart", "path.csv", "out", "--points", "30", *words])
     for words, message in (
-        (["other", "path.csv", "out"], "fitted parameters cannot be read"),
+        (["other", "path.csv", "out"], "no fitted parameters"),
         (["wishart", "none.csv", "out"], "cannot be read .*none.csv"),
         (["wishart", "path.csv", "data"], "exists and is no plan"),
     ):
