@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from exported_models import write_model
 
-from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import kinds, load
 from pipeline.models.exported import OutsideRanges
 
@@ -54,11 +54,6 @@ def test_the_level_of_an_unbounded_gaussian_model_is_its_limit(chain, poses, ste
     np.testing.assert_allclose(variance(level=2.0), variance(alpha=1e-6, u=2e6), rtol=1e-9)
     # control: another level
     assert np.all(variance(level=2.1) > 1.05 * variance(level=2.0))
-
-
-def test_a_kind_without_a_folder_is_refused_by_name():
-    with pytest.raises(ConfigError, match="no kind 'tiny'; there are additive, gaussian"):
-        kinds.options_type("tiny")
 
 
 def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(tmp_path, chain, poses, step):

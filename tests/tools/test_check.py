@@ -153,14 +153,3 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
     suggested = entries("lab", recorded, tmp_path, {})
     assert suggested["joint_log.target_delay"].value == "{run_1: 0.8, run_2: 0.96}"
     assert suggested["joint_log.clock"].value == "rows"
-
-
-@pytest.mark.parametrize(
-    ("arrays", "option"),
-    [({"q": angles(TIME)}, "signals"), ({"q": angles(TIME), "q_target": angles(TIME)}, "time")],
-)
-def test_an_archive_whose_names_do_not_say_what_they_are_asks_for_them(tmp_path, arrays, option):
-    np.savez(tmp_path / "run.npz", **arrays)
-    (finding,) = inspect(tmp_path / "run.npz")
-    assert [question.option for question in finding.open] == [f"dataset.joint_log.{option}"]
-    assert not finding.stops

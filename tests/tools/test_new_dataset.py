@@ -258,14 +258,8 @@ def test_nothing_is_overwritten(root, logs):
         there.unlink()
 
 
-def test_places_that_are_none_are_refused_and_own_folders_need_no_inventory(root, logs, tmp_path):
+def test_places_that_are_none_are_refused(root, tmp_path):
     with pytest.raises(ConfigError, match="make it with --from FOLDER"):
         run("lab", "--ask")
     with pytest.raises(PipelineError, match="no such folder"):
         run("lab", "--from", tmp_path / "nothing")
-    place = root / "data/raw/lab/recordings"
-    place.parent.mkdir(parents=True)
-    logs.rename(place)
-    run("lab", "--from", place)
-    assert written()[0]["recordings"] == "data/raw/lab/recordings"
-    assert not (place.parent / "dvc.yaml").exists()
