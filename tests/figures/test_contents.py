@@ -9,14 +9,17 @@ import warnings
 from functools import partial
 from inspect import signature
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Arc
 from PIL import Image
 
 from pipeline.core import contracts
+from pipeline.core.columns import columns, pairs
 from pipeline.core.options.analysis import Compute
 from pipeline.figures import drawing, motion, perception, wrench
 from pipeline.figures.drawing import draw_all, figures_in
@@ -28,6 +31,80 @@ OUT = Path("data/figures")
 FIGURES = figures_in()
 BARE = {"cable_robot"}  # a schematic without axes
 TWICE = {"joint_realizations", "wrench_planes"}  # lines, pixels and contours; others in whole runs
+
+
+RNG = np.random.default_rng(11)
+STEPS, SOURCES = range(21), ("measured", "modelled")
+
+
+def each(numbers: list[str], **keys) -> pd.DataFrame:
+    """A row of random ``numbers`` for every combination of ``keys``, with the time of its step."""
+    table = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(index=False)
+    table = table.assign(**{name: RNG.random(len(table)) for name in numbers})
+    return table.assign(t=table["k"] / 100) if "k" in keys else table
+
+
+@pytest.fixture(scope="session")
+def tables() -> dict[str, pd.DataFrame]:
+    """One table of each kind that a figure shows."""
+    q, w, e, s, b = (columns(family, JOINTS) for family in "qwesb")
+    train, test = [f"training_{n:03d}" for n in range(1, 6)], [f"test_{n:03d}" for n in (1, 2, 3)]
+    u, grid = np.linspace(17.0, 20.0, 4), np.linspace(-4, 4, 21)
+    points = each(["sigma_b"], source=["recorded", "drawn"], point=["curve", "moments", "used"])
+    models = ["none", *MODELS, "wishart_closed"]
+    joints = each(q, take=train + test, k=STEPS).assign(residual=0.0)
+    spatial = {"configuration": ["T3", "T4"], "source": SOURCES}
+    planes = each([], **spatial, row_x=["fx", "mx"], x=grid, y=grid)
+    judged = pd.DataFrame({"take": ["train_001", "train_002", "test_001"]}).assign(beyond=False)
+    judged = judged.assign(left_out=[False, True, False], part=["training", "training", "test"])
+    measures = [
+        ("residual_rms", "m", [2e-4, 2e-3, 3e-4], 1e-3),
+        ("clock_drift", "s/s", [-1e-3, 2e-3, 0.0], 0.02),
+        ("interpolated", "1", 0.0, np.nan),
+        ("clock_drift_standard_error", "s/s", 1e-3, np.nan),
+    ]
+    takes = [
+        judged.assign(measure=measure, value=value, unit=unit, limit=limit)
+        for measure, unit, value, limit in measures
+    ]
+    directions = {"configuration": ["C1", "C2"], "source": SOURCES}
+    return {
+        "joints": joints.assign(part=joints["take"].str.partition("_")[0]),
+        "process_noise": each(w, take=train, k=STEPS[1:]).assign(part="training"),
+        "filter_error": each(e + s, model=models, take=test, k=STEPS).assign(part="test"),
+        "deviation": each(["error", *s], source=["recorded", *MODELS], k=STEPS),
+        "kinect_noise": each(
+            [*b, *pairs("r", JOINTS), "t"], take=["test_001", "none"], frame=range(6)
+        ),
+        "skeleton": each(["x", "z"], view=["initial", "extended"], node=range(4)),
+        "cloud": each(["x", "z"], view=["initial", "extended"], point=range(50)),
+        "ridges": each([], model=["gaussian"], level=[1.0], u=u).assign(
+            alpha=2 / u, excess=(u - 18.0) ** 2
+        ),
+        "sigma_b_weights": points.assign(model="wishart", ratio=np.geomspace(1e-5, 0.1, 6)),
+        "noise_quantiles": each(
+            ["noise"], model=["scaled_t", "distance_t"], joint=JOINTS, normal=np.arange(-3, 4.0)
+        ),
+        "takes": pd.concat(takes, ignore_index=True),
+        "wrench_errors": each(["error"], agents=[3, 10], system=range(40)).assign(
+            covariance_error_diagonal=0.1, covariance_error_full=0.1
+        ),
+        "force_density": each(["density"], **directions, fx=range(9), fy=range(10)),
+        "wrench_planes": planes.assign(
+            row_y=planes["row_x"].map({"fx": "fy", "mx": "mz"}),
+            density=np.exp(-(planes["x"] ** 2 + planes["y"] ** 2) / 2),
+        ),
+        "wrench_marginals": each(["density"], **spatial, row=["fx", "mz"], value=grid),
+    }
+
+
+@pytest.fixture(scope="session")
+def options() -> dict[str, object]:
+    """The options of all figures, with two arrangements of robots, of three and of four cables."""
+    first = SimpleNamespace(direction=[0.0, np.pi / 2, np.pi], tension=[5.0, 4.0, 2.0])
+    second = SimpleNamespace(direction=[0.3, 1.9, 3.0, 5.0], tension=[5.0, 4.0, 2.0, 1.0])
+    configurations = {"configurations": {"C1": first, "C2": second}}
+    return {"models": MODELS, "joints": JOINTS, "mode": "one_step"} | configurations
 
 
 def drawn(name: str, tables, options):
