@@ -41,15 +41,6 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(lab
         np.testing.assert_array_equal(take.seen, frames.joints)
 
 
-def test_without_disturbances_the_robot_follows_its_command(laboratory):
-    (take,) = perform(laboratory, STILL, 5, "train", 1)
-    way = laboratory.motion
-    goal, _ = desired_joints(np.arange(len(take.poses)) / way.rate, way)
-    np.testing.assert_allclose(take.poses, goal, atol=1e-3)
-    (otherwise,) = perform(laboratory, PhysicsFactors(), 5, "train", 1)
-    assert np.abs(otherwise.poses - goal).max() > 5e-3
-
-
 @pytest.mark.parametrize(
     ("factors", "scaled"),
     [

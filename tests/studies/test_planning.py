@@ -74,9 +74,6 @@ def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
         with pytest.raises(ModelDomainError, match=words):
             stage.planned(bench, model, OPTIONS)
     assert np.isnan(stage.predicted_sum(bench, wide, bench.recorded))
-    covariance = np.diag([1e-6, 2e-6, 4e-6])
-    whole = stage.predicted_sum(bench, ScaledModel(covariance), bench.recorded)
-    assert whole == pytest.approx(7e-6 * (len(bench.recorded) - 1))
 
 
 def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench, rig):

@@ -30,8 +30,7 @@ STD |= {"why": {"youbot": "it mixes units"}}
 SIGMA = STATED | {"id": "sigma-b", "about": "specimen", "rule": "within_relative"}
 SIGMA |= {"tolerance": 0.2, "published": 0.25, "parameter": "σ̂"}
 SIGMA |= {"value": {"file": "metrics/fit_wishart", "key": "sigma_b_paper"}}
-OWN = STD | {"id": "own", "source": "project", "where": ""}
-CLAIMS = parse_claims([STUDY, STD, SIGMA, OWN])
+CLAIMS = parse_claims([STUDY, STD, SIGMA])
 FIT = {"sigma_b": 0.227, "sigma_b_paper": 0.28765, "sigma_b_moments": 0.227}
 FIT |= {"sigma_b_moments_interval_low": 0.22, "sigma_b_moments_interval_high": 0.235}
 GAUSSIAN = {"u_paper": 18.0, "u_moments": 1000.0, "u_moments_unbounded": 1}
@@ -60,14 +59,11 @@ def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
     assert "| the statement | ✓ 0.2 |  |  |" in page
     assert "| the statement |  | ✗ 2/3 | ✗ 0/2 |" in page
     assert "| the statement *(the paper's own arm)* |  | ? 0.2877 | – |" in page
-    assert page.index("the project's own claim") > page.index("the paper's own arm")
     assert "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1.\n" in page
     assert "| mine" not in page and "## Empty" not in page and "## Ours" in page
-    own = report_page.report_page(RUNS[2], RUNS, decided, {})
-    assert f"| claim | {WITHOUT_RECORDING} | mine | youBot, synthetic | UR5, real |" in own
     failures = report_page.failures(RUNS[0], decided).splitlines()
     assert failures[0].endswith("b: 0.75. Reason: it mixes units.")
-    assert "a: 0.6 and 1 more cases" in failures[1] and len(failures) == 4
+    assert "a: 0.6 and 1 more cases" in failures[1] and len(failures) == 2
     page = datasets_page(decided)
     assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
     assert "| std | ✓ | ✗ | ✗ |  |" in page and "| study |  |  |  | ✓ |" in page
@@ -77,7 +73,6 @@ def test_the_results_of_the_readme_stand_between_its_marks(decided):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
     text = report_page.readme_with_results(f"{before}earlier\n{after}", RUNS[0], decided)
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
-    assert "no recording: 1 / 0; youBot, synthetic: 0 / 1; UR5, real: 0 / 1.\n" in text
     assert "σ̂_B is 0.227; printed is 0.25.\n" in text
     assert report_page.readme_with_results(text, RUNS[0], decided) == text
     with pytest.raises(ContractError, match="put them back"):
@@ -149,7 +144,6 @@ def test_the_filters_with_a_higher_log_score_are_named():
     run = filtered(memory=(-0.5, 0.5), wishart=(-0.5, -1.0), additive_closed=(0.05, 0.05))
     text = filter_verdict(run)
     assert text.startswith("On lab no particle filter has a higher log score than the mean and")
-    assert "smaller rms error than the training mean in every joint: wishart, open loop." in text
     assert text.endswith("has a higher log score than the training mean.")
     higher = filter_verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
     assert higher.startswith("On lab these particle filters have a higher log score")
@@ -177,18 +171,14 @@ def test_the_result_names_predictor_and_filter_with_numbers():
 
 BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
 PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
-SHARE = "std_share_of_the_step_b"
 LIMIT = "sigma_b_limit_of_the_covariance"
 RANGE = ["quantity", "name", "unit", "least", "greatest"]
-
-
+PARAMETERS = "model joint at_rest_rad share_of_step per_angle_rad degrees greatest_step_rad"
 COLUMNS = {
     "other_motions": "model motion score reason",
     "motion_spread": "motion joint model predicted_rad measured_rad",
     "tails": "model joint kurtosis one_sigma two_sigma three_sigma",
-    "plain_parameters": (
-        "model joint at_rest_rad share_of_step per_angle_rad degrees greatest_step_rad"
-    ),
+    "plain_parameters": PARAMETERS,
     "untold": "model parameter joint found required",
     "motions": "motion takes steps moving",
     "motion_ranges": " ".join(RANGE),
@@ -283,8 +273,7 @@ def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(sc
     text = choice(predicted(half, wishart=score))  # below, or above within the interval
     assert text.startswith("On lab **no matrix model** has a log score above every baseline:")
     assert " Wishart matrix model not above autoregressive baseline." in text
-    higher = choice(predicted(wishart=12.0, other=11.5))
-    assert higher.startswith("**Wishart matrix model**: its log score is")
+    assert choice(predicted(wishart=12.0, other=11.5)).startswith("**Wishart matrix model**: its")
 
 
 def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
@@ -306,7 +295,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     [
         ({"u": 9.0, "u_unbounded": 1, "u_standard_error": 1.0, "alpha": 0.1}, "alpha"),
         ({"sigma_b": 0.75, "sigma_b_standard_error": 0.1, LIMIT: 0.7071}, "sigma_b"),
-        ({SHARE: 9.0, f"{SHARE}_standard_error": 1.0}, SHARE),
+        ({"std_share_of_the_step_b": 9.0}, "std_share_of_the_step_b"),
     ],
 )
 def test_a_parameter_that_the_recordings_cannot_tell_has_no_number(fitted, absent):
