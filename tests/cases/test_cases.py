@@ -19,7 +19,6 @@ from pipeline.cases.readings import readings, readings_table
 from pipeline.core import config
 from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import MEMORY
-from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior
 from pipeline.models.kinds import options_type
 from pipeline.models.noise import mean_covariance, process_noise
@@ -115,16 +114,14 @@ def test_there_is_evidence_on_every_claim_about_motion_camera_and_filter(base, t
     assert [v.claim.id for v in verdicts if any(case.value is None for case in v.cases)] == []
 
 
-def spread_out(takes, seed: int):
-    """The takes and measured poses with noise, as at the first step the fixture's do not differ."""
-    rng = np.random.default_rng(seed)
-    poses = takes.poses + 1e-3 * rng.standard_normal(takes.poses.shape)
-    truth = np.stack(list(takes.test.values()))
-    return replace(takes, poses=poses), truth + 1e-3 * rng.standard_normal(truth.shape)
-
-
 def test_filters_are_compared_with_the_training_takes_and_hold_the_noise_of_a_pose(takes):
-    takes, truth = spread_out(takes, 6)
+    # with noise, as at the first step the fixture's takes do not differ
+    rng = np.random.default_rng(6)
+    noisy, truth = (
+        poses + 1e-3 * rng.standard_normal(poses.shape)
+        for poses in (takes.poses, np.stack(list(takes.test.values())))
+    )
+    takes = replace(takes, poses=noisy)
     middle = takes.poses.mean(axis=0)
     covariance = np.array([np.cov(step.T) for step in takes.poses.swapaxes(0, 1)])
     known, off = ([posterior(middle + shift, covariance)] * len(truth) for shift in (0.0, 0.05))
@@ -146,25 +143,6 @@ def test_filters_are_compared_with_the_training_takes_and_hold_the_noise_of_a_po
     rows = against(np.stack([np.zeros((3, 3)), np.eye(3)]))
     assert rows.loc[("gaussian", "log_score"), "difference"] == pytest.approx(0.0)
     assert rows.loc[("gaussian_closed", "log_score"), "high"] < -1
-
-
-def test_filters_in_a_closed_loop_come_with_the_linear_one_of_the_takes(base, takes, posteriors):
-    rng, noise = np.random.default_rng(3), 1e-8 * np.eye(3)[None]
-    frames = {}  # one a tenth of the spread off, at the step before the last
-    for name, take in takes.test.items():
-        seen = take[[-2]] + 1e-4 * rng.standard_normal((1, 3))
-        time = np.array([DT * (len(take) - 2)])
-        frames[name] = Measurements(name, time, seen, np.zeros((1, 3)), noise)
-    camera, (apart, _) = Camera(camera_noise(["none", "a"]), frames), spread_out(takes, 3)
-
-    def rows(closed: bool) -> pd.Series:
-        case = replace(base, closed=closed)
-        evidence, _ = case_evidence(case, apart, {}, camera, posteriors, DT)
-        table = evidence["tables/filter_against_none"]
-        return table.set_index(["model", "score"])["difference"]
-
-    assert (rows(True)[MEMORY][[f"rms_error_{joint}_rad" for joint in JOINTS]] < 0).all()
-    assert MEMORY not in rows(False)
 
 
 def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why(

@@ -16,8 +16,7 @@ from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.laboratory import session
-from pipeline.laboratory.dynamics import Chance, draw, expose, simulate_take, swing
-from pipeline.laboratory.swing import desired_joints
+from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.models.kinds import options_type
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
@@ -137,21 +136,6 @@ def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laborat
         for each in (dynamics, replace(dynamics, **other))
     )
     assert right < 2.0 < 3.0 < wrong
-
-
-def test_the_jitter_of_an_exposure_moves_a_pose_by_the_speed_alone(laboratory):
-    motion = laboratory.motion
-    dynamics = replace(laboratory.dynamics, **(AT_REST | {"jitter_std": 2e-3}))
-    grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
-    path, _ = desired_joints(grid, motion)
-    law = deviations(laboratory.chain, motion, dynamics, path)
-    assert np.all(law.covariance == 0)
-    draws = np.random.default_rng(3)
-    t, q, _ = simulate_take(laboratory.chain, np.zeros(3), motion, dynamics, draws)
-    scatter = np.array([expose(t, q, grid, dynamics, draws) for _ in range(2000)])
-    std = np.sqrt(np.diagonal(law.exposure, axis1=1, axis2=2))
-    fast = std[:, 0] > 0.9 * std[:, 0].max()
-    np.testing.assert_allclose(scatter.std(axis=0)[fast], std[fast], rtol=0.1)
 
 
 def known() -> dict[str, Filtered]:

@@ -14,10 +14,7 @@ from study_runs import options_of
 from pipeline.core.errors import ConfigError
 from pipeline.studies.outlook.hexapod import equal_models, pose_of
 from pipeline.studies.outlook.stage import error_rows, lever, motion_of, recorded_rows, slope_rows
-from pipeline.wrench.bounds import Bounds, draw_systems
-from pipeline.wrench.matrix import matrix_model
-from pipeline.wrench.parametric import wrench_covariance
-from pipeline.wrench.study import averaged_sigma_s, variance_errors
+from pipeline.wrench.bounds import Bounds
 
 OPTIONS = options_of("outlook", "paper")
 MOTION = motion_of(OPTIONS)
@@ -106,16 +103,6 @@ def test_what_is_no_robot_or_motion_is_refused_by_its_key(changes, key):
     with pytest.raises(ConfigError) as refused:
         equal_models(motion_of(options), options.noise, options.bound)
     assert refused.value.evidence["key"] == key
-
-
-def test_an_error_is_the_papers_over_the_rows_of_its_part():
-    rows = error_rows(BOUNDS, [5], (100, 50), np.random.default_rng(1))
-    rng = np.random.default_rng(1).spawn(1)[0]
-    drawn, fresh = (draw_systems(BOUNDS, n, 5, rng).in_units_of(0.25) for n in (100, 50))
-    modelled = matrix_model(fresh).covariance(averaged_sigma_s(drawn)["diagonal"].mean)
-    for own, block in zip(rows["variance"], (slice(3), slice(3, 6)), strict=True):
-        due = wrench_covariance(fresh)[:, block, block]
-        assert own == pytest.approx(variance_errors(modelled[:, block, block], due).mean())
 
 
 def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
