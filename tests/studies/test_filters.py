@@ -7,10 +7,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 from scipy.stats import chi2
-from study_runs import options_of
 
 from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
@@ -175,16 +173,3 @@ def test_long_deviations_are_filtered_and_short_ones_are_not(laboratory):
         assert ratios[10.0][name] < 0.9 and ratios[10.0][name] < ratios[0.1][name]
     # the yardstick knows the law
     assert ratios[10.0][YARDSTICK] <= 1.1 * ratios[10.0].min()
-
-
-def test_the_page_names_filters_that_gain_in_a_score_and_lose_in_none():
-    rows = stage.score_rows(known(), JOINTS)
-    half = rows[rows["filter"] == "half"]
-    others = [half.assign(filter=name) for name in (MEMORY, YARDSTICK)]
-    rows = pd.concat([rows, *others], ignore_index=True)
-    lasting = [rows.assign(factor=x, sway_time=0.01 * x, left=0.2 * x) for x in (1.0, 3.0)]
-    log = rows["score"] == LOG
-    worse = rows.assign(high=rows["high"].mask(log, -1.0), low=rows["low"].mask(log, -2.0))
-    for shown, name in ((rows, "half, open loop"), (worse, "none")):
-        tables = {"filters": shown, "filters_lasting": pd.concat(lasting)}
-        assert stage.facts(tables, options_of("filters"))["particle"].startswith(name)

@@ -59,38 +59,6 @@ def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(tm
     assert refused.value.evidence["name"].endswith("step.Step.sample")
 
 
-def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_path):
-    texts = [
-        '"""Module (cost)."""',
-        'class A:\n    """(NormStd)"""\n    def b(self):\n        """(NormStd)"""',
-        'def _c():\n    """(cost)"""',
-        'def g():\n    """(const1); it serves\n    tests alone."""',
-    ]
-    (tmp_path / "d.py").write_text("\n".join(texts))
-    sources = paper.citations(tmp_path, SMALL)
-    names = {
-        item: [source.name.partition("d.")[2] for source in by] for item, by in sources.items()
-    }
-    cited = {"const1": ["g"], "NormStd": ["A", "A.b"]}
-    assert names == {"cost": [], "Setup": [], "Theorem 1": []} | cited
-    assert [source.tests_alone for source in sources["const1"]] == [True]
-
-
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"kind": "theorem"}, "label"),
-        ({"tests": ["test_b.py"]}, "tests"),
-        ({"without_code": "a sketch"}, "tests"),
-        ({"label": "cost"}, "label"),
-    ],
-)
-def test_a_malformed_item_is_refused_with_its_key(changes, key):
-    with pytest.raises(ConfigError) as refused:
-        paper.parse_items([EQUATION | changes, *FURTHER])
-    assert refused.value.evidence["key"].startswith(key)
-
-
 ROOT = Path(__file__).parents[2]
 ITEMS = paper.parse_items(config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"])
 SOURCES = paper.citations(ROOT / "pipeline", ITEMS)
@@ -193,13 +161,19 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
 
 
 @pytest.mark.parametrize(
-    ("changes", "key"),
-    [({"tests": ["test_noise.py"]}, "tests"), ({"values": {"ours": {"file": "fit"}}}, "key")],
+    ("parse", "entries", "changes", "key"),
+    [
+        (paper.parse_items, [EQUATION, *FURTHER], {"kind": "theorem"}, "label"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"tests": ["test_b.py"]}, "tests"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"without_code": "a sketch"}, "tests"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"label": "cost"}, "label"),
+        (paper.parse_errata, [ENTRY], {"tests": ["test_noise.py"]}, "tests"),
+        (paper.parse_errata, [ENTRY], {"values": {"ours": {"file": "fit"}}}, "key"),
+    ],
 )
-def test_a_malformed_entry_is_refused_with_its_name_and_key(changes, key):
+def test_a_malformed_item_or_erratum_is_refused_with_its_key(parse, entries, changes, key):
     with pytest.raises(ConfigError) as refused:
-        paper.parse_errata([ENTRY | changes])
-    assert refused.value.evidence["erratum"] == "bias"
+        parse([entries[0] | changes, *entries[1:]])
     assert refused.value.evidence["key"].startswith(key)
 
 
