@@ -90,7 +90,6 @@ def test_no_variation_that_chance_alone_would_make_is_decided():
         ("tables/t", "", {"score": "rms_{joint 1}"}, "mean", 1.5),
         ("metrics/motion", "no_such", {}, "", None),
         ("metrics/motion", "gap", {}, "", None),
-        ("metrics/none", "wishart_std", {}, "", None),
         ("tables/sigma_s", "", {"name": "C3"}, "e", None),
         ("tables/sigma_s", "", {"name": "C2"}, "f", None),
     ],
@@ -230,7 +229,6 @@ def powers(powers, thresholds) -> dict[str, float]:
     ("recordings", "changes", "more", "expected"),
     [
         ("synthetic", {}, {}, d.REPRODUCED),
-        ("real", {}, {}, d.REPRODUCED),
         ("synthetic", FAILING, {}, d.NOT_REPRODUCED),
         ("synthetic", {"about": "robots"}, {}, d.SYNTHETIC_CANNOT),
         ("real", {"about": "robots"}, {}, d.REPRODUCED),

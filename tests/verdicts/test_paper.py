@@ -70,28 +70,18 @@ def test_nothing_that_the_paper_numbers_is_forgotten():
 
 
 @cache
-def definitions(file: str) -> dict[str, ast.AST]:
-    """What a test file defines at its top, by name."""
-    named = {}
+def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
+    """Return by name what a test file defines at its top, and dotted paths of what it imports."""
+    named, imported = {}, {}
     for node in ast.parse((ROOT / file).read_text()).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             named[node.name] = node
         elif isinstance(node, ast.Assign):
             targets = (each for target in node.targets for each in ast.walk(target))
             named |= {each.id: node for each in targets if isinstance(each, ast.Name)}
-    return named
-
-
-@cache
-def imported(file: str) -> dict[str, str]:
-    """Name → dotted path of what a test file imports of the pipeline."""
-    nodes = ast.walk(ast.parse((ROOT / file).read_text()))
-    return {
-        alias.asname or alias.name: f"{node.module}.{alias.name}"
-        for node in nodes
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
+        elif isinstance(node, ast.ImportFrom):
+            imported |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
+    return named, imported
 
 
 def used(file: str, test: str) -> set[str]:
@@ -101,13 +91,14 @@ def used(file: str, test: str) -> set[str]:
     names, waiting, visited = set(), [(file, test)], set()
     while waiting:
         place, name = waiting.pop()
-        if (place, name) in visited or name not in definitions(place):
+        definitions, imported = parsed(place)
+        if (place, name) in visited or name not in definitions:
             continue
         visited.add((place, name))
-        for node in ast.walk(definitions(place)[name]):
+        for node in ast.walk(definitions[name]):
             if isinstance(node, ast.Name | ast.Attribute):
                 head, _, rest = ast.unparse(node).partition(".")
-                source = imported(place).get(head, head)
+                source = imported.get(head, head)
                 names.add(f"{source}.{rest}".rstrip("."))
                 module, _, own = source.rpartition(".")
                 helper = f"tests/{module.removeprefix('tests.').replace('.', '/')}.py"
@@ -126,7 +117,7 @@ def test_every_item_has_a_function_or_needs_none_and_tests_that_exist_and_use_it
     classes = {owner for owner in owners if owner.rpartition(".")[2][:1].isupper()}
     for test in item.tests:
         file, _, name = test.partition("::")
-        assert name in definitions(file), test
+        assert name in parsed(file)[0], test
         assert used(file, name) & (implementing | classes), test
 
 
@@ -199,7 +190,7 @@ def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, y
     for erratum in errata:
         for test in erratum.tests:
             file, _, name = test.partition("::")
-            assert name.startswith("test_") and name in definitions(file), test
+            assert name.startswith("test_") and name in parsed(file)[0], test
         text = f"{erratum.title} {erratum.paper} {erratum.fact} {erratum.done}"
         assert not re.search(TYPED, text), erratum.id
 
