@@ -1,4 +1,4 @@
-"""All motions keep the task path; sums are those of the takes, which have equal numbers for every
+"""All motions keep the task path; sums are variances of the takes, with equal draws for every
 motion; a plan is the least by its model.
 """
 
@@ -86,7 +86,7 @@ def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench, rig):
         assert value == pytest.approx(noise[takes].var(axis=0, ddof=1).sum(), rel=1e-9)
 
 
-def test_orders_agree_or_are_opposite_and_equal_predictions_have_no_order():
+def test_orders_agree_in_part_and_equal_predictions_have_no_order():
     sums = {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}
     assert stage.agreement(sums, sums) == 1.0
     assert stage.agreement(sums | {"a": 2.5}, sums) == pytest.approx(1 - 2 / 6)
@@ -100,7 +100,7 @@ def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(ben
     training = rig.poses(bench.recorded, "training") - bench.recorded
     spread = first.std()
     assert np.abs(first - second).max() < 0.2 * spread < np.abs(first - training).max()
-    # a motion's takes hang neither on how many there are nor on how many are simulated at once
+    # a take does not depend on the number of takes
     fewer = Rig(bench, rig.dynamics, takes=2, seed=1)
     assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
 
