@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
 
 import cv2
 import numpy as np
 from PIL import Image
-
-from pipeline.formats.depth.image import PNG
 
 SHAPE = (424, 512)
 
@@ -23,29 +20,17 @@ def frame(seed: int = 1, shape: tuple[int, int] = SHAPE) -> np.ndarray:
     return raw.astype(np.uint16)
 
 
-def tiff(pixels: np.ndarray, description: str = "", append=(), **options: object) -> bytes:
+def tiff(pixels: np.ndarray, description: str = "", **options: object) -> bytes:
     content = io.BytesIO()
-    options["append_images"] = [Image.fromarray(more) for more in append]
     Image.fromarray(pixels).save(content, "TIFF", description=description, **options)
     return content.getvalue()
-
-
-def png(data: bytes, width: int, height: int, *, bits: int = 16, colour: int = 0) -> bytes:
-    """A PNG whose check sums are right, whatever its compressed ``data``."""
-    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
-    return PNG + b"".join(
-        struct.pack(">I", len(content)) + name + content
-        + struct.pack(">I", zlib.crc32(name + content))
-        for name, content in ((b"IHDR", header), (b"IDAT", data), (b"IEND", b""))
-    )  # fmt: skip
 
 
 def encoded(ending: str, image: np.ndarray) -> bytes:
     return cv2.imencode(ending, image)[1].tobytes()
 
 
-SMALL = frame(shape=(12, 16))  # and its pixels in a PNG and a PGM
-ZIPPED = zlib.compress(b"".join(b"\0" + row.astype(">u2").tobytes() for row in SMALL))
+SMALL = frame(shape=(12, 16))
 PGM = b"P5\n# a comment\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
 
 
@@ -66,6 +51,9 @@ CALIBRATIONS = {
     "ros.yaml": "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n"
     "  data: [525.5, 0, 319.5, 0, 524.0, 239.25, 0, 0, 1]\ndistortion_model: plumb_bob\n"
     "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [2.5e-1, 0, 0, 0, 0]\n",
+    "printed.yaml": "header:\n  stamp: {sec: 1}\nwidth: 640\nheight: 480\n"
+    "distortion_model: plumb_bob\nk: [525.5, 0.0, 319.5, 0.0, 524.0, 239.25, 0.0, 0.0, 1.0]\n"
+    "d: [0.25, 0, 0, 0, 0]\n---\n",
     "plain.yaml": f"fx: 525.5\nfy: 524\ncx: 319.5\ncy: 239.25\ndist_coeffs: {D}\n",
     "rows.yaml": f"K:\n- [525.5, 0, 319.5]\n- [0, 524, 239.25]\n- {ROWS}\nD: {D}\n",
     "plain.json": '{"width": 640, "height": 480, "fx": 525.5, "fy": 524, "cx": 319.5, '

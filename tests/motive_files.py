@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 
 START = "2024-03-05 10.15.00.000 AM"
@@ -66,10 +65,6 @@ def rows_file(
     return file
 
 
-def in_metres(file: Path) -> MotionTake:
-    return read_motive(file, "m")
-
-
 # rows of the row-typed grammar
 TRACKED = "7,{0}.5,2,3,0,0,0,1,0,0,0"
 DEFINITION = 'rigidbody,"Arm",7,2,0.1,0,0,-0.1,0,0'
@@ -78,11 +73,6 @@ DEFINITION = 'rigidbody,"Arm",7,2,0.1,0,0,-0.1,0,0'
 def frame_row(k: int, markers: str = "0", *, tracked: bool = True) -> str:
     pose = "1," + TRACKED.format(k % 100) if tracked else "0"
     return f"frame,{k},{k / 100:.8f},{pose},{markers}"
-
-
-def body_row(k: int, first: str, second: str) -> str:
-    solved = "9,9,9,2,9,9,9,4"
-    return f'rigidbody,{k},{k / 100:.8f},"Arm",7,0,2,{solved},{first},{second},1,1,0.9,0.9,0.002'
 
 
 def seen_row(k: int) -> str:

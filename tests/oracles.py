@@ -22,24 +22,12 @@ every_reading = pytest.mark.parametrize("decomposition", READINGS.values(), ids=
 def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
     """(size, n) draws of q_{k+1}, line by line after the paper, under the command ``v``."""
     jacobian = chain.jacobian(q)
-    j1 = first_factor(jacobian, decomposition)
-    return q + chain.null_step(q, v) + _steps(jacobian, j1, v, sigma_b, size, rng)
-
-
-def algorithm_1_steps(chain, q, v, sigma_b, decomposition, rng) -> np.ndarray:
-    """(N, n) one draw of q_{k+1} after each of the poses ``q`` (N, n) likewise."""
-    jacobian = chain.jacobian(q)
-    j1 = np.array([first_factor(each, decomposition) for each in jacobian])
-    return q + chain.null_step(q, v) + _steps(jacobian, j1, v, sigma_b, len(q), rng)
-
-
-def _steps(jacobian, j1, v, sigma_b, size, rng) -> np.ndarray:
-    m, n = jacobian.shape[-2:]
+    j1, (m, n) = first_factor(jacobian, decomposition), jacobian.shape
     d = wishart.degrees_of_freedom(sigma_b, m)
     b = wishart.sample(d, np.eye(m) / d, (size,), rng)
     random = j1 @ b @ np.linalg.solve(j1, jacobian)
     inverse = np.linalg.inv(random) if m == n else np.linalg.pinv(random)
-    return np.matvec(inverse, v[..., :m])
+    return q + chain.null_step(q, v) + np.matvec(inverse, v[..., :m])
 
 
 def first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:

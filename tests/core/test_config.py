@@ -4,6 +4,7 @@ all mistakes at once; a stage gets the sections that it declares, as typed objec
 
 from __future__ import annotations
 
+import shutil
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,14 +13,13 @@ import pytest
 import yaml
 from made_options import parameters
 
-from pipeline.core import config
+from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Compute, Filter
 from pipeline.core.options.dataset import Robot
 from pipeline.core.validation import options
 from pipeline.models.kinds import kinds, options_type
 
-ROOT = Path(__file__).parents[2]
 PARTS = "robot motion trajectory mocap depth force laboratory".split()
 NOTHING = "{" + ", ".join(f"{part}: null" for part in PARTS) + "}"
 
@@ -202,16 +202,6 @@ def test_a_stage_that_there_is_not_and_a_stale_configuration_are_refused(section
         config.sections("stage")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "file", [ROOT / "dvc.yaml", *sorted(ROOT.glob("data/raw/*/dvc.yaml"))], ids=str
-)
-def test_every_section_that_a_stage_declares_exists(file, sections):
-    sections("seed")
-    for stage in yaml.safe_load(file.read_text())["stages"]:
-        config.sections(stage, file, item="wishart")
-
-
 @options()
 class StudyOptions:
     """Options of a study of these tests."""
@@ -239,10 +229,59 @@ def test_a_study_gets_its_options_for_the_scale_of_the_run(sections, tmp_path):
         assert refused.value.evidence["file"] == file
 
 
-def test_options_of_models_that_the_run_has_not_chosen_are_typed_by_their_kinds():
-    names = config.option_names("model")
-    models = config.model_options(names)
-    assert list(models) == names
-    assert {type(model) for model in models.values()} == {options_type(kind) for kind in kinds()}
-    with pytest.raises(ConfigError, match=f"no model 'laplace'; there are {', '.join(names)}"):
-        config.model_options(["additive", "laplace"])
+@pytest.fixture
+def sheet(tmp_path, monkeypatch) -> Path:
+    """The datasheet of youbot, to edit."""
+    original = datasheet.path_of("youbot")
+    monkeypatch.setattr(datasheet, "DATASHEETS", tmp_path / "raw")
+    file = datasheet.path_of("youbot")
+    file.parent.mkdir(parents=True)
+    shutil.copy(original, file)
+    return file
+
+
+def edit(file: Path, key: str, value: object) -> None:
+    values = yaml.safe_load(file.read_text())
+    *above, last = key.split(".")
+    node = values
+    for part in above:
+        node = node.setdefault(part, {})
+    node[last] = value
+    file.write_text(yaml.safe_dump(values))
+
+
+def test_values_of_both_files_are_in_the_configuration(sheet, compose):
+    edit(sheet, "depth.clock_offset", 0.125)
+    composed = compose().dataset
+    assert (composed.depth.clock_offset, composed.depth.search) == (0.125, 0.4)
+    assert composed.depth.takes == "kinect/test_*" and not hasattr(composed, "about")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        *(
+            (key, value, f"dataset.{key} stands in youbot.yaml too: keep one of them")
+            for key, value in (("mocap.gate", 0.1), ("name", "a"), ("depth.workspace", None))
+        ),
+        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: there is ???"),
+        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: there is ???"),
+        ("about.licence", "???", "fill in about.licence: "),
+        ("about", None, "needs about"),
+        ("about.page", "1", "'page'"),
+        ("depth.clock_offset", "early", "clock_offset"),
+        ("mocap.markrs", {}, "did you mean markers"),
+    ],
+)
+def test_a_wrong_value_or_key_is_named_with_the_datasheet(sheet, compose, key, value, words):
+    edit(sheet, key, value)
+    with pytest.raises(ConfigError) as refused:
+        compose()
+    error = refused.value
+    assert words in error.message and "\n" not in str(error)
+    assert error.evidence["file"] == sheet and key.split(".")[0] in error.evidence["key"]
+
+
+def test_every_dataset_has_a_datasheet_with_nothing_to_fill_in():
+    for dataset in config.option_names("dataset"):
+        assert not datasheet.is_open(config.read_yaml(datasheet.path_of(dataset)))

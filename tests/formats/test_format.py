@@ -13,22 +13,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from written_logs import refusal
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats import force, motion
-from pipeline.formats.delimited import numbers_of, read_text
+from pipeline.formats import motion
+from pipeline.formats.delimited import numbers_of
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
-from pipeline.formats.format import Kind, formats_in
+from pipeline.formats.format import formats_in
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
 from pipeline.recordings.motion_capture import read_take
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.kinds import DESCRIBE
-from pipeline.tools.new_dataset.command import dataset_texts
-from pipeline.tools.new_dataset.layout import layout
 
 MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z in m at 10 Hz."""
 
@@ -56,60 +54,43 @@ def own(tmp_path, monkeypatch):
     (tmp_path / "modules/own.py").write_text(MODULE)
     monkeypatch.setattr(motion, "__path__", [*motion.__path__, str(tmp_path / "modules")])
     formats_in.cache_clear()
-    file = tmp_path / "takes/walk_1.own"
-    file.parent.mkdir()
+    file = tmp_path / "walk_1.own"
     file.write_text("OWN\n1 2 3\n4 5 6\n")
     yield file
     formats_in.cache_clear()
     sys.modules.pop("pipeline.formats.motion.own", None)
 
 
-def test_a_module_that_is_added_is_read_by_the_stage_inspected_and_proposed(own, monkeypatch):
+def test_a_module_that_is_added_is_read_by_the_stage_and_inspected(own, monkeypatch):
     assert read_take(own, None).markers["M"].tolist() == [[1, 2, 3], [4, 5, 6]]
-    (finding,) = inspect(own.parent)
+    (finding,) = inspect(own)
     assert (finding.format, finding.kind, finding.rate) == ("Own", "motion", 10.0)
-    sheet = dataset_texts("lab", layout([finding], own.parent), own.parent)[0]
-    assert 'training: "walk_*.own"' in sheet or "training: walk_*.own" in sheet
     # without the module its take is no motion, and refused with what is read
     monkeypatch.undo()
     formats_in.cache_clear()
-    (finding,) = inspect(own)
-    assert finding.format == "table of numbers"
+    assert inspect(own)[0].format == "table of numbers"
     with pytest.raises(RecordingError, match="no take of motion capture in C3D or Motive CSV"):
         read_take(own, None)
 
 
-def test_inspect_describes_every_kind_and_options_name_each_force_log_once():
-    assert set(DESCRIBE) == set(Kind) == {form.kind for form in formats_in(formats)}
-    options = [form.option for form in formats_in(force, Kind.FORCE)]
-    assert sorted(options) == ["bag", "daqft", "netft", "table"]
-    assert formats_in(formats)[-1].kind == Kind.TABLE  # which begins like others
-
-
 FOLDER = Path(formats.__file__).parent
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-PAGES = {
-    folder: (FOLDER / folder / "README.md").read_text()
+SECTIONS = {
+    f"{folder}: {section.splitlines()[0]}": section
     for folder in ("joints", "motion", "force", "depth")
+    for section in (FOLDER / folder / "README.md").read_text().split("\n## ")[1:]
 }
-SECTIONS = [
-    (folder, section.partition("\n")[0], section)
-    for folder, page in PAGES.items()
-    for section in page.split("\n## ")[1:]
-]
 
 
-@pytest.mark.parametrize(
-    ("folder", "title", "section"), SECTIONS, ids=[f"{f}-{t}" for f, t, _ in SECTIONS]
-)
-def test_an_example_says_what_stands_there(folder, title, section, tmp_path, monkeypatch):
-    *files, (language, place, code), (_, _, printed) = BLOCK.findall(section)
+@pytest.mark.parametrize("title", SECTIONS)
+def test_an_example_prints_what_its_page_says(title, tmp_path, monkeypatch):
+    *files, (language, place, code), (_, _, printed) = BLOCK.findall(SECTIONS[title])
     assert (language, place) == ("python", "") and printed
     monkeypatch.chdir(tmp_path)
     for _, name, text in files:
         Path(name).write_text(text)
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        exec(compile(code, f"{folder}: {title}", "exec"), {})
+        exec(compile(code, title, "exec"), {})
     assert said.getvalue().split() == printed.split()
 
 
@@ -117,7 +98,7 @@ FILE, KEY = Path("log.csv"), "dataset.here"
 
 
 def sheet(folder: Path, text: str, **options: str) -> Sheet:
-    (folder / "log.txt").write_text(text)
+    (folder / "log.txt").write_bytes(text.encode())
     return read_sheet(folder / "log.txt", key=KEY, **options)
 
 
@@ -130,8 +111,7 @@ def test_numbers_are_correctly_rounded_as_by_python(form):
     np.testing.assert_array_equal(result[:, 0], [float(row) for row in rows])
 
 
-WRONG = ["x", "1_0", "1 2", "0x1A", "True", "None", "NA", "-Infinity", "1e999", "1,5", "--1", '"1']
-WRONG += ["1e300", "-2E20", "7" * 5000]
+WRONG = ["x", "1_0", "1 2", "0x1A", "True", "NA", "1e999", "1,5", "--1", '"1', "1e300", "7" * 5000]
 
 
 @pytest.mark.parametrize("cell", WRONG)
@@ -149,15 +129,6 @@ def test_cells_in_many_forms_are_numbers_and_missing_ones_are_nan_where_gaps_are
         with pytest.raises(RecordingError, match="column 2 has no number"):
             numbers_of([f"0,{cell}"], [1], [1], file=FILE)
     assert numbers_of(["1,text,2", "3,,4"], [1, 2], [2, 0], file=FILE).tolist() == [[2, 1], [4, 3]]
-
-
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_what_follows_the_last_line_end_is_kept_apart(tmp_path, end):
-    (tmp_path / "t.txt").write_bytes(f"\ufeffone{end}two{end}thr".encode())
-    text = read_text(tmp_path / "t.txt")
-    assert (text.lines, text.cut) == (["one", "two"], "thr")
-    (tmp_path / "t.txt").write_bytes(f"one{end}".encode())
-    assert read_text(tmp_path / "t.txt").cut is None
 
 
 ONE = ["1.5,2\n3,4\n", "1.5, 2\n3, 4\n", "1,5;2\n3;4\n", "1.5;2\n3;4\n", "1,5\t2\n3\t4\n"]
@@ -183,22 +154,22 @@ def test_a_table_that_allows_more_is_refused_with_its_option_or_its_line(tmp_pat
 
 
 def test_options_settle_it_and_what_is_no_mark_is_refused(tmp_path):
-    for options, values in (
-        ({"separator": ","}, [[1, 5], [3, 4]]),
-        ({"separator": ";", "decimal": ","}, [[1.5], [3.4]]),
-    ):
-        result = sheet(tmp_path, "1,5\n3,4\n", **options)
-        assert result.values([*range(result.width)]).tolist() == values
+    result = sheet(tmp_path, "1,5\n3,4\n", separator=";", decimal=",")
+    assert (result.width, result.values([0]).tolist()) == (1, [[1.5], [3.4]])
     for wrong in ({"separator": "|"}, {"decimal": "'"}, {"separator": ",", "decimal": ","}):
         with pytest.raises(ConfigError, match=KEY):
             sheet(tmp_path, "1,5\n", **wrong)
 
 
-@pytest.mark.parametrize(
-    ("end", "rows", "cut"), [("5,6\n", 3, 0), ("5,6", 2, 1), ("5\n", 2, 1), ("5\n6", 2, 2)]
-)
-def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(tmp_path, end, rows, cut):
-    result = sheet(tmp_path, "x,y\n1,2\n3,4\n" + end)
+LAST = [("5,6\n", 3, 0), ("5,6", 2, 1), ("5\n", 2, 1), ("5\n6", 2, 2)]
+
+
+@pytest.mark.parametrize(("last", "rows", "cut"), LAST)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
+    tmp_path, last, rows, cut, end
+):
+    result = sheet(tmp_path, ("\ufeffx,y\n1,2\n3,4\n" + last).replace("\n", end))
     assert (len(result.rows), result.counts["cut_rows"], result.lines[0]) == (rows, cut, 2)
 
 
@@ -209,37 +180,23 @@ def test_rows_that_lack_a_column_of_their_labels_are_refused_also_by_columns_num
     joints = LogOptions(joints=2, signals={"actual": [1, 2]})
     forces = ForceLogOptions({"t": 0, "fx": 0, "fy": 1, "fz": 2}, force_unit="N", time_unit="s")
     for read, options in ((read_joint_table, joints), (read_force_table, forces)):
-        with pytest.raises(RecordingError, match=r"3 cells under 4 labels.*'q3'") as refused:
-            read(file, options)
-        assert refused.value.evidence["line"] == 2
-    assert "3 cells under 4 labels" in inspect(file)[0].stops[0]
+        error = refusal(read, file, options)
+        assert "3 cells under 4 labels" in error.message and error.evidence["line"] == 2
     # the control: as many labels, and cells that a spreadsheet has padded
     file.write_text("time;q1;q2;;\n" + rows.replace(",", ";").replace("\n", ";;\n"))
     assert read_joint_table(file, joints).signals["actual"].shape == (12, 2)
-    assert inspect(file)[0].facts["columns"] == 3 and not inspect(file)[0].stops
 
 
-def trajectory(rows: int = 321) -> pd.DataFrame:
-    table = np.random.default_rng(1).normal(0, 0.5, (rows, 7))
-    table[:, 0] = np.round(np.arange(rows) / 30, 6)  # as six decimals print equal steps
-    return pd.DataFrame(table, columns=COLUMNS)
-
-
-def test_written_trajectories_read_back_bit_for_bit_in_any_order_of_columns(tmp_path):
-    file, families = tmp_path / "t.csv", trajectory().set_axis(FAMILIES, axis=1)
-    write_trajectory(file, families)
-    assert file.read_text().startswith("t,x,z,phi,vx,vz,vphi\n0.0,")
-    pd.testing.assert_frame_equal(read_trajectory(file), families, check_exact=True)
-    trajectory()[COLUMNS[::-1]].to_csv(file, index=False)
-    pd.testing.assert_frame_equal(read_trajectory(file), families, check_exact=True)
-
-
-def test_the_joints_may_stand_beside_the_pose_or_alone(tmp_path):
-    joints = {"q:a": np.linspace(0, 1, 9), "q:b": np.linspace(2, 3, 9)}
-    both, file = trajectory(9).set_axis(FAMILIES, axis=1).assign(**joints), tmp_path / "t.csv"
-    for written in (both, both[["t", "q:a", "q:b"]]):
+def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_path):
+    table, file = np.random.default_rng(1).normal(0, 0.5, (321, 7)), tmp_path / "t.csv"
+    table[:, 0] = np.round(np.arange(321) / 30, 6)  # as six decimals print equal steps
+    families = pd.DataFrame(table, columns=FAMILIES)
+    both = families.assign(**{"q:a": np.linspace(0, 1, 321), "q:b": np.linspace(2, 3, 321)})
+    for written in (families, both, both[["t", "q:a", "q:b"]]):
         write_trajectory(file, written.assign(other=1.0))
         pd.testing.assert_frame_equal(read_trajectory(file), written, check_exact=True)
+    pd.DataFrame(table, columns=COLUMNS)[COLUMNS[::-1]].to_csv(file, index=False)
+    pd.testing.assert_frame_equal(read_trajectory(file), families, check_exact=True)
     # beside the joints a pose is whole, or there is none
     both.drop(columns="x:z").rename(columns={"x:x": "x", "x:phi": "phi"}).to_csv(file)
     with pytest.raises(RecordingError, match="must name z"):

@@ -4,21 +4,19 @@ the line or key that it names.
 
 from __future__ import annotations
 
-import struct
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, ZIPPED, encoded, frame, png, tiff
-from motive_files import DEFINITION, MARKER, TOP, TRACKED, body_row, frame_row, seen_row
+from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded, frame, tiff
+from motive_files import DEFINITION, MARKER, TOP, frame_row, seen_row
 from written_logs import CALIBRATION, netft_text, refusal
 
 from pipeline.formats.depth.cloud import read_cloud
 from pipeline.formats.depth.image import read_depth
 from pipeline.formats.depth.index import read_index
-from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
+from pipeline.formats.depth.intrinsics import read_intrinsics
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
@@ -43,16 +41,6 @@ ROWS = "0,0,1,2,3\n1,0.01,1,2,3\n"
 MOTIVE = TOP.format(rotation="Quaternion", unit="Meters") + "\n\n" + MARKER + ROWS
 TYPED = "righthanded\ninfo,version,1.1\n"
 PNG, TIFF = encoded(".png", SMALL), tiff(SMALL, "", compression="tiff_lzw")
-SEVERAL = tiff(SMALL, "", save_all=True, append=[frame(2, (12, 16))])
-
-
-def opencv() -> bytes:
-    file = Path("/dev/shm/camera.yaml")
-    try:
-        write_intrinsics(file, Intrinsics(365.5, 365.25, 254.5, 205.5, 640, 480))
-        return file.read_bytes()
-    finally:
-        file.unlink()
 
 
 class Sound(NamedTuple):
@@ -77,14 +65,12 @@ NO_XYZ, NO_CALIBRATION = "no PCD's or PLY's", "no calibration"
 FORMATS = {
     "binary PCD": Sound(CLOUDS["binary.pcd"], read_cloud, [
         *((*change, NO_XYZ, None) for change in (
-            ("POINTS 12", "POINTS 13"), ("WIDTH 4", "WIDTH 1e3"), ("POINTS 12", ""),
-            ("FIELDS rgb z", "FIELDS rgb q"), ("SIZE 4 8 1", "SIZE 4 8"), ("SIZE 4 8", "SIZE 4 4"),
-            ("SIZE 4 8", "SIZE 4 5"), ("COUNT 1 1 3", "COUNT 1 2 3"), ("TYPE U F", "TYPE U I"),
+            ("POINTS 12", "POINTS 13"), ("POINTS 12", ""), ("FIELDS rgb z", "FIELDS rgb q"),
+            ("SIZE 4 8 1", "SIZE 4 8"), ("SIZE 4 8", "SIZE 4 5"), ("TYPE U F", "TYPE U I"),
             ("COUNT 1 1 3", "COUNT 1 1 0"), ("DATA binary", "DATA zipped"))),
         ("VIEWPOINT 0 0 0 1", "VIEWPOINT 0 0 0 0", "VIEWPOINT", None),
-        ("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0", "VIEWPOINT", None),
         ("WIDTH 4\nHEIGHT 3", "WIDTH 99999999\nHEIGHT 999", "999 rows of 99999999", None),
-        *((None, content, "", None) for content in (b"", b"no cloud\n", b"VERSION 0.7\n")),
+        *((None, content, "", None) for content in (b"", b"VERSION 0.7\n")),
     ], "c.pcd"),
     "text PCD": Sound(CLOUDS["ascii.pcd"], read_cloud, [
         ("nan 9", "n/a 9", "'n/a'", 14),
@@ -92,91 +78,70 @@ FORMATS = {
     ], "c.pcd"),
     "PLY": Sound(CLOUDS["ascii.ply"], read_cloud, [
         ("vertex 12", "vertex 9999999999", "announces", None),
-        *((*change, NO_XYZ, None) for change in (
-            ("vertex 12", "vertex 0"), ("float64 y", "float64 w"), ("element vertex", "element e"),
-            ("property double x", "property list uchar double x"))),
+        ("vertex 12", "vertex 0", NO_XYZ, None),
+        ("float64 y", "float64 w", NO_XYZ, None),
+        ("property double x", "property list uchar double x", NO_XYZ, None),
         *((None, content, "", None) for content in (b"ply", bytes(20_000))),
     ], "c.ply"),
     "image": Sound(PNG, image, [
-        (None, SEVERAL, "several images", None),
-        (None, encoded(".tif", frame() / 3.0), "pixels where the camera has", None),
         (None, encoded(".png", frame(shape=(9, 9))), "9 × 9 pixels where the camera has", None),
         (None, encoded(".png", SMALL.astype(np.uint8)), "1 channel(s) of uint8", None),
         (None, encoded(".png", np.zeros((12, 16, 3), np.uint16)), "3 channel(s) of uint16", None),
-        (None, encoded(".tiff", SMALL.astype(np.int16)), "1 channel(s) of int16", None),
-        (None, b"no image at all\n", "no PNG", None),
-        (None, b"", "no PNG", None),
+        *((None, content, "no PNG", None) for content in (b"no image at all\n", b"")),
         *((None, content, "truncated or damaged", None) for content in (
-            png(b"", 16, 12), PNG[:-60], png(b"no zlib at all", 16, 12), PGM[:-300], PGM + bytes(9),
-            png(ZIPPED, 16, 12, colour=9), TIFF[:60] + b"\xff" * 30 + TIFF[90:])),
+            PNG[:-60], PGM[:-300], PGM + bytes(9), TIFF[:60] + b"\xff" * 30 + TIFF[90:])),
     ], "d.png"),
     "index": Sound("0.5 a.png\n0.6 b.png\n", read_index, [
         ("0.6", "1e400", "must be a time", 2),
-        ("0.6 b", "0.5 b", "must be a time", 2),
-        ("0.6", "\nnan", "must be a time", 3),
-        (None, "0.5\n", "must be a time", 1),
         (None, "a.png 0.5\n", "must be a time", 1),
         (None, "# nothing\n0.5 a", "names no frame", None),
-        (None, "", "empty", None),
         (None, "1305031102 1.png\n1305031202 2.png\n", "write the times in s", None),
     ]),
-    "OpenCV's calibration": Sound(opencv(), camera, [
-        ("365.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]", None),
-        ("365.5", "7e4", "is of no camera", None),
-        ("254.5", "700.", "is of no camera of 640 × 480", None),
-        ("cameraMatrix", "camera", "no camera matrix", None),
-        ("distortionCoefficients", "distortion", "no distortion", None),
-        ("rows: 3", "rows: 4", "cameraMatrix holds no 12 decimal numbers", None),
+    "OpenCV's calibration": Sound(CALIBRATIONS["opencv.yaml"], camera, [
+        ("525.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]", None),
+        ("525.5", "7e4", "is of no camera", None),
+        ("319.5", "700.", "is of no camera of 640 × 480", None),
+        ("camera_matrix", "camera", "no camera matrix", None),
+        ("distortion_coefficients", "distortion", "no distortion", None),
+        ("rows: 3", "rows: 4", "camera_matrix holds no 12 decimal numbers", None),
         # YAML 1.1 takes them for true, octal, hexadecimal and sexagesimal numbers
-        *(("365.5", word, "no 9 decimal numbers", None)
-          for word in (".Nan", "yes", "true", "0525", "+0525", "0x20D", "8:45")),
+        *(("525.5", word, "no 9 decimal numbers", None)
+          for word in (".Nan", "yes", "0525", "0x20D", "8:45")),
     ], "c.yaml"),
     "calibration": Sound(CALIBRATIONS["plain.yaml"], camera, [
         *((None, text, NO_CALIBRATION, None) for text in (
-            "a: [\n", "- 1\n- 2\n", "5\n", "# a comment\n", "\x01\x02\n", "{" * 2_000,
+            "a: [\n", "5\n", "\x01\x02\n", "{" * 2_000,
             "!!python/object/apply:os.system ['true']\n")),
         *((None, text, "decimal numbers", None) for text in (
-            "K: text\nD: []\n", "K: [1, 2]\nD: []\n", "K: {data: {a: 1}}\nD: []\n",
-            '{"fx": [1, 2], "fy": 1, "cx": 1, "cy": 1}', "%YAML:1.0\n---\ncameraMatrix: 5\n",
+            "K: text\nD: []\n", "K: [1, 2]\nD: []\n", "%YAML:1.0\n---\ncameraMatrix: 5\n",
             '{"fx": 1%s, "fy": 1, "cx": 4, "cy": 3}' % ("0" * 400))),
-        (None, "fx: 1\nfy: 1\ncx: 1\n", "no camera matrix", None),
         (None, "K: [1,0,1,0,1,1,0,0,1]\nD: [1]\n", "1 distortion coefficients", None),
     ], "c.yaml"),
     "DAQ F/T": Sound(DAQ, read_daqft, [
         (" (N)", "", "no known unit", 1),
-        ("(N-m)", "(furlong)", "no known unit", 1),
         ("Force Y (N)", "G1", "fx, fy and fz", f"{FORCE}.columns"),
         ("Torque X", "Torque Z", "two columns Torque Z", f"{FORCE}.columns"),
         ("Frequency = 1000", "Frequency = x", "Frequency", 1),
-        ("Averaging Level = 16", "Averaging Level = 0", "Averaging Level", 1),
         ("Frequency = 1000,Averaging Level = 16,", "", "one rate is required", f"{FORCE}.rate"),
-        ('"2"', '"two"', "'two'", 2),
-        ('"2"', '""', "no number", 2),
         ('"2"', '"2,5"', "'2,5', not a finite number", 2),
         ('"2",', "", "5 cells under 6 labels", 2),
-        (DAQ.split("\n")[1], "", "no line holds numbers", None),
         (DAQ, "1.5,2,3,4,5,6\n" * 2, "labels: none", f"{FORCE}.columns"),
         (DAQ, netft_text(WRENCHES), "set format to netft", f"{FORCE}.format"),
-        *((None, content, "", None) for content in (
-            b"", b"0.1,0.2,0.3\n", b"Paused for 5 milliseconds\n", b"\x89PNG\r\n\x1a\n\0")),
+        *((None, content, "", None) for content in (b"", b"0.1,0.2,0.3\n", PNG)),
     ]),
     "Net F/T": Sound(netft_text(WRENCHES), read_netft, [
         ("Force Units: N\r\n", "", "fx has no known unit", f"{FORCE}.force_unit"),
-        ("RDT Sample Rate: 500", "RDT Sample Rate: fast", "above 0, not 'fast'", f"{FORCE}.rate"),
         ("RDT Sample Rate: 500", "RDT Sample Rate: 0", "above 0, not '0'", f"{FORCE}.rate"),
         ("RDT Sequence", "Sequence", "no log of a Net F/T", f"{FORCE}.format"),
-        (" Fy,", " Fx,", "two columns Fx", f"{FORCE}.columns"),
         (" Ty,", " ,", "none of tx, ty, tz", f"{FORCE}.columns"),
         ('"0x0","7"', '"0x0","5"', "goes back", 14),
-        ('"0x0","7"', '"0x0"', "9 cells", 14),
         (".", ",", "not '1000000,0'", f"{FORCE}.counts"),
         ('"0x0","7","70","', '"0x0","7","70","?', "not a finite number", 14),
-        ('"0x0","7"', '"0x0","1e999"', "not a finite number", 14),
     ]),
     "ATI calibration": Sound(CALIBRATION, read_calibration, [
         *((*change, "not one calibration", None) for change in (
-            ('Name="Tz"', 'Name="Mz"'), (" TorqueUnits", " Units"), ('max="25"', 'max="-35"'),
-            ('max="25"', 'max="nan"'), ('max="25"', ""), (" 6.25", ""), (" 6.25", " 1e999"))),
+            ('Name="Tz"', 'Name="Mz"'), (" TorqueUnits", " Units"), ('max="25"', ""),
+            (" 6.25", " 1e999"))),
         ("</FTSensor>", "", "no XML", 11),
     ]),
     "force table": Sound("time,F1,F2,F3,M1,M2,M3\n" + SAMPLES, forces, [
@@ -192,57 +157,39 @@ FORMATS = {
         ("0.2, 1", "0.2, x", "'x'", 2),
         ("0.2, 1, 2", "0.1, 1, 3", "does not increase", 2),
         (", 2", ", 2, 3", "3 values, not 2", 1),
-        (None, "0.1, 1, 2", "no whole line", None),
         (None, b"\x89PNG\0", "not plain text", None),
     ]),
     "labelled joint table": Sound("t,q1,q2\n0.0,0.5,0.25\n0.1,0.5,0.25\n",
                                   partial(read_joint_table, options=BY_NAME), [
         ("q2", "q3", "0 columns have the label", f"{JOINTS}.signals"),
-        ("t,q1,q2", "q1,q2,q2", "2 columns have the label", f"{JOINTS}.signals"),
-        ("t,q1,q2\n", "", "are nothing", f"{JOINTS}.signals"),
         ("q2", "q2 (deg)", "in deg by the header and in rad", f"{JOINTS}.angle_unit"),
         ("t,", "t [ms],", "in ms by the header and in s", f"{JOINTS}.time_unit"),
     ]),
     "Motive": Sound(MOTIVE, motive, [
-        (ROWS, "", "no frame", 7),
-        (ROWS, "0,0,1,2,3", "no frame", 7),
         (ROWS, "0,0,1,2\n", "labels 5 columns", 8),
         (ROWS, "0,0,1,2,3\n\n1,0.01,1,oops,3\n", "'oops'", 10),
         (ROWS, "0,0,1,2,3,4\n", "'4' in a column without a label", 8),
         (ROWS, "0,0,0,97705,3\n", "A is at 97705 m, farther than any camera sees", 8),
         (ROWS, "0,0,1,2,\n1,0.01,1,2,\n", "a column is missing", 8),
-        ("X,Y,Z\n" + ROWS, "X,Y,Z,,\n0,0,1,2,3,,\n1,0.01,1,2,3,,7\n", "'7' in a column without", 9),
         ("X,Y,Z\n" + ROWS, "X,Y,Z,,,,\n0,0,00,0,123,0,456,0,789\n", "with decimal commas", 8),
         *((*change, "the frame number", 9) for change in (
             ("\n1,0.01", "\n0,0.01"), ("\n1,0.01", "\n,0.01"), ("\n1,0.01", "\n1.5,0.01"))),
-        ("X,Y,Z", "X,Y,W", "lacks one of its columns", 7),
-        *((*change, "no row starts with 'Frame' below", line) for *change, line in (
-            (",Name,A,A,A\n", "", 6), (MARKER, "0,0,1,2,3\n" + MARKER, 3),
-            (MARKER + ROWS, MARKER.partition("Frame")[0], 6),
-            (MARKER + ROWS, "Frame,Time (Seconds),X,Y,Z\n0,0,1,2,3\n", 3))),
+        (",Name,A,A,A\n", "", "no row starts with 'Frame' below", 6),
+        (MARKER + ROWS, MARKER.partition("Frame")[0], "no row starts with 'Frame' below", 6),
         ("Length Units,Meters", "Length Units,Inches", "'Inches'", "Length Units"),
-        ("Units,Meters", "Units,Meters,Length Units,Millimeters", "Length Units twice", 1),
         ("Export Frame Rate,100.0", "Export Frame Rate,fast", "frame rate", 1),
         ("Length Units,Meters", "Length Units,Meters,Coordinate Space,Local", "Global", 1),
-        ("Format Version", "Version", "no Motive export", 1),
         (",", ";", "semicolons", 1),
         *((None, content, "", None) for content in (b"", b"\x89PNG\r\n\0\0", b'"op\n')),
     ]),
     "Motive, typed rows": Sound(typed(DEFINITION, *(seen_row(k) for k in range(3))),
                                 partial(read_motive, unit="m"), [
-        (None, typed(DEFINITION), "no frame", 3),
         (None, typed(DEFINITION, frame_row(0)), "no rate", 4),
         (None, typed(DEFINITION, frame_row(0), frame_row(0, "1,1,1,1,3,M-3")), "not increase", 5),
         (None, typed(frame_row(0)), "not defined", 3),
         (None, typed(DEFINITION, DEFINITION.replace("Arm", "Leg")), "defined twice", 4),
         (None, typed(DEFINITION, seen_row(0)[:-12]), "counts require", 4),
-        (None, typed(DEFINITION, seen_row(0) + ",5"), "goes on", 4),
         (None, typed(DEFINITION, seen_row(0).replace(",0,1,2,Arm", ",0,x,2,Arm")), "'x'", 4),
-        (None, typed(DEFINITION, seen_row(0).replace(",0,1,2", ",0,1e999,2")), "'1e999'", 4),
-        (None, typed(DEFINITION, frame_row(0, "-1")), "'-1' where a count", 4),
-        (None, typed(DEFINITION, frame_row(0, "999999999999")), "counts require", 4),
-        (None, typed(DEFINITION, frame_row(0), body_row(1, "1,1,1", "2,2,2")), "not of the", 5),
-        (None, typed(DEFINITION, "frame,0,0,2" + f",{TRACKED.format(0)}" * 2 + ",0"), "two pos", 4),
         (None, typed(DEFINITION, frame_row(0, "2,1,1,1,2,A,5,5,5,4,A")), "are named 'A'", 4),
         (None, typed("lefthanded"), "right-handed", 3),
         (None, typed(*(frame_row(k, f"1,1,{k}000,3,4,a", tracked=False) for k in range(2))),
@@ -251,11 +198,8 @@ FORMATS = {
     "trajectory": Sound(STEPS, read_trajectory, [
         ("0.3,1,1,1,1", "0.3,1,1,1,nan", "column 5 has no number", 5),
         ("0.3,", "0.3002,", "steps must be equal", 5),
-        ("0.3,", "0.1,", "steps must be equal", 5),
-        (None, "", "empty", None),
         (None, "t,x\n0,1\n", "must name z", 1),
         (None, ",".join(COLUMNS) + "\n0,0,0,0,0,0,0\n", "at least two rows", 2),
-        (None, "t,q:a,q:a\n0,1,2\n0.1,1,2\n", "must name q:a once", 1),
         (None, "t,q:a\n0,3.1\n0.1,-3.1\n0.2,-3\n", "q:a jumps by -6.2 rad", None),
         (None, "t,q:a\n0,3.1\n0.1,3", "no line end", 3),
     ]),
@@ -294,10 +238,3 @@ def test_the_control_is_read_and_no_file_and_a_folder_are_refused(tmp_path, name
     sound.read(tmp_path / sound.name)
     for absent in (tmp_path / "absent.pcd", tmp_path):
         refusal(sound.read, absent)
-
-
-def test_a_size_that_a_header_announces_takes_no_memory(tmp_path):
-    big = struct.pack(">II", 60_000, 2**31 - 1)
-    for content, read in ((PNG[:16] + big + PNG[24:], image), (b"P5\n99999 99999\n65535\n", image)):
-        (tmp_path / "d.png").write_bytes(content)
-        refusal(read, tmp_path / "d.png")

@@ -218,18 +218,6 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
 
 
-def test_a_share_without_a_covariance_has_no_likelihood_and_leaves_the_others_theirs():
-    """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
-    one = np.ones((1, 1, 1))
-    space = StateSpace(one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool))
-    deviation = np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1))
-    with np.errstate(all="raise"):
-        likelihoods = take_log_likelihoods(space, deviation, np.array([1.0, 0.1]))
-        alone = take_log_likelihoods(space, deviation, np.array([1.0]))
-    assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
-    assert np.all(likelihoods[1] == -np.inf)
-
-
 def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
     recorded, options = takes_of("additive", path, 0.4, seed=6), MODELS["additive"][1]
     with pytest.raises(ModelDomainError, match="needs two takes"):

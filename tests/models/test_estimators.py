@@ -1,30 +1,32 @@
 """Estimators on takes that are drawn from known models with measurement noise: their parameters
-come back, on arms of any number of joints and task rows, and from another model others come.
+come back, on arms of any number of joints and task rows, and from another model others come. Their
+standard errors by the bootstrap over takes are the spread over independent recordings.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from oracles import algorithm_1_steps
 from random_arm import motion, random_arm
 
-from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
+from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.kinds import build_model, compared, estimate
+from pipeline.models.kinds import build_model, estimate
 from pipeline.models.model import frobenius
+from pipeline.models.noise import mean_covariance
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.fit import examined
 from pipeline.models.wishart.law import WishartModel
+from pipeline.studies.recovery.stage import drawn
 
 MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
 TAKES, REST = 60, 20
@@ -93,18 +95,6 @@ def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
         build_model({"kind": options.kind, "reason": "measured too well"})
 
 
-def test_every_estimator_is_compared_and_the_control_beside_each():
-    patterns = compared(wishart("moments"))
-    assert [*patterns] == [
-        f"{prefix}{{}}_{name}"
-        for prefix in ("", "control_qr_transposed_")
-        for name in ("moments", "paper", "likelihood")
-    ]
-    assert {each.decomposition for each in patterns.values()} == {"pivoted_lu", "qr_transposed"}
-    assert len(compared(wishart("moments", "qr_transposed"))) == 3
-    assert [*compared(Gaussian("gaussian", ""))] == ["{}_moments", "{}_paper", "{}_likelihood"]
-
-
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])
 def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
     chain, poses, step, estimator
@@ -147,7 +137,7 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, pose
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
     found = estimate(data, options)
-    table = examined(data, options, found, rng)["sigma_b_weights"]
+    table = examined(data, options, found, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
         own = table[table["source"] == source]
         curve, (ratio,) = own[own["point"] == "curve"], own[own["point"] == "moments"]["ratio"]
@@ -155,7 +145,8 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, pose
         assert near == pytest.approx(found.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
     # without a model there is nothing to draw from
-    assert {*examined(data, options, None, rng)["sigma_b_weights"]["source"]} == {"recorded"}
+    alone = examined(data, options, None, 1, rng)[1]["sigma_b_weights"]
+    assert set(alone["source"]) == {"recorded"}
 
 
 COUNT, STEPS = 40, 80  # takes, and steps of each, on the arms below
@@ -164,52 +155,23 @@ every_arm = pytest.mark.parametrize(
 )
 
 
-@dataclass(frozen=True)
-class Scene:
-    """An arm, a motion of it, and noise of a tenth of the steps' size."""
-
-    arm: SerialChain
-    q: np.ndarray
-    v: np.ndarray
-    covariance: np.ndarray
-
-    @property
-    def measurement(self) -> np.ndarray:
-        """A hundredth of it in the measured pose."""
-        return 1e-2 * np.diag(np.diag(self.covariance))
-
-
-def scene(n: int, m: int) -> Scene:
+def scene(n: int, m: int):
+    """An arm, a motion of it, and the covariance of noise of a tenth of the steps' size."""
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
     step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
     root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(n)
-    return Scene(arm, q, v, (0.1 * step) ** 2 * root @ root.T)
+    return arm, q[:-1], v, (0.1 * step) ** 2 * root @ root.T
 
 
-def draw(model, arm, q, v, rng) -> np.ndarray:
-    """(N, n) one step after each of the poses ``q`` (N, n), in plain NumPy, of the Wishart model by
-    Algorithm 1: Bartlett's matrices and the pseudo-inverse of J₁BJ₂.
-    """
-    if isinstance(model, WishartModel):
-        return algorithm_1_steps(arm, q, v, model.sigma_b, model.decomposition, rng)
-    covariance = np.broadcast_to(model.covariance(arm, q, v), (*q.shape, q.shape[-1]))
-    values, axes = np.linalg.eigh(covariance)
-    white = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(q.shape)
-    return q + arm.nominal_step(q, v) + np.matvec(axes, white)
-
-
-def recorded_on(scene: Scene, model) -> Recorded:
-    """Takes of steps that begin at the poses of the motion, measured with noise."""
-    rng, (arm, q) = np.random.default_rng(1), (scene.arm, scene.q[:-1])
-    drawn = [
-        draw(model, arm, np.tile(pose, (COUNT, 1)), command, rng)
-        for pose, command in zip(q, scene.v, strict=True)
-    ]
-    noise = np.swapaxes(drawn, 0, 1) - q - arm.nominal_step(q, scene.v)
-    noise += rng.multivariate_normal(np.zeros(q.shape[1]), scene.measurement, noise.shape[:2])
+def recorded_on(arm, q, v, covariance, model) -> Recorded:
+    """Takes of steps that begin at the poses ``q``, measured with a hundredth of the noise."""
+    rng, measurement = np.random.default_rng(1), 1e-2 * np.diag(np.diag(covariance))
+    poses = np.tile(q, (COUNT, 1, 1))
+    noise = draw_steps(model, arm, poses, v, rng)[0] - q - arm.nominal_step(q, v)
+    noise += rng.multivariate_normal(np.zeros(q.shape[1]), measurement, noise.shape[:2])
     joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
-    return Recorded(arm, np.tile(q, (COUNT, 1, 1)), scene.v, noise, joints, scene.measurement)
+    return Recorded(arm, poses, v, noise, joints, measurement)
 
 
 # beginning of the estimates that are compared, what their sampling leaves and the control's noise
@@ -239,12 +201,12 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
     (kind, option, value), case = given, scene(n, m)
     choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
     options = kinds.options_type(kind)(kind, **choice)
-    (truth,) = kinds.truths(recorded_on(case, ScaledModel(case.covariance)), options, [0.25])
-    model, at = build_model(truth.parameters), (case.arm, case.q[:-1], case.v)
+    (truth,) = kinds.truths(recorded_on(*case, ScaledModel(case[-1])), options, [0.25])
+    model, at = build_model(truth.parameters), case[:3]
     variance = np.trace(model.covariance(*at), axis1=-2, axis2=-1).mean()
 
     def error(model) -> float:
-        found = estimate(recorded_on(case, model), options).estimates
+        found = estimate(recorded_on(*case, model), options).estimates
         errors = []
         for name, known in truth.values.items():
             own = name.startswith("sigma_omega") and name[12] != name[13]
@@ -254,3 +216,78 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
         return max(errors)
 
     assert error(model) < band < error(model.with_trace(*at, factor**2 * variance))
+
+
+ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
+
+
+def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
+    """(takes, 20, 3) noise in rad whose size differs from take to take, so that the squares of the
+    steps of a take go together.
+    """
+    size = np.sqrt(rng.gamma(4.0, 0.25, (takes, 1, 1)))
+    return 5e-3 * size * rng.standard_normal((takes, 20, 3))
+
+
+def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
+    return Recorded(
+        chain,
+        np.broadcast_to(poses[: noise.shape[1]], noise.shape),
+        np.tile(step, (noise.shape[1], 1)),
+        noise,
+        ("a", "b", "c"),
+        MEASUREMENT,
+    )
+
+
+def standard_error(data: Recorded, rng: np.random.Generator) -> float:
+    estimator = resampled_estimator(data, ADDITIVE, estimate(data, ADDITIVE))
+    result, lost = spreads([replicate(estimator, len(data.q), rng) for _ in range(60)])
+    assert lost == 0
+    return result["sigma_omega_11_rad2"].standard_error
+
+
+def test_the_standard_error_is_the_spread_over_independent_recordings(chain, poses, step):
+    rng = np.random.default_rng(1)
+    spread = np.std([mean_covariance(correlated(COUNT, rng))[0, 0] for _ in range(1000)], ddof=1)
+    recordings = [correlated(COUNT, rng) for _ in range(12)]
+    errors = [standard_error(recording(chain, poses, step, noise), rng) for noise in recordings]
+    assert abs(np.mean(errors) / spread - 1) < 0.15
+    # control: steps drawn one by one, as if those of a take were independent
+    single = [
+        standard_error(recording(chain, poses, step, noise.reshape(-1, 1, 3)), rng)
+        for noise in recordings
+    ]
+    assert np.mean(single) / spread < 0.65
+
+
+@pytest.mark.parametrize(
+    ("kind", "estimator", "tolerance"),
+    [
+        ("wishart", "moments", 1e-12),
+        ("wishart", "paper", 1e-12),  # the weights follow from a known measurement noise here
+        ("wishart", "likelihood", 2e-4),
+        ("gaussian", "moments", 1e-12),
+        ("gaussian", "likelihood", 5e-3),
+    ],
+)
+def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
+    chain, poses, step, kind, estimator, tolerance
+):
+    still = recording(chain, poses, step, np.zeros((8, 20, 3)))
+    data = drawn(WishartModel(0.25), still, np.random.default_rng(2))
+    options = kinds.options_type(kind)(kind, estimator=estimator)
+    found = estimate(data, options)
+    name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]
+    for takes in (np.arange(8), np.array([0, 0, 3, 5, 5, 5, 6, 7]), np.array([1, 2])):
+        anew = estimate(data.subset(takes), options).estimates[name]
+        assert found.from_takes(takes)[name] == pytest.approx(anew, rel=tolerance)
+    # control: the last takes have another estimate than all
+    assert abs(found.estimates[name] / anew - 1) > max(2e-3, tolerance)
+
+
+def test_a_replicate_without_an_estimate_is_counted_and_no_number():
+    known = [{"a": 1.0, "b": 2.0}, None, {"a": 3.0}]
+    spread, lost = spreads(known)
+    assert lost == 1 and set(spread) == {"a"}
+    assert spread["a"].standard_error == pytest.approx(np.sqrt(2))

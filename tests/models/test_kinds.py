@@ -1,18 +1,19 @@
-"""Motion models from the parameters that a fit wrote."""
+"""Motion models from the files that a fit or an export wrote; an exported one warns once, by name,
+of what it was not fitted to.
+"""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from pathlib import Path
+import warnings
 
 import numpy as np
 import pytest
+from exported_models import write_model
 
-from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
-from pipeline.models import kinds
+from pipeline.core.errors import ContractError, ModelDomainError
+from pipeline.models import kinds, load
+from pipeline.models.exported import OutsideRanges
 
-ROOT = Path(__file__).parents[2]
 MALFORMED = [
     *(None, "{", "[]", '{"kind": "laplace"}', '{"kind": "gaussian", "alpha": 0.1}'),
     '{"kind": "gaussian", "alpha": "low", "u": 20.0}',
@@ -55,15 +56,41 @@ def test_the_level_of_an_unbounded_gaussian_model_is_its_limit(chain, poses, ste
     assert np.all(variance(level=2.1) > 1.05 * variance(level=2.0))
 
 
-def test_a_kind_without_a_folder_is_refused_by_name():
-    with pytest.raises(ConfigError, match="no kind 'tiny'; there are additive, gaussian"):
-        kinds.options_type("tiny")
+def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(tmp_path, chain, poses, step):
+    model = load(write_model(tmp_path / "model.json", "additive", chain, share=0.25))
+    target = chain.pose(poses[0])
+    off = chain.displacement(chain.pose(poses), target)
+    np.testing.assert_allclose(model.command(poses, step, target), step + 0.25 * off)
+    opened = load(write_model(tmp_path / "open.json", "additive", chain))
+    assert np.array_equal(opened.command(poses, step, target), np.tile(step, (len(poses), 1)))
 
 
-@pytest.mark.slow
-def test_options_and_plain_fits_load_no_compiler():
-    program = (
-        "import sys; from pipeline.models import kinds; [*map(kinds.options_type, kinds.kinds())]; "
-        "sys.exit('numba' in sys.modules or 'cvxpy' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
+def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, chain):
+    model = load(write_model(tmp_path / "model.json", "scaled", chain, width=0.5))
+    q, v = np.array([0.3, 1.5, -0.4]), np.array([0.001, 0.001, 0.01])
+    bent = np.array([0.3, 2.4, -0.4])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.mean(q, v)
+    with pytest.warns(OutsideRanges, match=r"pose of b: 2\.4 rad is outside 1\.071 to 2\.071"):
+        model.mean(bent, v)
+    with pytest.warns(OutsideRanges, match=r"speed of phi: 5 rad/s is outside -4 to 4"):
+        model.step(q, v * 5, np.random.default_rng(1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        model.covariance(bent, v * 5)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "JSONDecodeError"),
+        ('{"kind": "additive"}', "KeyError"),
+        ('{"format": "motion model 0"}', "motion model 0"),
+    ],
+)
+def test_another_file_is_refused_by_its_name(tmp_path, text, words):
+    (tmp_path / "other.json").write_text(text)
+    with pytest.raises(ContractError, match=words) as refused:
+        load(tmp_path / "other.json")
+    assert refused.value.evidence["file"] == tmp_path / "other.json"

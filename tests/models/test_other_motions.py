@@ -10,7 +10,6 @@ import pytest
 from planar_poses import chain
 
 from pipeline.core import config
-from pipeline.models.joint_steps_fit import PLAIN
 from pipeline.models.other_motions import EACH, MotionSteps, other_motions
 from pipeline.verdicts.model_card import recommended
 
@@ -73,12 +72,6 @@ def test_a_joint_that_moves_in_the_held_out_motion_alone_is_refused_by_name():
     assert tables["untold"].query("model == 'scaled_all'").empty
 
 
-def test_a_single_motion_tells_nothing_of_another():
-    name, why, tables = chosen([motion(1)])
-    assert name is None and "one motion" in why
-    assert tables["other_motions"]["motion"].str.startswith("take").sum() == 5 * len(PLAIN)
-
-
 def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_pose(chain):
     options = config.model_options(["gaussian"])
     motions = [motion(k) for k in range(3)]
@@ -90,12 +83,6 @@ def test_a_matrix_model_is_scored_on_regular_motions_and_refused_at_a_singular_p
         return scored[scored["model"] == "gaussian"]
 
     assert rows(motions)["score"].notna().all()
-    # a motion that was recorded once is scored and fits nothing
-    once = MotionSteps("once", *(each[:1] for each in motions[0][1:]))
-    assert rows([*motions[1:], once])["score"].notna().all()
-    refused = rows([once, once._replace(name="again")])
-    assert refused.dropna(subset=["score"]).empty
-    assert refused["reason"].str.contains("needs two takes of a motion").any()
     straight = motion(3)
     bent = straight.q.copy()
     bent[..., 1] = chain.straight

@@ -21,19 +21,20 @@ __all__ = ["log_project"]
 
 
 @pytest.fixture(scope="session")
-def known_project(tmp_path_factory) -> Path:
-    """A project of recordings drawn from a known model; read only."""
+def known_project(tmp_path_factory) -> tuple:
+    """A project of recordings drawn from a known model, to be read only; their chain, joint angles
+    and commanded steps.
+    """
     folder = tmp_path_factory.mktemp("known")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        write_project(folder)
-    return folder
+        return folder, *write_project(folder)
 
 
 @pytest.fixture
 def project(known_project, tmp_path, monkeypatch) -> None:
     """A copy of it as the current directory."""
-    shutil.copytree(known_project, tmp_path, symlinks=True, dirs_exist_ok=True)
+    shutil.copytree(known_project[0], tmp_path, symlinks=True, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
 
 

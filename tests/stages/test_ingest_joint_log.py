@@ -1,5 +1,5 @@
 """From the raw logs of a made-up robot that repeats its motions, in several forms and with
-disturbed repetitions, to the tables; of it everything is known. A command in another unit, order or
+disturbed repetitions, to the tables; everything is known of it. A command in another unit, order or
 clock than the measured angles never becomes a result, nor do locked joints that moved.
 """
 
@@ -99,13 +99,6 @@ def test_options_that_contradict_each_other_are_refused(log_project, tmp_path, c
         log_project("ur5_planar", tmp_path, joint_log=choice)
 
 
-def test_files_in_a_folder_below_each_movement_give_its_takes(read, tmp_path):
-    for number, ways in ((1, 5), (2, 0)):
-        write_movement(tmp_path / f"logs/move_{number}/csv", ways)
-    names, _ = read(tmp_path / "logs", movements="move_*/csv")
-    assert names == ["move_1_1", "move_1_2", "move_1_3"] and quality("repetitions", "move_2") == 0
-
-
 def write_table(folder: Path, source: Path, *, speed: bool) -> None:
     """The logs of a movement as one table: degrees, milliseconds, semicolons and decimal commas
     under labels.
@@ -169,37 +162,20 @@ def test_a_disturbed_repetition_is_left_out_by_name_or_refused_and_the_others_st
     assert caught.value.evidence["take"] == "move_1_3"
 
 
-def test_a_limit_on_the_residual_finds_what_two_repetitions_cannot_show(read, tmp_path):
-    write_movement(tmp_path / "logs/move_1", 5, noise=5e-5)
-    push(tmp_path / "logs/move_1", 1, 2e-3)
-    names, _ = read(tmp_path / "logs", residual_limit=1e-3, disturbed_beyond=1e9)
-    assert names == ["move_1_1", "move_1_3"]
-
-
-@pytest.mark.parametrize("archive", [False, True])
-def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(
-    read, tmp_path, archive
-):
+def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(read, tmp_path):
     folder = tmp_path / "logs/move_1"
     write_movement(folder, 9, noise=5e-5)
     logs = [read_joint_log(folder / name, joints=6) for name in FILES]
     current = 2 + np.random.default_rng(2).normal(0, 0.1, logs[0].signals["actual"].shape)
     current[60 + 2 * 320 + 30 :][:40, 4] *= 2  # in the third way out, of a joint beside the chain
     write_joint_log(folder / "current.csv", JointLog(logs[0].time, {"actual": current}, {}))
-    place, others, choice = tmp_path / "logs", {"current": "current.csv"}, {}
-    if archive:
-        place, others = tmp_path / "archives", {"current": ["i"]}
-        place.mkdir()
-        rows = {name: log.signals["actual"] for name, log in zip("qd", logs, strict=False)}
-        np.savez(place / "move_1.npz", time=logs[0].time, i=current, **rows)
-        choice = {"actual": None, "target": None, "speed": None, "time": "time"}
-        choice |= {"signals": {"actual": ["q"], "target": ["d"]}, "rest_speed": 1e-3}
-    assert read(place, **choice, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
+    place, others = tmp_path / "logs", {"current": "current.csv"}
+    assert read(place, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
     with pytest.raises(RecordingError, match="are no pair"):
-        read(place, **choice, others=others, target_factor=0.5)
+        read(place, others=others, target_factor=0.5)
     # the control: by the angles alone nobody sees it
-    assert len(read(place, **choice, others={})[0]) == 5
+    assert len(read(place, others={})[0]) == 5
 
 
 ROWS = 30  # by which the command is early
@@ -250,11 +226,6 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
         assert quality("command_delay", "move_1") == 0.24
 
 
-def test_a_delay_of_every_movement_is_needed_where_they_have_their_own(read, logs):
-    with pytest.raises(ConfigError, match="no delay for the movement move_2; there are move_1"):
-        read(logs, target_delay={"move_1": 0.0})
-
-
 def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path):
     # joint 1 turns by 0.2 rad in this motion, joint 6 by 0.1
     write_movement(tmp_path / "logs/move_1", 5)
@@ -267,15 +238,6 @@ def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path
     robot = {"locked": {"joint_1": float(HOME[5])}}
     with pytest.raises(RecordingError, match=r"joint_1 is held at 0 rad.*0.1 rad"):
         read(tmp_path / "logs", robot=robot, joints=names)
-
-
-def test_a_movement_at_rest_is_held_against_its_command_and_is_no_take(read, logs):
-    write_movement(logs / "move_3", 0, noise=1e-5)
-    assert len(read(logs)[0]) == 4 and quality("repetitions", "move_3") == 0
-    spoil(logs / "move_3", factor=np.pi / 180)
-    with pytest.raises(RecordingError, match="are no pair") as refused:
-        read(logs)
-    assert refused.value.evidence["file"].name == "move_3"
 
 
 def test_a_step_that_the_joint_cannot_make_is_refused_with_joint_time_speed_and_limit(read, logs):

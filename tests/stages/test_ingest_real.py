@@ -4,7 +4,6 @@ traps are found, refused where they are not settled, and what is left is the arm
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -16,16 +15,10 @@ from omegaconf import OmegaConf
 from pipeline.arm.model import load_arm
 from pipeline.core import contracts, datasheet
 from pipeline.core.columns import members, values
-from pipeline.core.errors import RecordingError, SingularJacobianError
+from pipeline.core.errors import RecordingError
 from pipeline.recordings.repetitions import excursions
 from pipeline.stages import ingest, track
 from pipeline.tools.inspect.command import inspect
-
-# joints 1 to 4
-FIRST_MOTION = {
-    "start": [-1.5708, -1.5708, 0.0, -1.5708],
-    "end": [-1.5708, -0.1745, 1.0472, -2.6180],
-}
 
 
 def recordings(dataset: str) -> Path:
@@ -127,38 +120,6 @@ def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_proj
     direct = np.diff(q[0, rows], axis=0) - np.diff(command, axis=0)
     difference = w[0, 34 : 34 + len(direct)] - direct
     assert np.sqrt(np.mean(difference**2)) < 0.25 * np.sqrt(np.mean(direct**2))
-
-
-def test_a_motion_from_the_straight_elbow_is_refused_by_name(ur5, log_project):
-    choice = {end: angles[1:] for end, angles in FIRST_MOTION.items()}
-    choice["movements"] = "Movement_No[67]_*"
-    log_project("ur5_planar", ur5, joint_log=choice, motion={"steps": 633 + 70})
-    ingest.run("motion")
-    assert quality("repetitions", "Movement") == 4
-    with pytest.raises(SingularJacobianError, match="the Jacobian is singular"):
-        track.run()
-
-
-def test_a_truncated_and_a_malformed_copy_of_a_real_log(ur5, log_project, tmp_path):
-    folder = tmp_path / "ur5" / "Movement_No5_copy"
-    shutil.copytree(next(ur5.glob("Movement_No5_*")), folder, copy_function=shutil.copyfile)
-    for place in (folder.parent, folder):
-        place.chmod(0o755)
-    file = folder / FILES[0]
-    content = file.read_bytes()
-    file.write_bytes(content[: int(0.75 * len(content))])
-    log_project("ur5_planar", folder.parent)
-    ingest.run("motion")
-    counts = {"repetitions": 3, "cut_rows": 2, "excursions_cut_off": 1}
-    assert {name: quality(name, "copy") for name in counts} == counts
-    file.write_bytes(content.replace(b"-2.135030", b"-2.13503O", 1))
-    with pytest.raises(RecordingError, match=r"not a finite number|a damaged row") as caught:
-        ingest.run("motion")
-    assert caught.value.evidence["line"] == 1
-    lines = content.split(b"\n")
-    file.write_bytes(b"\n".join(lines[:100] + lines[101:]))
-    with pytest.raises(RecordingError, match="samples are missing"):
-        ingest.run("motion")
 
 
 TAKES = [f"measurements_{file}_{number}" for file in (1, 2) for number in (1, 2)]

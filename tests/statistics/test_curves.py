@@ -96,14 +96,6 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
         assert rows["power"].min() > POWER
 
 
-def test_constant_deviations_and_too_few_steps_have_no_test():
-    rng, std = np.random.default_rng(1), curve(0.4)
-    std[:, 0] = 1e-3
-    noise = takes_of(std, "normal", 0.0, 20, rng)
-    rows = following_tests(model_of(std, noise), noise, np.arange(STEPS) < 2, JOINTS, rng)
-    assert rows[["joint", "steps"]].to_numpy().tolist() == [["wrist", "all"]]
-
-
 @pytest.mark.parametrize("takes", [4, 50])
 @pytest.mark.parametrize("law", LAWS)
 def test_constant_noise_varies_less_than_its_limit_and_noise_that_comes_and_goes_more(takes, law):

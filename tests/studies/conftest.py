@@ -33,14 +33,6 @@ def project(tmp_path, monkeypatch):
     return recordings
 
 
-@pytest.fixture
-def never_resting(project) -> None:
-    """The project, its motion commanded at every step."""
-    folder = Path("data/ingest/motion")
-    trajectory = contracts.read("trajectory", folder)
-    contracts.write(trajectory.assign(**{"v:x": 0.01}), "trajectory", folder)
-
-
 @pytest.fixture(scope="session")
 def laboratory() -> Laboratory:
     """The youBot on a motion of 1.6 s, with a depth camera of a known law."""

@@ -1,4 +1,4 @@
-"""All motions keep the task path; sums are those of the takes, which have equal numbers for every
+"""All motions keep the task path; sums are variances of the takes, with equal draws for every
 motion; a plan is the least by its model.
 """
 
@@ -74,9 +74,6 @@ def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
         with pytest.raises(ModelDomainError, match=words):
             stage.planned(bench, model, OPTIONS)
     assert np.isnan(stage.predicted_sum(bench, wide, bench.recorded))
-    covariance = np.diag([1e-6, 2e-6, 4e-6])
-    whole = stage.predicted_sum(bench, ScaledModel(covariance), bench.recorded)
-    assert whole == pytest.approx(7e-6 * (len(bench.recorded) - 1))
 
 
 def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench, rig):
@@ -89,15 +86,12 @@ def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench, rig):
         assert value == pytest.approx(noise[takes].var(axis=0, ddof=1).sum(), rel=1e-9)
 
 
-def test_orders_agree_or_are_opposite_and_equal_predictions_have_no_order():
+def test_orders_agree_in_part_and_equal_predictions_have_no_order():
     sums = {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}
     assert stage.agreement(sums, sums) == 1.0
-    assert stage.agreement({name: -value for name, value in sums.items()}, sums) == -1.0
     assert stage.agreement(sums | {"a": 2.5}, sums) == pytest.approx(1 - 2 / 6)
-    # equal but for rounding
-    equal = {name: 1.0 + 1e-13 * value for name, value in sums.items()}
+    equal = {name: 1.0 + 1e-13 * value for name, value in sums.items()}  # but for rounding
     assert np.isnan(stage.agreement(equal, sums))
-    assert np.isnan(stage.agreement({"a": 1.0, "b": 2.0}, sums))
 
 
 def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
@@ -106,7 +100,7 @@ def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(ben
     training = rig.poses(bench.recorded, "training") - bench.recorded
     spread = first.std()
     assert np.abs(first - second).max() < 0.2 * spread < np.abs(first - training).max()
-    # a motion's takes hang neither on how many there are nor on how many are simulated at once
+    # a take does not depend on the number of takes
     fewer = Rig(bench, rig.dynamics, takes=2, seed=1)
     assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
 
@@ -116,24 +110,16 @@ def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, r
     assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
     other = replace(rig, bench=whole)
     assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
-    # three joints for two rows: a step of the joints is commanded beside that of the task
-    assert [each.command(each.recorded).shape[1] for each in (bench, whole)] == [5, 3]
     with pytest.raises(ConfigError, match="joint limits"):
         rig.poses(bench.recorded + 3.0, "take")
 
 
-def test_the_page_counts_plans_of_least_sum_and_the_figure_has_ratios_to_the_minimum_norm():
-    motions = ["recorded", "minimum_norm", "best_conditioned", "gaussian"]
-    sums = {name: np.full(3, x) for name, x in zip(motions, (2.0, 1.0, 3.0, 0.5), strict=True)}
-    place = {"arm": "youbot", "physics": "base condition"}
-    rows = stage.sum_rows(sums).assign(**place)
+def test_the_page_counts_plans_of_least_sum():
+    sums = {"recorded": 2.0, "minimum_norm": 1.0, "best_conditioned": 3.0, "gaussian": 0.5}
+    rows = stage.sum_rows({name: np.full(3, x) for name, x in sums.items()})
     assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
-    predictions = {"model": "gaussian", "motion": motions, "sum": [2.0, 1, 3, 1]}
-    predictions = pd.DataFrame(predictions).assign(**place)
-    taus = pd.DataFrame({"model": ["gaussian"], "tau": 0.5}).assign(**place)
-    for least, share in ((rows, 1), (rows.assign(least=0.0), 0)):
-        tables = {"planning": least, "planning_agreements": taus}
-        facts = stage.facts(tables, OPTIONS)
-        assert (facts["sure"], facts["pairs"], facts["medians"]) == (share, 1, "0.5 (gaussian)")
-    points = [line.get_xydata()[0].tolist() for line in stage.draw(rows, predictions).axes[0].lines]
-    assert points[:4] == [[2, 2], [1, 1], [3, 3], [1, 0.5]]
+    place = {"arm": "youbot", "physics": "base condition"}
+    taus = pd.DataFrame({"model": ["gaussian"], "tau": 0.5} | place)
+    tables = {"planning": rows.assign(**place), "planning_agreements": taus}
+    facts = stage.facts(tables, OPTIONS)
+    assert (facts["sure"], facts["pairs"], facts["medians"]) == (1, 1, "0.5 (gaussian)")

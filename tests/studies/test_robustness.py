@@ -14,7 +14,6 @@ from study_runs import options_of
 
 from pipeline.cases.case import KINDS, Choices
 from pipeline.core.columns import spread
-from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Compute
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.filtering.particle_filter import FilterOptions
@@ -28,11 +27,10 @@ from pipeline.studies.robustness.grid import (
     conditions,
     decision_cases,
     motion_evidence,
-    trajectory,
     verdicts,
     without_camera,
 )
-from pipeline.studies.robustness.stage import changes, draw
+from pipeline.studies.robustness.stage import changes
 from pipeline.verdicts.claims import parse_claims
 
 FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
@@ -81,24 +79,6 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
     assert compared == {"none", "memory"} | loops
 
 
-@pytest.fixture(scope="module")
-def cables(common) -> Common:
-    return common._replace(claims=tuple(c for c in CLAIMS if c.id.startswith("wrench")))
-
-
-@pytest.fixture(scope="module")
-def base(cables) -> pd.DataFrame:
-    return verdicts(Condition("wrench", 1), cables)
-
-
-def test_the_wrench_has_verdicts_that_follow_its_bounds(cables, base):
-    wide = verdicts(Condition("wrench", 1, (("kappa", 0.01),)), cables)
-    held, other = (rows.drop_duplicates("claim").set_index("claim") for rows in (base, wide))
-    assert held["verdict"]["wrench-mean-error-falls"] == "holds"
-    values = [rows["value"]["wrench-greatest-error-20"] for rows in (held, other)]
-    assert values[1] > 2 * values[0] and (held["verdict"] != other["verdict"]).any()
-
-
 def counted(condition, common):
     """The verdicts, and a line in the file `calls`."""
     with Path("calls").open("a") as file:
@@ -106,8 +86,9 @@ def counted(condition, common):
     return verdicts(condition, common)
 
 
-def test_a_condition_of_a_killed_run_is_not_evaluated_again(cables, base, tmp_path, monkeypatch):
+def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    cables = common._replace(claims=tuple(c for c in CLAIMS if c.id.startswith("wrench")))
     grid = [Condition("wrench", seed) for seed in (1, 2)]
     monkeypatch.setattr(stage, "verdicts", counted)
     monkeypatch.setattr(stage, "laboratory_grid", lambda *_: (grid, cables))
@@ -116,6 +97,9 @@ def test_a_condition_of_a_killed_run_is_not_evaluated_again(cables, base, tmp_pa
     assert next(killed)[0] == "wrench"
     killed.close()
     rows = [part[3] for part in stage.laboratory_verdicts(settings, None, None)]
+    base = verdicts(grid[0], cables)
+    falls = base.loc[base["claim"] == "wrench-mean-error-falls", "verdict"]
+    assert set(falls) == {"holds"}
     pd.testing.assert_frame_equal(rows[0], base)
     assert not rows[1].equals(base)
     assert sorted(Path("calls").read_text().split()) == ["1", "2"]
@@ -125,23 +109,10 @@ def test_a_condition_of_a_killed_run_is_not_evaluated_again(cables, base, tmp_pa
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     factors = {"sway_std": [0.0, 2.0], "clearance": [2.0], "particles": [0.1]}
     small = list(conditions(factors, [1, 2], "motion"))
-    assert len(small) == 2 * (1 + 4)
-    assert small[:2] == [Condition("motion", 1), Condition("motion", 2)]
-    assert all(len(each.levels) <= 1 for each in small)
+    assert len(small) == 2 * (1 + 4) and all(len(each.levels) <= 1 for each in small)
     large = list(conditions(factors, [1], "motion", ["sway_std", "clearance"]))
-    assert [each.levels for each in large[5:]] == [
-        (("sway_std", x), ("clearance", 2.0)) for x in (0.0, 2.0)
-    ]
-    assert len(set(large)) == len(large)
-
-
-def test_another_rest_leaves_the_motion_in_between(laboratory):
-    own, pace = laboratory.motion, 0.5
-    longer = trajectory(own, {"rest": 0.4, "pace": pace})
-    assert longer.rest == 0.4 / pace
-    assert longer.duration == pytest.approx((own.duration + 4 * 0.3) / pace)
-    with pytest.raises(ConfigError):
-        trajectory(own, {"folded": [1.0, 2.0]})
+    combined = [(("sway_std", x), ("clearance", 2.0)) for x in (0.0, 2.0)]
+    assert [each.levels for each in large[5:]] == combined and len(set(large)) == len(large)
 
 
 def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
@@ -149,59 +120,52 @@ def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
     cases = decision_cases(base, 0.2, laboratory.chain.task, ("a", "b", "c"), 2)
     assert cases[0] == ("", "", base) and all(case != base for _, _, case in cases[1:])
     by_place = {(factor, level): case for factor, level, case in cases[1:]}
-    levels = {key: {level for factor, level in by_place if factor == key} for key, _ in by_place}
-    assert levels[CHANCE] == {"draws 1", "draws 2", "takes 1", "takes 2"}
-    assert levels["clock"] == {"not aligned", "a frame late", "a frame early", "nearest step"}
+    levels = {level for factor, level in by_place if factor == "clock"}
+    assert levels == {"not aligned", "a frame late", "a frame early", "nearest step"}
     assert by_place["floor", "0.1"].models["wishart"].floor == 0.1
     assert by_place["particles", "6"].filter.particles == 6
     free = by_place["realisations", "free running"]
     assert free == replace(base, mode="free_running") and without_camera(free, base)
-    assert not any(without_camera(by_place["clock", x], base) for x in levels["clock"])
-    given = by_place["decomposition", "given"].models["wishart"]
-    np.testing.assert_allclose(given.left, np.diag([0.2, 0.2, 1.0]))
+    assert not any(without_camera(by_place["clock", x], base) for x in levels)
 
 
 def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens_the_noise():
     speed, rng = np.array([0.5, -1.0, 2.0]), np.random.default_rng(3)
     offsets = pd.Series(0.1 + 0.02 * rng.standard_normal(8), [f"test_{n}" for n in range(8)])
-    t, seen, angles, joints = np.arange(101) * 0.01, 0.3 + np.arange(15) * 0.03, [], []
-    for take in offsets.index:
-        joints.append(pd.DataFrame({"take": take, "t": t} | spread("q", "abc", t[:, None] * speed)))
-        q = speed * seen[:, None] + 0.01 + 1e-3 * rng.standard_normal((15, 3))
-        place = {"take": take, "frame": np.arange(15), "t": seen}
-        angles.append(pd.DataFrame(place | spread("q", "abc", q)))
-    angles, joints = (pd.concat(parts, ignore_index=True) for parts in (angles, joints))
+
+    def moved(start: float, count: int, step: float, noise: float) -> pd.DataFrame:
+        frame = np.tile(np.arange(count), 8)
+        place = {"take": np.repeat(offsets.index, count), "frame": frame}
+        place["t"] = start + step * frame
+        q = place["t"][:, None] * speed + noise * rng.standard_normal((len(frame), 3))
+        return pd.DataFrame(place | spread("q", "abc", q))
+
+    angles, joints = moved(0.3, 15, 0.03, 1e-3), moved(0.0, 101, 0.01, 0.0)
     seen_by = cameras(angles, joints, offsets, (0.03, 0.01), 1)
     noise = {x: camera.noise[camera.noise["take"] == "none"] for x, camera in seen_by.items()}
     mean, variance = ["b:a", "b:b", "b:c"], ["r:a:a", "r:b:b", "r:c:c"]
     late = noise["a frame late"][mean] - noise["aligned"][mean]
     np.testing.assert_allclose(late, np.broadcast_to(-speed * 0.03, (15, 3)), atol=1e-12)
-    np.testing.assert_allclose(noise["a frame late"][variance], noise["aligned"][variance])
     widened = noise["not aligned"][variance].mean() - noise["aligned"][variance].mean()
     np.testing.assert_allclose(widened, speed**2 * offsets.var(), rtol=0.1)
 
 
-def table() -> pd.DataFrame:
-    """Three claims: one that a decision changes, one that chance changes, one that is steady."""
-    rows = []
-    for claim, levels in {
-        "turns": [("", "", 1), ("floor", "0.1", 0), (CHANCE, "draws 1", 1)],
-        "lucky": [("", "", 1), ("floor", "0.1", 1), (CHANCE, "draws 1", 0)],
-        "steady": [("", "", 0), ("floor", "0.1", 0), (CHANCE, "draws 1", 0)],
-    }.items():
-        for factor, level, holds in levels:
-            place = {"grid": "decisions", "factor": factor, "level": level, "claim": claim}
-            rows.append(place | {"about": "method", "holds": holds, "fails": 1 - holds})
-    both = {"grid": "motion", "factor": "", "level": "", "claim": "steady", "about": "method"}
-    return pd.DataFrame([*rows, both | {"holds": 1, "fails": 1}])
+HOLDS = {  # base, another decision, another seed
+    "turns": (1, 0, 1),
+    "lucky": (1, 1, 0),
+    "steady": (0, 0, 0),
+}
 
 
 def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
-    changed = changes(table()).set_index(["grid", "claim", "factor"])["changed"]
+    levels = {"factor": ["", "floor", CHANCE], "level": ["", "0.1", "draws 1"]}
+    parts = [pd.DataFrame({"claim": name, "holds": own} | levels) for name, own in HOLDS.items()]
+    table = pd.concat(parts).assign(grid="decisions", fails=lambda rows: 1 - rows["holds"])
+    both = {"grid": "motion", "factor": "", "level": "", "claim": "steady", "holds": 1, "fails": 1}
+    table = pd.concat([table, pd.DataFrame([both])]).assign(about="method")
+    changed = changes(table).set_index(["grid", "claim", "factor"])["changed"].sort_index()
     assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", CHANCE]
     assert changed["decisions", "lucky", CHANCE] and not changed["decisions", "lucky", "floor"]
     assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
-    facts = stage.facts({"robustness": table()}, options_of("robustness"))
+    facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")
-    axes = draw(table()).axes
-    assert [each.get_text() for each in axes[0].get_yticklabels()] == ["turns", "lucky", "steady"]

@@ -96,22 +96,6 @@ def test_a_push_is_found_in_its_joint_and_span(joint, first):
     assert f"largest difference: {begins}" in text
 
 
-def test_a_take_that_is_wider_throughout_is_found_as_a_whole_and_one_that_rests_as_more_likely():
-    drawn = innovations(3)
-    drawn.error[-1] *= 6
-    assert verdict(drawn).p_whole <= verdict(drawn).limit
-    drawn.error[-1] = 0.0
-    assert (verdict(drawn).span_t > 0).all()
-
-
-def test_with_three_takes_to_compare_with_no_difference_can_be_shown():
-    text = assessment("new", "model.json", 3, verdict(innovations(3, takes=4)))
-    shown = "no difference of new can be shown with 3 takes to compare with: record 7 or more"
-    assert shown in text and "behave" not in text.splitlines()[0]
-    text = assessment("new", "model.json", 0, verdict(innovations(3, takes=8)))
-    assert "can be shown" not in text
-
-
 MODEL = {"kind": "additive", "noise_covariance": (1e-9 * np.eye(3)).tolist()}
 COVARIANCE = {"estimates": [], "covariance": []}
 

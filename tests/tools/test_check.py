@@ -1,6 +1,5 @@
-"""check prints everything that is wrong with a dataset at once, else nothing; inspect tells if
-the command in a joint log belongs to the measured angles, and which option settles it if
-not; new-dataset suggests that value.
+"""check prints everything that is wrong with a dataset at once; inspect shows which option makes
+the command in a joint log fit the measured angles, and new-dataset suggests that value.
 """
 
 from __future__ import annotations
@@ -12,14 +11,11 @@ import numpy as np
 import pytest
 from motive_files import START, random_take
 from source_code import ROOT
-from written_logs import write_joint_log
 
 from pipeline.__main__ import tool_call
 from pipeline.core.errors import ConfigError
-from pipeline.formats.joints.log import JointLog
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.inspect.command import as_table, inspect
-from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.new_dataset.command import dataset_texts
 from pipeline.tools.new_dataset.layout import layout
 from pipeline.tools.new_dataset.values import entries
@@ -135,12 +131,6 @@ def angles(t: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)], axis=1)
 
 
-def write_tables(folder: Path, **rows: np.ndarray) -> None:
-    folder.mkdir(exist_ok=True)
-    for name, values in rows.items():
-        write_joint_log(folder / f"{name}.csv", JointLog(TIME, {"actual": values}, {}))
-
-
 def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
     jitter = np.random.default_rng(1).normal(0, 3e-4, len(TIME))
     for number, early in ((1, 0.8), (2, 0.96)):
@@ -163,53 +153,3 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
     suggested = entries("lab", recorded, tmp_path, {})
     assert suggested["joint_log.target_delay"].value == "{run_1: 0.8, run_2: 0.96}"
     assert suggested["joint_log.clock"].value == "rows"
-
-
-@pytest.mark.parametrize(
-    ("progress", "command", "motions", "gaps", "settled"),
-    [
-        (np.sin(TIME), "missed by 0 of the motion", "0 whole", {}, {"rest": "0"}),
-        (np.clip(TIME - 4, 0, None) ** 2, "missed by 0", "0 whole", {"motions_cut_off": 1}, {}),
-        (np.zeros_like(TIME), "at rest, missed by 0 rad", "0 whole", {}, {}),
-    ],
-    ids=["never rests", "cut off", "at rest"],
-)
-def test_motions_and_lag_of_a_plain_archive(tmp_path, progress, command, motions, gaps, settled):
-    q = np.array([0.3, -1.0, 0.8]) + progress[:, None] * [1.0, 0.5, -0.7]
-    np.savez(tmp_path / "run.npz", times=TIME, positions=q, target_positions=q)
-    (finding,) = inspect(tmp_path / "run.npz")
-    assert finding.facts["command"].startswith(command)
-    assert (finding.facts["motions"], finding.gaps) == (motions, gaps)
-    assert ("pose_noise" in finding.suggested) == ("rest" in settled)
-    assert finding.suggested.items() >= (settled | UNITS).items()
-
-
-@pytest.mark.parametrize(
-    ("arrays", "option"),
-    [({"q": angles(TIME)}, "signals"), ({"q": angles(TIME), "q_target": angles(TIME)}, "time")],
-)
-def test_an_archive_whose_names_do_not_say_what_they_are_asks_for_them(tmp_path, arrays, option):
-    np.savez(tmp_path / "run.npz", **arrays)
-    (finding,) = inspect(tmp_path / "run.npz")
-    assert [question.option for question in finding.open] == [f"dataset.joint_log.{option}"]
-    assert not finding.stops
-
-
-def test_tables_of_a_folder_are_told_apart_by_their_names_and_compared(tmp_path):
-    moved, force = angles(TIME), np.column_stack([500 * TIME, angles(TIME)])
-    for number in (1, 2):
-        folder = tmp_path / f"move_{number}"
-        write_tables(folder, q_actual=moved, q_target=moved[:, [0, 2, 1]], qd_target=moved, x=moved)
-        np.savetxt(folder / "a_force.csv", force, "%.4f", ",")
-    findings = inspect(tmp_path)
-    held: dict[str, Finding] = {one.file.stem: one for one in findings}
-    roles = {name: finding.facts.get("role") for name, finding in held.items()}
-    named = {"q_actual": "actual", "q_target": "target", "qd_target": "speed"}
-    assert roles == named | {"x": None, "a_force": None}
-    assert "signals" in held["q_target"].suggested, "the order of the columns"
-    assert not held["q_actual"].suggested and not held["qd_target"].suggested
-    # the step of another table in the folder is not the joint log's
-    recorded = layout(findings, tmp_path)
-    text = dataset_texts("lab", recorded, tmp_path)[0]
-    assert "movements: move_*" in text
-    assert "time_unit: ??? # suggested is s; the unit of the times" in text

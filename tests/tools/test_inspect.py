@@ -5,23 +5,16 @@ what it leaves open is asked with its option, and damage is a finding.
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import signal
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import pytest
-from motive_files import MARKER, columns_file, rows_file
+from motive_files import rows_file
 from source_code import ROOT
 from zoo import write_zoo
 
 from pipeline.__main__ import main
-from pipeline.formats.depth.image import write_depth
-from pipeline.formats.format import Format, Head
-from pipeline.tools.inspect import kinds
 from pipeline.tools.inspect.command import as_json, as_table, inspect
 from pipeline.tools.inspect.finding import Finding
 from pipeline.tools.inspect.kinds import described
@@ -118,13 +111,6 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
     assert bent.facts["arms"] == [{"joints": ["j1", "j2", "j3"], "tip": "tip"}]
     assert not bent.facts["chains"] and not bent.stops
     assert "robot.urdf" in changed(urdf.replace("<limit", "<no", 1)).stops[0]
-    probe = (
-        '<link name="probe"/><joint name="probe" type="fixed"><parent link="c"/>'
-        '<child link="probe"/><origin xyz="0 0 0.1"/></joint></robot>'
-    )
-    two = changed(urdf.replace("</robot>", probe))  # a joint and a link of one name
-    assert options(two) == ["dataset.robot.tool"]
-    assert {*two.facts["chains"][0]["tools"]} == {"tip", "probe"}
 
 
 @pytest.mark.parametrize(
@@ -150,16 +136,6 @@ def test_what_a_reader_refuses_says_why_and_what_to_do(tmp_path, name, text, sai
     assert said in " ".join([reason, *finding.stops, *map(str, finding.open)])
     table = as_table([finding], tmp_path).splitlines()
     assert said in table[-1] and (not reason or table[-1].startswith("not recognised, "))
-
-
-def test_counts_rates_and_units_of_a_log_are_shown(tmp_path):
-    (tmp_path / "t.csv").write_text("1.5,2\n1.5,2\n0,0\n3,4\n")
-    assert described(tmp_path / "t.csv").gaps == {"repeated_rows": 1, "zero_rows": 1}
-    rows = "".join(f"{k},{0.5 * k:.3f},1,2,3\n" for k in range(12))
-    take = described(columns_file(tmp_path, MARKER + rows))
-    assert "11 time mismatches" in as_table([take], tmp_path) and take.rate == 100.0
-    write_depth(tmp_path / "d.png", np.array([[0, 0, 2047, 900]], np.uint16).repeat(4, axis=0))
-    assert "share not above zero 0.5" in as_table([described(tmp_path / "d.png")], tmp_path)
 
 
 def test_a_sequence_names_its_damaged_and_missing_frames(zoo, tmp_path):
@@ -222,31 +198,3 @@ def test_files_that_real_instruments_wrote_are_told_apart():
     force = findings["daqft_dotnet_semicolon.csv"]
     assert (force.rate, force.facts["decimal"]) == (62.5, ",")
     assert findings["kinect2_ir_intrinsics.yaml"].facts["fx"] == pytest.approx(366.95, abs=0.01)
-
-
-def test_what_is_no_file_or_ends_its_reader_is_a_finding_and_the_others_are_read(
-    tmp_path, monkeypatch
-):
-    for name in ("a", "b", os.fsdecode(b"take\xff")):
-        (tmp_path / f"{name}.csv").write_text("1;2.5\n3;4.5\n5;6.5\n")
-    os.mkfifo(tmp_path / "pipe.csv")
-    (tmp_path / "gone.csv").symlink_to("nowhere")
-    (tmp_path / "round").symlink_to(tmp_path)
-    here, read = os.getpid(), kinds.recognised
-
-    def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
-        if head.file.name == "b.csv" and os.getpid() != here:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return read(head, formats)
-
-    monkeypatch.setattr(kinds, "recognised", recognised)
-    findings = inspect(tmp_path)
-    no_file = ["this is no regular file, or a link to nothing"]
-    assert {one.file.name: one.stops for one in findings if one.stops} == {
-        "b.csv": ["reading it ends the process (exit code -9)"],
-        "pipe.csv": no_file,
-        "gone.csv": no_file,
-    }
-    assert len([one for one in findings if one.format == "table of numbers"]) == 2
-    for text in (as_table(findings, tmp_path), as_json(findings)):
-        assert "take\\" in text and text.encode()

@@ -24,10 +24,6 @@ from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
-from pipeline.tools.new_dataset.command import open_dataset
-from pipeline.tools.new_dataset.draft import Draft
-
-FROM, TO = [0.3, -1.2, 1.4, -1.0, -1.2, 0.2], [0.7, -0.9, 1.1, -0.8, -1.0, 0.7]  # rad
 
 
 def run(*words: object) -> None:
@@ -141,11 +137,6 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     assert "one of logs/hold_*.csv, logs/move_*.csv" in datasheet.path_of("lab").read_text()
     assert option["measurement"] == "encoders" and len(option["robot"]["joints"]) == 7
     assert "plane" not in option["robot"] and "joint_log" not in option
-    for part in ("mocap", "logs"):
-        (space_exports / part / "hold_1.csv").unlink()
-    run("one", "--from", space_exports)
-    sheet, _ = written("one")
-    assert (sheet["mocap"]["test"], sheet["encoders"]["test"]) == (None, "???")
     # control: a log of another name is a table of something else, and markers are a planar arm's
     for log in (space_exports / "logs").iterdir():
         log.rename(log.with_stem(f"other_{log.stem}"))
@@ -193,22 +184,6 @@ def test_units_groups_and_steps_that_nothing_settles_are_asked_for(root, exports
     assert written()[1]["motion"] == {"rate": 100, "steps": "???"}
 
 
-def test_names_that_yaml_or_a_pattern_would_read_otherwise_come_back_as_they_are(root, tmp_path):
-    folder = tmp_path / "odd [1]"
-    folder.mkdir()
-    for number in (1, 2):
-        take = random_take(9, body=False)
-        marker = take.markers["Link1:Marker1"]
-        take.markers.clear()
-        take.markers.update(dict.fromkeys(("no", "a: b", "#1", "1e3", '"q"', "ü"), marker))
-        write_motive(folder / f"a[b] {number}.csv", take, start=START)
-    run("odd", "--from", folder)
-    sheet, _ = written("odd")
-    takes = sorted(file.name for file in folder.glob(sheet["mocap"]["training"]))
-    assert (takes, sheet["recordings"]) == (["a[b] 1.csv", "a[b] 2.csv"], "../odd [1]")
-    assert 'no", "a: b", "#1", "1e3"' in datasheet.path_of("odd").read_text()
-
-
 def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_path):
     labels = ["t (s)", *(f"{word}_{j} (deg)" for word in ("measured", "target") for j in (1, 2))]
     rows = [",".join(f"{0.01 * k + c:.3f}" for c in range(5)) for k in range(9)]
@@ -226,58 +201,8 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
     assert "joint_log" not in written("others")[0]
 
 
-SHEET, OPTION = Path("dataset.yaml"), Path("lab.yaml")
-TEXTS = {
-    SHEET: "# ??? is asked\nabout:\n  subject: ??? # what\njoint_log:\n  time_unit: ??? # unit\n",
-    OPTION: "name: lab\nmotion:\n  rate: ??? # 1/s\n  steps: ??? # M\n",
-}
-
-
-def test_answers_take_the_places_of_open_values_and_wrong_ones_leave_the_draft():
-    draft = Draft(dict(TEXTS))
-    wrong = {"joint_log.time_unit": "minutes", "motion.steps": "many", "motion.pace": "1"}
-    for key, value in (wrong | {"motion.rate": ""}).items():
-        with pytest.raises(ConfigError):
-            draft.answer(key, value)
-    assert draft.texts == TEXTS
-    questions = {key: question.hint for key, question in draft.questions().items()}
-    keys = ("about.subject", "joint_log.time_unit", "motion.rate", "motion.steps")
-    assert questions == dict(zip(keys, ("what", "unit", "1/s", "M"), strict=True))
-    answers = {"about.subject": "an arm: # 1", "motion.steps": "20", "motion.rate": "1e2"}
-    for key, value in answers.items():
-        draft.answer(key, value)
-    assert '  subject: "an arm: # 1" # what\n' in draft.texts[SHEET]
-    assert draft.texts[OPTION].endswith("  rate: 1e2 # 1/s\n  steps: 20 # M\n")
-    assert draft.values()["motion"] == {"rate": 100.0, "steps": 20}
-    assert [*draft.questions()] == ["joint_log.time_unit"]
-
-
 def urdf() -> str:
     return os.path.relpath(ROOT / "pipeline/arm/ur5.urdf")
-
-
-@pytest.mark.slow
-def test_options_suggestions_and_a_number_leave_nothing_open(root, logs, capsys):
-    given = {"robot.tool": "flange", "joint_log.speed": "null"}
-    given |= {"about.subject": "UR5: its way", "about.source": "the lab"}
-    given["robot.urdf"] = urdf()
-    filling = open_dataset("lab", logs, given)
-    filling.fill(given, suggested=True, motion=1)
-    filling.write()
-    assert not filling.draft.questions() and not unfilled()
-    sheet, option = written()
-    joints = [f"joint_{j}" for j in range(1, 7)]
-    about = {"subject": "UR5: its way", "source": "the lab", "licence": "MIT License, Copyright"}
-    assert sheet["about"] == about
-    tables = {"actual": "q_actual.csv", "target": "q_target.csv", "speed": None}
-    expected = {"movements": "No*_slow", "time_unit": "s", "angle_unit": "rad", "joints": joints}
-    assert contains(sheet["joint_log"], expected | tables)
-    assert "# 2 not placed: LICENSE.txt, rest_3/force.csv" in datasheet.path_of("lab").read_text()
-    assert (option["robot"]["joints"], option["motion"]["rate"]) == (joints, 100)
-    log = option["joint_log"]
-    np.testing.assert_allclose(sorted([log["start"], log["end"]]), sorted([FROM, TO]), atol=1e-3)
-    assert option["motion"]["steps"] == 80 + 2 * log["rest"] and 0 < log["rest"] < 15
-    assert capsys.readouterr().out.count("No1_slow (3), No2_slow (3)") == 2
 
 
 @pytest.mark.slow
@@ -333,14 +258,8 @@ def test_nothing_is_overwritten(root, logs):
         there.unlink()
 
 
-def test_places_that_are_none_are_refused_and_own_folders_need_no_inventory(root, logs, tmp_path):
+def test_places_that_are_none_are_refused(root, tmp_path):
     with pytest.raises(ConfigError, match="make it with --from FOLDER"):
         run("lab", "--ask")
     with pytest.raises(PipelineError, match="no such folder"):
         run("lab", "--from", tmp_path / "nothing")
-    place = root / "data/raw/lab/recordings"
-    place.parent.mkdir(parents=True)
-    logs.rename(place)
-    run("lab", "--from", place)
-    assert written()[0]["recordings"] == "data/raw/lab/recordings"
-    assert not (place.parent / "dvc.yaml").exists()

@@ -84,7 +84,7 @@ def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(work):
         with pytest.raises(PipelineError, match=message):
             run(["wishart", "path.csv", "out", "--points", "30", *words])
     for words, message in (
-        (["other", "path.csv", "out"], "fitted parameters cannot be read"),
+        (["other", "path.csv", "out"], "no fitted parameters"),
         (["wishart", "none.csv", "out"], "cannot be read .*none.csv"),
         (["wishart", "path.csv", "data"], "exists and is no plan"),
     ):
@@ -135,13 +135,6 @@ def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
     plane = arm.to_plane(nodes[:, 1:])
     np.testing.assert_allclose(plane[..., 1], 0.0, atol=1e-12)
     np.testing.assert_allclose(plane[..., [0, 2]], arm.chain.points(POSES), atol=1e-12)
-
-
-def test_without_the_viewer_the_command_names_what_installs_it(monkeypatch, tmp_path):
-    monkeypatch.setattr(command, "ENVIRONMENT", tmp_path)
-    monkeypatch.setitem(command.sys.modules, "rerun", None)
-    with pytest.raises(PipelineError, match="run `make view`"):
-        command.run()
 
 
 @pytest.mark.slow

@@ -1,11 +1,12 @@
-"""Each item of the paper has its row, functions that cite it and tests that use them; errata have
-the numbers of a run in their prose, and the tests that they name exist.
+"""Each item of the paper has its row, functions that cite it and tests that use them; errata and
+claims have the numbers of a run, and the tests that they name exist.
 """
 
 from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -13,9 +14,10 @@ import pytest
 
 from pipeline.core import config
 from pipeline.core.errors import ConfigError
+from pipeline.core.validation import validated
 from pipeline.verdicts import paper
-from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.decision import decide_each
+from pipeline.verdicts.claims import ClaimsFile, parse_claims
+from pipeline.verdicts.decision import COMMAND, decide, decide_each
 from pipeline.verdicts.run import Run, read_run
 
 EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
@@ -35,138 +37,51 @@ SMALL = paper.parse_items([EQUATION, *FURTHER])
     ("docstring", "names"),
     [
         ("σ of Eq. (NormStd) over the first axis", {"NormStd"}),
-        ("the problem (cost)–(const1), by Theorem 1", {"cost", "const1", "Theorem 1"}),
-        ("Eqs. (NormStd) and (const1)", {"NormStd", "const1"}),
+        ("the problem (cost)–(const1), by Theorem 1", {"cost", "Theorem 1", "const1"}),
+        ("the range (NormStd)–(const1)", {"NormStd", "cost", "Theorem 1", "const1"}),
         ("Fig. (Setup) in our words", {"Setup"}),
         ("the norm (Frobenius), cost without parentheses, Eq. (22) of another paper", set()),
     ],
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
     assert paper.cited(docstring, SMALL) == names
-    between = paper.parse_items(
-        [EQUATION, *(EQUATION | {"label": name} for name in ("middle", "last"))]
-    )
-    assert paper.cited("(NormStd)–(last)", between) == {"NormStd", "middle", "last"}
 
 
 @pytest.mark.parametrize(
     "docstring", ["Eq. (NormStdd)", "Theorem 2", "Fig. (Room)", "Eqs. (cost)–(const7)"]
 )
 def test_a_citation_of_what_the_paper_does_not_have_is_refused_with_its_place(tmp_path, docstring):
-    (tmp_path / "code").mkdir()
-    file = tmp_path / "code/step.py"
+    file = tmp_path / "step.py"
     file.write_text(f'class Step:\n    def sample(self):\n        """{docstring}."""\n')
     with pytest.raises(ConfigError, match="which the paper does not have") as refused:
-        paper.citations(tmp_path / "code", SMALL)
+        paper.citations(tmp_path, SMALL)
     assert refused.value.evidence["file"] == file
-    assert refused.value.evidence["name"] == "code.step.Step.sample"
-
-
-def test_functions_classes_and_methods_count_and_what_is_private_does_not(tmp_path):
-    folder = tmp_path / "code/room"
-    folder.mkdir(parents=True)
-    texts = [
-        '"""Module (cost)."""',
-        'class A:\n    """(NormStd)"""\n    def b(self):\n        """(NormStd)"""',
-        'def _c():\n    """(cost)"""',
-        'def g():\n    """(const1); it serves\n    tests alone."""',
-    ]
-    (folder / "d.py").write_text(
-        "\n".join([*texts, 'def e():\n    """Theorem 1"""\n', "def f(): pass\n"])
-    )
-    sources = paper.citations(tmp_path / "code", SMALL)
-    names = {item: [source.name for source in by] for item, by in sources.items()}
-    assert [source.tests_alone for source in sources["const1"]] == [True]
-    expected = {
-        "const1": ["code.room.d.g"],
-        "NormStd": ["code.room.d.A", "code.room.d.A.b"],
-        "Theorem 1": ["code.room.d.e"],
-    }
-    assert names == {"cost": [], "const1": [], "Setup": []} | expected
-
-
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"label": ""}, "label"),
-        ({"kind": "theorem"}, "label"),
-        ({"tests": ["test_b.py"]}, "tests"),
-        ({"tests": []}, "tests"),
-        ({"without_code": "a sketch"}, "tests"),
-        ({"label": "cost"}, "label"),
-    ],
-)
-def test_a_malformed_item_is_refused_with_its_key(changes, key):
-    with pytest.raises(ConfigError) as refused:
-        paper.parse_items([EQUATION | changes, *FURTHER])
-    assert refused.value.evidence["key"].startswith(key)
+    assert refused.value.evidence["name"].endswith("step.Step.sample")
 
 
 ROOT = Path(__file__).parents[2]
-PAPER = ROOT.parent / "shared/paper"
 ITEMS = paper.parse_items(config.read_yaml(ROOT / "pipeline/verdicts/paper.yaml")["items"])
 SOURCES = paper.citations(ROOT / "pipeline", ITEMS)
-DISPLAY = r"\\begin\{(equation|align|eqnarray|empheq)\}(.*?)\\end\{\1\}"
-PICTURE = r"\\begin\{(figure\*?)\}.*?\\label\{(\w+)\}"
-NAMED = r"\\textbf\{(Definition|Theorem) \d\}|\\begin\{(algorithm)\}"
-INNER = r"\\begin\{(bmatrix|matrix)\}.*?\\end\{\1\}"
-
-
-def printed(text: str) -> list[tuple[str, str]]:
-    """Kind and label of everything that LaTeX numbers in the paper's source, in its order."""
-    numbered = []
-    for match in re.finditer(
-        f"{DISPLAY}|{PICTURE}|{NAMED}", re.sub(r"(?<!\\)%.*", "", text), re.DOTALL
-    ):
-        if match[1]:
-            # the rows of matrices within a display are not numbered
-            rows = re.split(r"\\\\", re.sub(INNER, "", match[2], flags=re.DOTALL))
-            rows = [row for row in rows if row.strip() and "\\nonumber" not in row]
-            labels = [re.search(r"\\label\{(\w+)\}", row) for row in rows]
-            numbered += [("equation", label[1] if label else "") for label in labels]
-        elif match[3]:
-            numbered.append(("figure", match[4]))
-        else:
-            numbered.append(((match[5] or match[6]).lower(), ""))
-    return numbered
+NUMBERED = {"equation": 41, "figure": 11, "theorem": 5, "definition": 2, "algorithm": 2}
 
 
 def test_nothing_that_the_paper_numbers_is_forgotten():
-    if not PAPER.is_dir():
-        pytest.skip("the paper's source is not beside the project")
-    (file,) = PAPER.glob("*.txt")
-    held = [(item.kind, item.label) for item in ITEMS]
-    numbered = printed(file.read_text(encoding="utf-8"))
-    assert {kind for kind, _ in held} == {kind for kind, _ in numbered}
-    for kind in {kind for kind, _ in numbered}:
-        theirs, ours = ([n for name, n in rows if name == kind] for rows in (numbered, held))
-        # a label of ours stands where the paper has none, and there alone
-        assert theirs == ["" if "-" in label else label for label in ours]
+    assert Counter(item.kind for item in ITEMS) == NUMBERED
 
 
 @cache
-def definitions(file: str) -> dict[str, ast.AST]:
-    """What a test file defines at its top, by name."""
-    named = {}
+def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
+    """Return by name what a test file defines at its top, and dotted paths of what it imports."""
+    named, imported = {}, {}
     for node in ast.parse((ROOT / file).read_text()).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             named[node.name] = node
         elif isinstance(node, ast.Assign):
             targets = (each for target in node.targets for each in ast.walk(target))
             named |= {each.id: node for each in targets if isinstance(each, ast.Name)}
-    return named
-
-
-@cache
-def imported(file: str) -> dict[str, str]:
-    """Name → dotted path of what a test file imports of the pipeline."""
-    nodes = ast.walk(ast.parse((ROOT / file).read_text()))
-    return {
-        alias.asname or alias.name: f"{node.module}.{alias.name}"
-        for node in nodes
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
+        elif isinstance(node, ast.ImportFrom):
+            imported |= {a.asname or a.name: f"{node.module}.{a.name}" for a in node.names}
+    return named, imported
 
 
 def used(file: str, test: str) -> set[str]:
@@ -176,13 +91,14 @@ def used(file: str, test: str) -> set[str]:
     names, waiting, visited = set(), [(file, test)], set()
     while waiting:
         place, name = waiting.pop()
-        if (place, name) in visited or name not in definitions(place):
+        definitions, imported = parsed(place)
+        if (place, name) in visited or name not in definitions:
             continue
         visited.add((place, name))
-        for node in ast.walk(definitions(place)[name]):
+        for node in ast.walk(definitions[name]):
             if isinstance(node, ast.Name | ast.Attribute):
                 head, _, rest = ast.unparse(node).partition(".")
-                source = imported(place).get(head, head)
+                source = imported.get(head, head)
                 names.add(f"{source}.{rest}".rstrip("."))
                 module, _, own = source.rpartition(".")
                 helper = f"tests/{module.removeprefix('tests.').replace('.', '/')}.py"
@@ -201,7 +117,7 @@ def test_every_item_has_a_function_or_needs_none_and_tests_that_exist_and_use_it
     classes = {owner for owner in owners if owner.rpartition(".")[2][:1].isupper()}
     for test in item.tests:
         file, _, name = test.partition("::")
-        assert name in definitions(file), test
+        assert name in parsed(file)[0], test
         assert used(file, name) & (implementing | classes), test
 
 
@@ -212,63 +128,89 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     assert "pipeline.randommatrix.wishart.sample" not in by
 
 
-VALUES = {"published": {"file": "claims/published", "key": "sigma"}}
-VALUES |= {"ours": {"file": "metrics/fit", "key": "sigma_b"}}
+FIT = {"file": "metrics/fit", "key": "std_{joint 1}"}
+VALUES = {"ours": FIT, "sum": {"file": "claims/walk", "key": "sigma"}}
 ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "values": VALUES}
-ENTRY |= {"paper": "It is {published}.", "fact": "It is {ours}.", "done": "Another one."}
+ENTRY |= {"paper": "It is.", "fact": "It is {ours}.", "done": "Its sum is {sum}."}
 ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
 CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {"id": "sigma"}
 CLAIM |= {"about": "method", "rule": "within_relative", "tolerance": 0.1, "published": 0.25}
-CLAIM |= {"value": VALUES["ours"]}
-JOINTS = ["shoulder", "elbow", "wrist"]
-
-
-def page(evidence, **changes) -> str:
-    run = Run("lab", "paper", True, JOINTS, ["x", "z", "phi"], {}, {"fit": evidence}, {})
-    decided = decide_each(parse_claims([CLAIM]), [run], [])
-    return paper.errata_page(paper.parse_errata([ENTRY | changes]), run, decided)
-
-
-def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose():
-    text = page({"sigma_b": 0.28765})
-    assert "**The paper** (Sec. 4): It is 0.25." in text
-    assert "**In fact**: It is 0.2877." in text
-    assert "- `tests/models/test_noise.py::test_one`" in text
-    assert f"It is {paper.MISSING}." in page({})
-    # a variance a step as the standard deviation of the sum of so many steps
-    added = {"file": "claims/walk", "key": "sigma"}
-    assert "It is 8.944." in page({}, values=VALUES | {"published": added})
-    # a joint by its place in the paper's arm
-    values = {"ours": {"file": "metrics/fit", "key": "std_{joint 1}_rad"}}
-    text = page({"std_shoulder_rad": 0.125}, paper="It.", values=values)
-    assert "**In fact**: It is 0.125." in text
+CLAIM |= {"value": FIT}
 
 
 @pytest.mark.parametrize(
-    ("changes", "key"),
+    ("fit", "ours"), [({"std_shoulder": 0.28765}, "0.2877"), ({}, paper.MISSING)]
+)
+def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
+    arm = (["shoulder", "elbow", "wrist"], ["x", "z", "phi"])
+    run = Run("lab", "paper", True, *arm, {}, {"fit": fit}, {})
+    decided = decide_each(parse_claims([CLAIM]), [run], [])
+    text = paper.errata_page(paper.parse_errata([ENTRY]), run, decided)
+    assert f"**In fact**: It is {ours}." in text
+    # the published variance a step as the standard deviation of the sum of so many steps
+    assert "Its sum is 8.944." in text
+
+
+@pytest.mark.parametrize(
+    ("parse", "entries", "changes", "key"),
     [
-        ({"tests": ["test_noise.py"]}, "tests"),
-        ({"values": {}}, "values"),
-        ({"values": VALUES | {"ours": {"file": "metrics/fit"}}}, "key"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"kind": "theorem"}, "label"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"tests": ["test_b.py"]}, "tests"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"without_code": "a sketch"}, "tests"),
+        (paper.parse_items, [EQUATION, *FURTHER], {"label": "cost"}, "label"),
+        (paper.parse_errata, [ENTRY], {"tests": ["test_noise.py"]}, "tests"),
+        (paper.parse_errata, [ENTRY], {"values": {"ours": {"file": "fit"}}}, "key"),
     ],
 )
-def test_a_malformed_entry_is_refused_with_its_name_and_key(changes, key):
+def test_a_malformed_item_or_erratum_is_refused_with_its_key(parse, entries, changes, key):
     with pytest.raises(ConfigError) as refused:
-        paper.parse_errata([ENTRY | changes])
-    assert refused.value.evidence["erratum"] == "bias"
+        parse([entries[0] | changes, *entries[1:]])
     assert refused.value.evidence["key"].startswith(key)
 
 
-def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist():
-    errata = paper.parse_errata(config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"])
-    run = read_run(ROOT / "reports/datasets/youbot.json")
-    claims = parse_claims(config.read_yaml(ROOT / "reports/claims.yaml")["claims"])
-    assert paper.MISSING not in paper.errata_page(errata, run, decide_each(claims, [run], []))
+@pytest.fixture(scope="module")
+def errata() -> list[paper.Erratum]:
+    return paper.parse_errata(config.read_yaml(ROOT / "pipeline/verdicts/errata.yaml")["errata"])
+
+
+@pytest.fixture(scope="module")
+def youbot() -> Run:
+    """The run on the synthetic youBot, which has every instrument."""
+    return read_run(ROOT / "reports/datasets/youbot.json")
+
+
+CLAIMS = parse_claims(validated(ClaimsFile, config.read_yaml(ROOT / "reports/claims.yaml")).claims)
+TYPED = r"\d[.,]\d|\de-?\d"  # a measured number; they come from a run
+
+
+def test_every_erratum_has_its_numbers_in_the_run_and_tests_that_exist(errata, youbot):
+    page = paper.errata_page(errata, youbot, decide_each(CLAIMS, [youbot], []))
+    assert paper.MISSING not in page
     assert len({erratum.id for erratum in errata}) == len(errata)
     for erratum in errata:
         for test in erratum.tests:
             file, _, name = test.partition("::")
-            assert name.startswith("test_") and name in definitions(file), test
-        # no measured number is typed
+            assert name.startswith("test_") and name in parsed(file)[0], test
         text = f"{erratum.title} {erratum.paper} {erratum.fact} {erratum.done}"
-        assert not re.search(r"\d[.,]\d|\de-?\d", text), erratum.id
+        assert not re.search(TYPED, text), erratum.id
+
+
+def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(errata, youbot):
+    missing = [
+        f"{verdict.claim.id}: {case.case}"
+        for verdict in decide(CLAIMS, youbot.evidence, "paper", youbot.arm)
+        for case in verdict.cases
+        if case.value is None
+    ]
+    assert missing == []
+    stage = config.read_yaml(ROOT / "dvc.yaml")["stages"][COMMAND.removeprefix("dvc repro ")]
+    written = {next(iter(out)) for out in stage["outs"] if isinstance(out, dict)}
+    for claim in CLAIMS:
+        for reference in claim.references():
+            assert f"reports/${{dataset}}/{Path(reference.file).parent}" in written, claim.id
+    datasets = {file.stem for file in (ROOT / "pipeline/conf/dataset").glob("*.yaml")}
+    assert {name for claim in CLAIMS for name in claim.why} <= datasets
+    reasons = "\n".join(reason for claim in CLAIMS for reason in claim.why.values())
+    linked = set(re.findall(r"\(errata\.md#(.*?)\)", reasons))
+    assert linked and linked <= {erratum.id for erratum in errata}
+    assert not re.search(TYPED, reasons)

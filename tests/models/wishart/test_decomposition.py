@@ -1,6 +1,4 @@
-"""Decompositions of the Jacobian against LAPACK's, dependences of their laws, names of them, and
-how steps that were drawn under one of them tell it.
-"""
+"""Decompositions of the Jacobian against LAPACK's, and dependences of their laws."""
 
 from __future__ import annotations
 
@@ -10,10 +8,8 @@ import numpy as np
 import pytest
 from oracles import READINGS, every_reading, first_factor
 
-from pipeline.core.columns import PLANE
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, chosen, factors, split
-from pipeline.models.wishart.fit import Options
+from pipeline.models.wishart.decomposition import Decomposition, factors, split
 from pipeline.models.wishart.law import WishartModel
 
 JOINTS = ("shoulder", "elbow", "wrist")
@@ -100,22 +96,6 @@ def test_what_a_decomposition_does_not_depend_on(
         plain = np.eye(3)
         assert [same(ROTATION, plain), same(units, plain)] == [turned, scaled]
         assert [same(cyclic, plain), same(plain, cyclic)] == [rows, joints]
-
-
-def options(decomposition: str, **values: object) -> Options:
-    return Options(
-        "wishart", "label", estimator="likelihood", decomposition=decomposition, **values
-    )
-
-
-def test_options_name_a_decomposition_and_by_default_the_papers():
-    default = Options("wishart", "label", estimator="likelihood")
-    assert chosen(default, PLANE, JOINTS) == PIVOTED_LU
-    assert chosen(default, PLANE[:2], JOINTS) == Decomposition("qr")
-    assert chosen(options("qr_transposed"), PLANE, JOINTS) == Decomposition("qr_transposed")
-    left = np.diag([0.15, 0.15, 1.0])
-    given = options("given", left=left.tolist())
-    assert chosen(given, PLANE, JOINTS) == Decomposition("given", left=left)
 
 
 def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(chain, poses, step):

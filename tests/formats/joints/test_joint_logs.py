@@ -1,22 +1,29 @@
-"""Joint logs as tables: what names of columns and arrays say of signals, columns by label or
-number, units, logs of a real arm.
+"""Joint logs as tables and as arrays with names: signals by the names of columns and arrays, or by
+the options; units; logs of real arms; refusals by array and row.
 """
 
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from joint_files import read_joint_log, table
+from scipy.io import savemat
 from written_logs import refusal
 
+from pipeline.formats import joints
+from pipeline.formats.format import Kind, format_of, formats_in
+from pipeline.formats.joints.arrays import read_arrays
 from pipeline.formats.joints.log import LogOptions
 from pipeline.formats.joints.names import signals_of
-from pipeline.formats.joints.table import joint_labels, read_joint_table, write_joint_table
+
+KEY = "dataset.joint_log"
 
 
-def numbered(form: str, joints: int = 6, first: int = 0) -> list[str]:
+def n(form: str, joints: int = 2, first: int = 0) -> list[str]:
     return [form.format(j) for j in range(first, first + joints)]
 
 
@@ -25,7 +32,7 @@ RTDE = ["timestamp", "actual_main_voltage", "actual_robot_current", "target_spee
 RTDE += ["actual_momentum", "actual_execution_time", "robot_mode"]
 RTDE_SIX = "target_q target_qd target_qdd target_current target_moment actual_q actual_qd".split()
 RTDE_SIX += ["actual_current", "actual_TCP_pose", "actual_TCP_force", "joint_temperatures"]
-RTDE += [label for name in RTDE_SIX for label in numbered(name + "_{}")]
+RTDE += [label for name in RTDE_SIX for label in n(name + "_{}", 6)]
 FRANKA = ["time", *(f"{s}[{j}]" for s in ("q", "dq", "q_d", "dq_d", "tau_J") for j in range(7))]
 PLOTJUGGLER = [f"/joint_states/{j}_joint/{q}" for j in UR for q in ("position", "velocity")]
 CONTROLLER = [
@@ -37,10 +44,6 @@ CONTROLLER = [
 
 def both(actual: list[str], target: list[str]) -> dict[str, list[str]]:
     return {"actual": actual, "target": target}
-
-
-def n(form: str, joints: int = 2, first: int = 0) -> list[str]:
-    return numbered(form, joints, first)
 
 
 LABELS = [
@@ -134,17 +137,6 @@ def test_logs_of_a_real_arm_have_their_lines_less_a_cut_one(
     assert first in (None, result.signals["actual"][0, 0])
 
 
-def test_a_written_log_reads_back_to_what_is_printed(tmp_path):
-    rng, joints = np.random.default_rng(1), ["shoulder", "elbow"]
-    signals = {"target": rng.normal(size=(50, 2)), "actual": rng.normal(size=(50, 2))}
-    write_joint_table(tmp_path / "t.csv", np.arange(50) / 200, signals, joints)
-    named = {name: joint_labels(name, joints) for name in signals}
-    read = read_joint_table(tmp_path / "t.csv", LogOptions("time", joints=2, signals=named))
-    np.testing.assert_allclose(read.time, np.arange(50) / 200, atol=1e-9)
-    for name, values in signals.items():
-        np.testing.assert_allclose(read.signals[name], values, atol=0.51e-7)
-
-
 DEGREES = "{t},5.729577951308232,11.45915590261646,17.1887338539247"
 FORMS = [
     ("time,q1,q2,q3", "{t},0.1,0.2,0.3", NAMES, LogOptions("time")),
@@ -167,24 +159,23 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row,
     np.testing.assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("header", "key", "unit", "last"),
-    [
-        ("t (s),q1 (deg),q2 (deg)", "angle_unit", "deg", 0.1),
-        ("t,q1 [degrees],q2", "angle_unit", "deg", 0.1),
-        ("t,q1,q2\ns,deg,deg", "angle_unit", "deg", 0.1),
-        ("t,w1 [deg/s],w2", "angle_unit", "deg", 0.1),
-        ("t [ms],q1,q2", "time_unit", "ms", 1e-4),
-        ("t [ns],q1,q2", "time_unit", "ns", 1e-10),
-        ("t [s],q1 [rad],q2 [rad/s]", None, None, 0.1),
-        ("t,q[0],q[1]", None, None, 0.1),
-    ],
-)
+UNITS = [  # header, option, unit, last time in s
+    ("t (s),q1 (deg),q2 (deg)", "angle_unit", "deg", 0.1),
+    ("t,q1 [degrees],q2", "angle_unit", "deg", 0.1),
+    ("t,q1,q2\ns,deg,deg", "angle_unit", "deg", 0.1),
+    ("t [ms],q1,q2", "time_unit", "ms", 1e-4),
+    ("t [ns],q1,q2", "time_unit", "ns", 1e-10),
+    ("t [s],q1 [rad],q2 [rad/s]", None, None, 0.1),
+    ("t,q[0],q[1]", None, None, 0.1),
+]
+
+
+@pytest.mark.parametrize(("header", "key", "unit", "last"), UNITS)
 def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, unit, last):
     (tmp_path / "log.csv").write_text(f"{header}\n0.0,0.5,1.5\n0.1,0.5,1.5\n")
     if key:
         read = partial(read_joint_log, joints=2)
-        assert refusal(read, tmp_path / "log.csv").evidence["key"] == f"dataset.joint_log.{key}"
+        assert refusal(read, tmp_path / "log.csv").evidence["key"] == f"{KEY}.{key}"
     options = LogOptions(**({key: unit} if key else {}))
     result = read_joint_log(tmp_path / "log.csv", joints=2, options=options)
     assert result.time[-1] == pytest.approx(last)
@@ -195,5 +186,115 @@ def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, un
 def test_degrees_that_are_taken_for_radians_are_refused_with_the_option_and_the_time(tmp_path):
     file = table(tmp_path, "", "0.0, 10.5, -90.0", "0.1, 10.5, -90.0")
     error = refusal(partial(read_joint_log, joints=2), file)
-    assert error.evidence["key"] == "dataset.joint_log.angle_unit"
-    assert "at 0 s from the start" in error.message
+    assert error.evidence["key"] == f"{KEY}.angle_unit"
+    assert "at 0 s from" in error.message
+
+
+ROWS, PLAIN = 6, LogOptions()
+STAMPS = 1.46e9 + np.arange(ROWS) * 0.005  # s since 1970
+ACTUAL = np.random.default_rng(1).normal(size=(ROWS, 3))
+ARRAYS = {"times": STAMPS, "positions": ACTUAL, "target_positions": ACTUAL + 1}
+ARRAYS["torques"] = 0 * ACTUAL
+
+
+def parquet(file: Path, arrays: dict[str, np.ndarray]) -> None:
+    columns = {}
+    for name, values in arrays.items():
+        many = {f"{name}_{j}": column for j, column in enumerate(np.atleast_2d(values.T))}
+        columns |= many if values.ndim > 1 else {name: values}
+    # numbers order the joints, not the places of the columns
+    pd.DataFrame(dict(reversed(columns.items()))).assign(mode="servo").to_parquet(file)
+
+
+WRITE = {
+    "npz": lambda file, arrays: np.savez(file, **arrays),
+    "mat": lambda file, arrays: savemat(file, arrays, do_compression=True),
+    "parquet": parquet,
+}
+
+
+def archive(folder: Path, form: str = "npz", **arrays: np.ndarray) -> Path:
+    WRITE[form](folder / f"log.{form}", arrays)
+    return folder / f"log.{form}"
+
+
+@pytest.mark.parametrize("form", WRITE)
+def test_arrays_are_found_by_their_names_or_named_by_the_option(tmp_path, form):
+    file = archive(tmp_path, form, **ARRAYS)
+    assert format_of(file, formats_in(joints, Kind.JOINTS)).read is read_arrays
+    log = read_arrays(file, PLAIN)
+    np.testing.assert_array_equal(log.time, STAMPS)
+    assert [*log.signals] == ["actual", "target"] and log.counts == {"doubled_rows": 0}
+    np.testing.assert_array_equal(log.signals["actual"], ACTUAL)
+    np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
+    file = archive(tmp_path, form, clock=np.arange(ROWS) * 5, a=ACTUAL, b=ACTUAL[:, [1, 0, 2]])
+    columns = ["b:1", "b:0", "b:2"] if form != "parquet" else ["b_1", "b_0", "b_2"]
+    named = {"actual": ["a"], "target": columns}
+    log = read_arrays(file, LogOptions("clock", angle_unit="deg", time_unit="ms", signals=named))
+    np.testing.assert_allclose(log.time, np.arange(ROWS) * 0.005)
+    np.testing.assert_allclose(log.signals["actual"], np.deg2rad(ACTUAL))
+    np.testing.assert_array_equal(log.signals["actual"], log.signals["target"])
+    untimed = read_arrays(file, LogOptions(None, rate=200.0, signals={"actual": ["a"]}))
+    np.testing.assert_allclose(untimed.time, np.arange(ROWS) * 0.005)
+    for wrong in (["a:3"] * 3, ["absent:0"] * 3):
+        error = refusal(read_arrays, file, LogOptions("clock", signals={"actual": wrong}))
+        assert "a (6, 3)" in error.message and error.evidence["key"] == f"{KEY}.signals"
+
+
+def changed(name: str, row: int, value: float) -> dict[str, np.ndarray]:
+    values = ARRAYS[name].copy()
+    values[row] = value
+    return ARRAYS | {name: values}
+
+
+REFUSED = {
+    "positions:0 holds nan": (changed("positions", 4, np.nan), {"array": "positions:0", "row": 4}),
+    "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
+    "6 times for 2 of actual": (ARRAYS | {"positions": ACTUAL.T[:2]}, {"array": "times"}),
+    "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": f"{KEY}.signals"}),
+    "the actual must be": (ARRAYS | {"q": ACTUAL}, {"key": f"{KEY}.signals"}),
+    "the time must be": ({"q": ACTUAL, "q_target": ACTUAL}, {"key": f"{KEY}.time"}),
+}
+
+
+@pytest.mark.parametrize("form", ["npz", "mat"])
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_is_no_log_is_refused_by_array_and_row(tmp_path, words, form):
+    arrays, evidence = REFUSED[words]
+    error = refusal(read_arrays, archive(tmp_path, form, **arrays), PLAIN)
+    assert words in error.message and evidence.items() <= error.evidence.items()
+
+
+def test_objects_are_never_loaded(tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (Path.touch, (tmp_path / "pwned",))
+
+    objects = np.empty((ROWS, 3), dtype=object)
+    objects[:] = Trap()
+    error = refusal(read_arrays, archive(tmp_path, **ARRAYS | {"positions": objects}), PLAIN)
+    assert "positions ()" in error.message and not (tmp_path / "pwned").exists()
+
+
+def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_path):
+    rec = {"t": STAMPS, "arm": {"q": ACTUAL, "ref_pos_deg": np.rad2deg(ACTUAL)}, "name": "run"}
+    file = archive(tmp_path, "mat", rec=rec)
+    signals = {"actual": ["rec.arm.ref_pos_deg"]}
+    log = read_arrays(file, LogOptions("rec.t", angle_unit="deg", signals=signals))
+    np.testing.assert_allclose(log.signals["actual"], ACTUAL)
+    columns = {"actual": [f"rec.arm.q:{j}" for j in (2, 0, 1)]}
+    log = read_arrays(file, LogOptions("rec.t", signals=columns))
+    np.testing.assert_array_equal(log.signals["actual"], ACTUAL[:, [2, 0, 1]])
+    assert (
+        "rec.arm.q (6, 3)"
+        in refusal(read_arrays, file, LogOptions(signals={"actual": ["q"]})).message
+    )
+    file.write_bytes(b"MATLAB 7.3 MAT-file, " + file.read_bytes()[21:])
+    assert "-v7" in refusal(read_arrays, file, PLAIN).message
+
+
+def test_a_real_archive_holds_both_angles_of_seven_joints(shared):
+    log = read_arrays(shared / "recordings/lwr4/measurements_1.npz", PLAIN)
+    shapes = {name: rows.shape for name, rows in log.signals.items()}
+    assert shapes == {"actual": (5027, 7), "target": (5027, 7)}
+    assert log.time[-1] - log.time[0] == pytest.approx(25.1295, abs=1e-4)
