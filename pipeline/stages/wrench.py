@@ -50,7 +50,8 @@ def run() -> None:
         for own in trials(measured, names, label="wrench: configurations"):
             for name, table in own.items():
                 tables.setdefault(name, []).append(table)
-            for row in own["sigma_s"].itertuples():  # eigenvalues set to zero, which the report counts
+            # eigenvalues set to zero, which the report counts
+            for row in own["sigma_s"].itertuples():
                 form = "" if row.form == "diagonal" else f"_{row.form}"
                 metrics[f"{row.system_class}{form}_sigma_s_clipped"] = int(row.clipped)
     with contracts.replacing(OUT) as folder:
