@@ -96,7 +96,7 @@ def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):
 def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
     (tmp_path / "q.txt").write_text("".join(f"{angle}\n" for angle in Q[:, 0]))
     (finding,) = inspect(tmp_path / "q.txt")
-    said, key = finding.open[0]
+    said, key, *_ = finding.open[0]
     assert (finding.facts["columns"], key) == (1, "dataset.joint_log.signals")
     assert "one number a line" in said
     with pytest.raises(RecordingError, match="one number a line is one column"):

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from project_copy import (
     EVERY_COMMAND,
-    ROOT,
     contents,
     copy_reproduced,
     edit_text,
@@ -26,9 +25,10 @@ from project_copy import (
     succeeds,
 )
 
-MODULES = {file.stem for file in (ROOT / "pipeline/figures").glob("[a-z]*.py")}
+from pipeline.figures.drawing import figures_in
+
 IN_SPACE = {"wrench_planes", "wrench_marginals"}  # of six rows, where cables do not lie in a plane
-FIGURES = MODULES - {"style", "drawing"} - IN_SPACE
+FIGURES = {*figures_in()} - IN_SPACE
 MODELS = ("additive", "wishart", "gaussian")
 SHOWN = {"score", "figures", "publish", "report", "page"}
 FILTERS = {f"filter@{model}" for model in MODELS}
