@@ -66,10 +66,8 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
     known = spelled(stated) in ("", *UNITS_PER_METRE)
     message = "the file does not say the unit of its lengths: set it to m, cm or mm"
     if stated.strip():
-        message = (
-            f"lengths are in {stated!r} by {key} of the file, not in {option or 'm, cm or mm'}: "
-        )
-        message += "export in it, or mend the option"
+        message = f"lengths are in {stated!r} by {key} of the file, not in "
+        message += f"{option}: mend the option" if option else "m, cm or mm: export in one of these"
     raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
 
 

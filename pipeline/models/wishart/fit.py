@@ -113,8 +113,8 @@ def examined(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """The greatest gap between the closed form and (BsampOpt) at ``checks`` of the steps that move,
-    and the table ``sigma_b_weights``, σ̂_B of (BsampOpt) over α₂/α₁, of the recorded takes and of as
-    many that are drawn from the model of the ``estimate``, where there is one.
+    and the table ``sigma_b_weights``, σ̂_B of (BsampOpt) over α₂/α₁, of the recorded takes and,
+    where there is an ``estimate``, of as many takes that are drawn from its model.
     """
     decomposition, metrics = chosen(options, recorded.chain.task, recorded.joints), {}
     try:
