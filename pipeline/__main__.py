@@ -5,8 +5,6 @@ pipeline/tools: each is found by its place. Every refusal, of the pipeline, of a
 system, is one message on standard error.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import errno

@@ -1,7 +1,5 @@
 """Planar cable systems by their angles, and wrenches by samplers of their own."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.wrench.parametric import CableSystem

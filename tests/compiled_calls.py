@@ -1,7 +1,5 @@
 """Compiled functions that compiled functions alone call, called from tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

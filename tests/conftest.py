@@ -1,7 +1,5 @@
 """Fixtures that several packages share, and the order and the durations of the tests."""
 
-from __future__ import annotations
-
 import faulthandler
 import fcntl
 import os

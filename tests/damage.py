@@ -2,8 +2,6 @@
 with "all_"), severity and draws.
 """
 
-from __future__ import annotations
-
 import re
 from functools import partial
 from pathlib import Path

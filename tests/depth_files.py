@@ -1,7 +1,5 @@
 """Depth images, calibrations and point clouds for tests."""
 
-from __future__ import annotations
-
 import io
 import struct
 

@@ -1,7 +1,5 @@
 """Files of exported models of the planar chain of tests/planar_poses.py, of known parameters."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Small joint logs for tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings of a robot that repeats its motions, as tests of several stages read them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

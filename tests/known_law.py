@@ -1,7 +1,5 @@
 """A project with recordings drawn from a known model, for the stages that fit and score."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

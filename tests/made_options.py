@@ -1,7 +1,5 @@
 """Sections of the options with sample values, and a params.yaml, for what a test does not state."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Takes of motion capture of an arm whose joint angles are known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 of text in a spreadsheet, an editor or another culture.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 

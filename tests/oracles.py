@@ -1,7 +1,5 @@
 """Routes to the exact laws' tests: Algorithm 1 of the paper as printed; a test of two laws."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import linalg, stats

@@ -1,7 +1,5 @@
 """The particle filter in plain NumPy, drawing from the same stream: an oracle."""
 
-from __future__ import annotations
-
 import numpy as np
 from plain_laws import plain_steps
 

@@ -2,8 +2,6 @@
 are held against.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arm.rows import WIDTH

@@ -1,7 +1,5 @@
 """A planar chain with the arm's link lengths, poses along its motion, and a commanded step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Arms to plan for, a path for each, and models to plan under."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

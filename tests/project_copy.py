@@ -1,7 +1,5 @@
 """Copies of the project to run, edit and damage, and commands in them."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

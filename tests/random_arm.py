@@ -1,7 +1,5 @@
 """Arms of any number of revolute joints and task rows, and commands for them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An arm of three rectangles as points in its plane, and a motion of it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bags made for the tests, in the forms that ROS 1 and ROS 2 write."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

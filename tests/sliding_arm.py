@@ -2,8 +2,6 @@
 filter has the Kalman filter for its exact posterior.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arm.serial import SerialChain

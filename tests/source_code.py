@@ -1,7 +1,5 @@
 """The modules of the pipeline, their syntax trees, and what each imports."""
 
-from __future__ import annotations
-
 import ast
 import re
 from functools import cache

@@ -1,7 +1,5 @@
 """Arms in space, and where they carry points, by Pinocchio."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The studies by name, their options at a scale, and the files that they wrote."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace

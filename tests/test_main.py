@@ -1,7 +1,5 @@
 """The command that runs a stage, a study or a tool, each found by its place; and its refusals."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shlex

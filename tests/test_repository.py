@@ -3,8 +3,6 @@ definition is used; results depend on no global randomness and no date; committe
 place on one machine and no registry; the citation agrees with the package.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -2,8 +2,6 @@
 numbers come from, and no others.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 

@@ -1,7 +1,5 @@
 """Logs as instruments write them, for tests of what reads them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

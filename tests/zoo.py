@@ -1,7 +1,5 @@
 """A folder of one small recording of every format."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

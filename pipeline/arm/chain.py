@@ -6,8 +6,6 @@ rows in the order x (m), z (m), φ (rad). With cumulative angles φ_j = s_1 q_1 
 vectors r_j (at q = 0) the joints sit at O_{j+1} = O_j + R(φ_j) r_j, O_4 being the end-effector EE.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The desired end-effector trajectory that commanded joint angles stand for."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Poses of rigid bodies nearest to measured points, and the frames of a planar arm's links."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain

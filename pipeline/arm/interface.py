@@ -1,7 +1,5 @@
 """Interface of robots' kinematics, and the constants of a chain that compiled code takes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np

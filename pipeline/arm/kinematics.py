@@ -2,8 +2,6 @@
 (:mod:`pipeline.arm.rows`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arm.interface import ArmConstants

@@ -1,7 +1,5 @@
 """Arms from their URDF, planar or in space; the one module that imports Pinocchio."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
@@ -113,7 +111,7 @@ class Layout:
     position: np.ndarray  # (3,) of the tip, m
     limits: np.ndarray  # (3, n) lower, upper (rad or m), speed (per s); infinite without one
 
-    def seen_from(self, rotation: np.ndarray, translation: np.ndarray) -> Layout:
+    def seen_from(self, rotation: np.ndarray, translation: np.ndarray) -> "Layout":
         """The same in the frame with the columns of ``rotation`` as axes and this origin in m."""
         return replace(
             self,

@@ -2,8 +2,6 @@
 poses (:mod:`pipeline.arm.rows`): of rows a constant apart LLVM sees that they do not overlap.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arm.interface import ArmConstants

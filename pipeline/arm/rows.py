@@ -2,8 +2,6 @@
 same quantity of neighbouring poses, over which LLVM vectorises loops without branches or calls.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

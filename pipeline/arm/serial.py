@@ -6,8 +6,6 @@ is the geometric one: rows of the tip's velocity and angular velocity in the bas
 latter times the task's characteristic length.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Tree of links and joints in a URDF, and the joints of it that are the arm of the options."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

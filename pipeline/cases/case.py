@@ -2,8 +2,6 @@
 that cases are evaluated on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -46,7 +44,7 @@ class Choices:
     closed: bool = False  # filters the paper's models in a closed loop too
 
     @classmethod
-    def of_run(cls, settings: SimpleNamespace, **further: Options) -> Choices:
+    def of_run(cls, settings: SimpleNamespace, **further: Options) -> "Choices":
         """The run's own choices: its first model of each of the paper's kinds, and ``further``."""
         by_kind = {model.kind: model for model in reversed(list(settings.models.values()))}
         models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind} | further
@@ -60,17 +58,17 @@ class Choices:
         (options,) = self.models.values()
         return options
 
-    def model_case(self, name: str) -> Choices:
+    def model_case(self, name: str) -> "Choices":
         """This case with the model ``name`` alone and defaults for the filter's decisions."""
         closed, plain = self.closed and name in KINDS, {"filter": FilterOptions(), "clock": ""}
         return replace(self, models={name: self.models[name]}, batch=0, closed=closed, **plain)
 
-    def filter_case(self, name: str, closed: bool) -> Choices:
+    def filter_case(self, name: str, closed: bool) -> "Choices":
         """This case with one model's filter in one loop, and defaults where it does not matter."""
         plain = {"mode": "", "measurement": 1.0, "batch": 0}
         return replace(self, models={name: self.models[name]}, closed=closed, **plain)
 
-    def with_wishart(self, **changes: object) -> Choices:
+    def with_wishart(self, **changes: object) -> "Choices":
         """This case with other options of the Wishart model."""
         wishart = replace(self.models["wishart"], **changes)
         return replace(self, models=self.models | {"wishart": wishart})

@@ -2,8 +2,6 @@
 each case; parts that several cases have in common are evaluated once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 

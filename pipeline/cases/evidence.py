@@ -2,8 +2,6 @@
 case under the names that the stages give it in a run, so that the same rules decide the claims.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 

@@ -2,8 +2,6 @@
 (Eq. LUDecom), a case under each decomposition of the Wishart model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

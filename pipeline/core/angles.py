@@ -3,8 +3,6 @@
 A joint that is not ``circular`` (joints,), as a prismatic one, has no whole turns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

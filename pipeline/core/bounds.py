@@ -1,7 +1,5 @@
 """Bounds on size, time and memory of files of recordings, and a process in which they hold."""
 
-from __future__ import annotations
-
 import pickle
 import resource
 from collections.abc import Callable

@@ -5,8 +5,6 @@ But the machine code also holds functions and constants from other files. So the
 named after a hash of all sources of the pipeline.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Composes the configuration with Hydra, validates it, and gives each stage its sections."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import asdict, make_dataclass
 from functools import cache

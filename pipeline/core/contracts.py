@@ -1,7 +1,5 @@
 """Tables and numbers between stages, checked against their declarations in tables.yaml."""
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -40,7 +38,7 @@ class Column(NamedTuple):
     optional: bool
 
     @classmethod
-    def parsed(cls, text: str) -> Column:
+    def parsed(cls, text: str) -> "Column":
         """Return the column that ``text`` declares."""
         if (parts := DECLARATION.fullmatch(text)) is None:
             raise ValueError(f"not the declaration of a column: {text!r}")

@@ -1,7 +1,5 @@
 """A dataset's datasheet: facts on its recordings, merged with the option file of the dataset."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -5,8 +5,6 @@ Arguments are reduced to near zero, where a polynomial suffices, without branche
 of a sum is added to partial sum i modulo 8, and the eight are added at the end.
 """
 
-from __future__ import annotations
-
 from math import factorial, log, pi
 
 import numpy as np

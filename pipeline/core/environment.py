@@ -4,8 +4,6 @@ The command ``python -m pipeline``, its workers and the tests assign them before
 an exported model, which a colleague loads in a program of their own, does not.
 """
 
-from __future__ import annotations
-
 import os
 
 # one thread a process and no instruction set newer than AVX2, whose fused kernels round differently

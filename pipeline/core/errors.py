@@ -1,7 +1,5 @@
 """One root for everything the pipeline refuses, each error carrying its evidence."""
 
-from __future__ import annotations
-
 
 class PipelineError(Exception):
     """Refusal with its evidence by keyword: file, line, take, step, key …"""

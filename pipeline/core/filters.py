@@ -1,7 +1,5 @@
 """Names of the filters that are compared."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 NONE = "none"  # the training takes' mean and covariance at each step, whatever is measured

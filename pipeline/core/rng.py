@@ -2,8 +2,6 @@
 workers.
 """
 
-from __future__ import annotations
-
 from zlib import crc32
 
 import numpy as np

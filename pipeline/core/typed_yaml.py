@@ -1,7 +1,5 @@
 """YAML files of keys and values, read with libyaml; a key that occurs twice is refused."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Types of options as pydantic dataclasses, and all faults of given values as one ConfigError."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from difflib import get_close_matches

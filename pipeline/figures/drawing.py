@@ -3,8 +3,6 @@ holds their captions and tables. A figure gets its tables, and of the options ``
 ``joints``, ``mode`` and ``configurations`` those that it names.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """Error of the models' means (Sec. 4.1.2), the smallest figure."""
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 

@@ -1,7 +1,5 @@
 """Motion of the arm (Sec. 4.1.2): recordings, models and their parameters."""
 
-from __future__ import annotations
-
 import pandas as pd
 from matplotlib.figure import Figure
 

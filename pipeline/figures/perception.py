@@ -1,7 +1,5 @@
 """Depth camera, filter and quality of the recordings (Sec. 4.1.3)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure

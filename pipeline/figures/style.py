@@ -3,8 +3,6 @@ more, the colours of Okabe and Ito (jfly.uni-koeln.de/color, 2008), lines that s
 different dashes, and files that keep their bytes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import cycle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Wrench of cooperating robots (Secs. 3.2 and 4.2)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Measurements of a dataset's test takes by the instrument that the dataset names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

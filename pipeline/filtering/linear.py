@@ -21,8 +21,6 @@ e_k the deviations from the mean, S_k their covariance at step k, both sums over
 steps, each less the part of the measurement.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

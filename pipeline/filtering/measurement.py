@@ -7,8 +7,6 @@ constant within a step: its path is the polygon through the q_k, and a frame is 
 particle's polygon at the frame's time, when the step is done: the exact likelihood of that path.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

@@ -6,8 +6,6 @@ the joint limits and clear of singular poses, where no motion model is defined: 
 leaves it has weight zero, so that the posterior is the one of the paths that stay inside.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

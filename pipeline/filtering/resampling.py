@@ -5,8 +5,6 @@ with the indices of the particles to go on with; ``scratch`` has (2, P) or more 
 is expected P·w_i times, and never where w_i = 0.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.core.compiled import inner

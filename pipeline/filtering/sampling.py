@@ -2,8 +2,6 @@
 that neighbours in memory are the same joint of neighbouring particles.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

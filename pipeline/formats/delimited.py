@@ -1,7 +1,5 @@
 """Delimited text as instruments write it: whole lines, and the numbers between the separators."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

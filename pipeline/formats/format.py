@@ -5,8 +5,6 @@ by their place: ``python -m pipeline inspect`` recognises a new one, ``new-datas
 the stages read it.
 """
 
-from __future__ import annotations
-
 import codecs
 import os
 import re
@@ -66,7 +64,7 @@ class Head:
     content: bytes
 
     @classmethod
-    def read(cls, file: Path) -> Head:
+    def read(cls, file: Path) -> "Head":
         """Return the first bytes of ``file``, none of a folder; OSError where it cannot be read."""
         if Path(file).is_dir():
             return cls(Path(file), b"")

@@ -3,8 +3,6 @@ rows begin at the first line whose cells hold numbers wherever the last lines do
 above (settings, title, labels, units) is the header.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

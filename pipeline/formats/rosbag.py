@@ -2,8 +2,6 @@
 process of its own, since what is compressed (bz2, lz4, zstd) may unfold to any size.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager

@@ -2,8 +2,6 @@
 chain, the commanded joint angles of any arm, or both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

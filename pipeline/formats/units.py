@@ -1,7 +1,5 @@
 """Units of force, torque, length, angle and time that instruments print, in SI."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -3,8 +3,6 @@ them a random Jacobian: speed errors of the servo, swaying of the end-effector, 
 joint, timing of the exposure. All of it is bounded.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

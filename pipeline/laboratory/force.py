@@ -3,8 +3,6 @@ space. Slips arrive at random, take an exponential amount off the tension and re
 wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

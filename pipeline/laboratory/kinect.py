@@ -5,8 +5,6 @@ The exact image gets noise, a systematic error and losses at edges by exactly ro
 that bytes do not depend on the processor.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.random import Generator

@@ -2,8 +2,6 @@
 rigid bodies on those of an arm in space. World frame: Motive's, y up, in m.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple

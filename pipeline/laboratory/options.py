@@ -2,8 +2,6 @@
 libraries that the laboratory needs, so that the configuration is checked without them.
 """
 
-from __future__ import annotations
-
 from dataclasses import field, replace
 from math import pi
 from typing import Annotated, Self
@@ -169,7 +167,7 @@ class Robots:
             raise Fault("concentration", "tension_sd and concentration need one value per robot")
         return self
 
-    def first(self, count: int) -> Robots:
+    def first(self, count: int) -> "Robots":
         """Return the first ``count`` robots, or all where there are fewer."""
         kept = {name: getattr(self, name)[:count] for name in ("tension_sd", "concentration")}
         return replace(self, **kept)

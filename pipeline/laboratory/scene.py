@@ -6,8 +6,6 @@ inside between the least of the faces turned to the camera and the greatest of t
 exactly rounded operations decide which face is met, on every processor alike.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.arm.chain import PlanarChain

@@ -1,7 +1,5 @@
 """The synthetic laboratory: one session of takes, as its instruments would have seen it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

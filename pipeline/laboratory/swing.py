@@ -1,7 +1,5 @@
 """The commanded motion: folded → extended and back with rests, or any joint path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

@@ -2,8 +2,6 @@
 nothing else is imported with the package.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Takes are independent of each other, the steps of a take are not. So whole takes
 replacement, and the estimator is applied to each resampling: by what it kept of each take, or anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple

@@ -17,8 +17,6 @@ Regressing the noise of a step on the deviation before it gives no κ: both hold
 same measured pose.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from functools import cached_property

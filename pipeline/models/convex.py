@@ -2,8 +2,6 @@
 models have in closed form, and the gaps between the two.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import cvxpy as cp

@@ -2,8 +2,6 @@
 realisations along the desired trajectory, step by step or running freely.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy import ndarray
 from numpy.random import Generator

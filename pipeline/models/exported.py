@@ -1,7 +1,5 @@
 """Reader of exported models by NumPy alone, which the tool export copies beside a model."""
 
-from __future__ import annotations
-
 import json
 import warnings
 from collections.abc import Mapping

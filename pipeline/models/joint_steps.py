@@ -10,8 +10,6 @@ freedom for each joint alone. No Jacobian is needed. A gain b_j that the recordi
 NaN: a step beyond those that were seen is then refused.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from math import lgamma
 from typing import Any

@@ -9,8 +9,6 @@ for normal noise, divided by (kurtosis − 1)/2 as tails tell less, and times ν
 t; steps count as independent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple

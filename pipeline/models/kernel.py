@@ -15,8 +15,6 @@ one, and independent of N's direction:
 which saves the second χ² variate, half of what a planar step would cost.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy import ndarray
 from numpy.random import Generator

@@ -5,8 +5,6 @@ step w (n,) of the joints whose part in the null space of J is made: one row (m 
 where all of it is zero.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -70,7 +68,7 @@ class MotionModel(Protocol):
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> MotionModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "MotionModel":
         """Model whose own level (σ_B, α, a factor on a covariance) gives the covariances of the
         steps a mean trace of ``trace`` > 0 in rad²; raises ModelDomainError where no level does.
         """

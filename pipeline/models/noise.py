@@ -1,7 +1,5 @@
 """Realisations of the process noise from recorded joint angles, and their moments at each step."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy import ndarray
 

@@ -2,8 +2,6 @@
 draws and density follow from the covariance of a step.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 
 import numpy as np

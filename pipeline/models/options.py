@@ -1,7 +1,5 @@
 """Options of every motion model; a model adds its own in ``KIND/fit.py``."""
 
-from __future__ import annotations
-
 from pipeline.core import validation
 
 

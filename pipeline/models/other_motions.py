@@ -2,8 +2,6 @@
 that one, each in turn. With a single motion the takes take the motions' place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product

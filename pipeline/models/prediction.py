@@ -2,8 +2,6 @@
 noise at the recorded poses; the measurement noise is added to the model's step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

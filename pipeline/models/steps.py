@@ -5,8 +5,6 @@ total has the smaller error where noise is missed. A model's level is its own pa
 under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -48,7 +46,7 @@ class Recorded:
         """(takes, M, n) rad, measured pose after each step."""
         return self.q + self.chain.nominal_step(self.q, self.v) + self.noise
 
-    def subset(self, takes: ndarray) -> Recorded:
+    def subset(self, takes: ndarray) -> "Recorded":
         """The takes with these numbers, as often as each is named."""
         v = self.v if self.v.ndim == 2 else self.v[takes]
         return replace(self, q=self.q[takes], v=v, noise=self.noise[takes])

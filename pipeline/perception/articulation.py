@@ -4,8 +4,6 @@ frame.
 The objective jumps where a point changes its segment, so a compiled Nelder–Mead simplex is used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

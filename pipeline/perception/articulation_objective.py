@@ -4,8 +4,6 @@ The tool ends at the commanded end-effector, as in the paper, or where the point
 its nominal length, as a free one would grow to its bound, and with an asymmetry of each half.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ Between samples of the motion capture a line misses short deviations, which make
 own: frames near a sample are counted apart.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

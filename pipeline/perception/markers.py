@@ -4,8 +4,6 @@ One distance, the gate, decides whether a sample can be the marker of its label:
 the base frame's registration, below half the distance between markers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Least-squares posture of any chain: joint angles at which its points lie as measured."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

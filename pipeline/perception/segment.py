@@ -1,7 +1,5 @@
 """The arm's points in a depth image or a point cloud, as points of the plane in which it moves."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -2,8 +2,6 @@
 cheapest way through a grid of poses by dynamic programming (Bellman, 1957).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

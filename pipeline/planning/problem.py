@@ -2,8 +2,6 @@
 step: its uncertainty under a motion model. Newton's method brings poses to the path.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property

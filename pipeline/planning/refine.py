@@ -8,8 +8,6 @@ their weight round by round. A round's motion, or a share of the way to it, is t
 better and keeps every limit exactly.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.planning.problem import CLOSE, Cost, Problem

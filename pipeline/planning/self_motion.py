@@ -8,8 +8,6 @@ sequence within the limits) gives the starts; every solution that no curve passe
 With as many joints as rows the curves are points.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.planning.problem import InfeasibleError, Problem, length_of, settle

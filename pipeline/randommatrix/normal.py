@@ -1,7 +1,5 @@
 """The matrix-variate normal distribution N_{p,q}(M, Σ⊗Ψ): Definition 1, Theorems 1 and 5."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError

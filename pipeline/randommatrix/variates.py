@@ -1,7 +1,5 @@
 """χ² and normal variates in compiled code, those that NumPy's Generator draws bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.core.compiled import inner

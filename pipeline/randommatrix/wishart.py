@@ -3,8 +3,6 @@
 Definition 2, Theorems 3 and 4, Eqs. (NormStd) and (Thetaa).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.core.errors import ModelDomainError

@@ -1,7 +1,5 @@
 """Clock offset between two instruments that saw the same motion: stated, or found."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 

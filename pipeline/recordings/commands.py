@@ -1,7 +1,5 @@
 """The commanded motion: its steps, and checks of what is known of one motion twice."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Depth takes as tables: the time of every frame on the camera's clock, and the arm's points."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The arm's points in the frames of the depth takes, and the joint angles that they give."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Force records without their bias, as tables: all axes that were logged."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

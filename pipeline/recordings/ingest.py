@@ -1,7 +1,5 @@
 """Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Raw files of a dataset: recordings that a pattern names, and the part that reads each file."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """Repetitions of one motion cut out of a controller's logs, and encoders' logs, as tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path

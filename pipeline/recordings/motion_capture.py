@@ -1,7 +1,5 @@
 """Motion-capture takes and the commanded trajectory as tables in SI units, on the motion's grid."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

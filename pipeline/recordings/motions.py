@@ -1,7 +1,5 @@
 """Motions in a controller's logs: ends, steps, pauses and repetitions, and the steps of each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial

@@ -1,7 +1,5 @@
 """Logs of one movement of a robot, paired row by row on an even clock: measured and commanded."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Pairs of measured and commanded angles, and the unit, order or clock that makes them one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Counts, losses and repairs of each take beside the dataset's limits; the takes that stay."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Repetitions of one commanded motion in a robot's log, and disturbed ones among them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Recorded steps that models are fitted to, their ranges, and the angles to compare with."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 KinObj), and their errors from the motion capture's.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

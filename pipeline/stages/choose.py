@@ -4,8 +4,6 @@ A stage of its own, as DVC would meet a file that is not there before `configure
 datasets are.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.core import config, datasheet

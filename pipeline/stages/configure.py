@@ -1,7 +1,5 @@
 """configure: validated configuration of params.yaml and pipeline/conf, in data/config.yaml."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """figures: the paper's figures and their captions, drawn from the tables of the other stages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.core import config, contracts

@@ -2,8 +2,6 @@
 own part alone.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.core import config, contracts

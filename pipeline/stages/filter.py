@@ -2,8 +2,6 @@
 filtering").
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 moments of its realisations along the commanded motion.
 """
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from pathlib import Path

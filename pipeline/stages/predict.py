@@ -2,8 +2,6 @@
 models on motions that they were not fitted to.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -4,8 +4,6 @@ A stage of its own: DVC restores a stage from its run cache only if all its outp
 cache, and what git holds is not.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 takes and with equal random numbers.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 places of the paper's equations in the code.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 training takes (Eq. OmgReal).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

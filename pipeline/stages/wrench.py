@@ -2,8 +2,6 @@
 cooperating robots beside the modelled one.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -7,8 +7,6 @@ power is the share of draws of constant noise that the limit rejects. Draws have
 each step; their ranks follow the recorded first-order autoregression (a Gaussian copula).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations

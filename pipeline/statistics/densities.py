@@ -5,8 +5,6 @@ Permutations need exchangeable samples, which a record that is correlated in tim
 is thinned first, to samples that are nearly independent.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy import ndarray
 

@@ -2,8 +2,6 @@
 the training takes at each step, known without a measurement.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

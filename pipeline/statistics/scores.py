@@ -2,8 +2,6 @@
 paired differences. The last axis holds the n components of an outcome, those before it are cases.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """Moments, correlations and 95 % intervals over takes, which are independent; steps are not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

@@ -14,8 +14,6 @@ The arguments of ``draw`` are tables, by their names. The study NAME writes ``da
 ``reports/studies/NAME.md``: all of them or none.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

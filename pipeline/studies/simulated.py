@@ -6,8 +6,6 @@ camera at an equal share of the motion. The simulation has no faults and offsets
 articulation of depth images and no estimate of clocks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
@@ -96,7 +94,7 @@ class Laboratory:
     @classmethod
     def of_run(
         cls, settings: SimpleNamespace, recorded: Recorded, kinect_noise: pd.DataFrame
-    ) -> Laboratory:
+    ) -> "Laboratory":
         """Return the laboratory of the run's dataset, its instruments' noise as recorded."""
         own, joints = settings.dataset.laboratory, tuple(recorded.joints)
         noise = kinect_noise[kinect_noise["take"] == "none"]

@@ -1,7 +1,5 @@
 """Claims of the paper and of the project as ``reports/claims.yaml`` states them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import field
 from itertools import product

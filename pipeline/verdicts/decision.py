@@ -1,7 +1,5 @@
 """Verdicts on claims: a function of the claims and a run's numbers alone."""
 
-from __future__ import annotations
-
 from collections import namedtuple
 from collections.abc import Sequence
 from typing import Literal, NamedTuple

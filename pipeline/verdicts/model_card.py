@@ -2,8 +2,6 @@
 cannot tell, and the evidence; the rule that recommends a model for another motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import pandas as pd

@@ -7,8 +7,6 @@ equations and figures by their label in parentheses, as (NormStd) or (cost)–(c
 kind and number, as Theorem 3.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

@@ -3,8 +3,6 @@ gravest errata, on one page; beside it every claim in every dataset, the recordi
 results in the README.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -7,8 +7,6 @@ and ``limit`` are the claim's, ``yardstick`` is the published value or the limit
 (published − value)/``standard_error``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple

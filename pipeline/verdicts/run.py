@@ -2,8 +2,6 @@
 by which claims and errata refer to them.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re
@@ -79,7 +77,7 @@ class Reference:
         """Numbers of the joints that it names by their number."""
         return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
 
-    def in_case(self, case: Mapping[str, object]) -> Reference:
+    def in_case(self, case: Mapping[str, object]) -> "Reference":
         """Return this reference with the values of ``case`` in its placeholders. Raises ConfigError
         for one that the case does not have.
         """
@@ -111,7 +109,7 @@ class Reference:
             value = numbers[named.column].iloc[0] if len(numbers) else None
         return None if value is None or pd.isna(value) else float(value)
 
-    def _with(self, change: Callable[[str], str]) -> Reference:
+    def _with(self, change: Callable[[str], str]) -> "Reference":
         rows = {c: change(v) if isinstance(v, str) else v for c, v in self.rows.items()}
         return Reference(change(self.file), change(self.key), rows, change(self.column))
 

@@ -1,7 +1,5 @@
 """Predictors and filters of the analysed motion beside the mean of the training takes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import pandas as pd

@@ -2,8 +2,6 @@
 of the study and of a configuration of the experiment.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

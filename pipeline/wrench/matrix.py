@@ -5,8 +5,6 @@ Wrenches alone do not determine Ψ_S: it enters their covariance by the trace tr
 only, times Σ_S. Recorded S determine both but for a factor, and so do wrenches at several known T.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ n) in N of the ``rows``, moments over a characteristic length. Functions named a
 its rows of one ``configuration``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import combinations

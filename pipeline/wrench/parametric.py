@@ -8,8 +8,6 @@ plane, p = 2, and six in space, p = 3. Cables that meet in one point have no mom
 The concentration κ is what the paper writes σ_θ: the larger, the narrower.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,7 +57,7 @@ class CableSystem:
         """p."""
         return self.direction.shape[-1]
 
-    def in_units_of(self, length: float) -> CableSystem:
+    def in_units_of(self, length: float) -> "CableSystem":
         """Return the system with attachments over ``length`` in m: moments are then in N."""
         place = self.attachment
         return self if place is None else replace(self, attachment=place / length)

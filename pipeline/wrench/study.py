@@ -2,8 +2,6 @@
 systems and as its expectation, and its error on fresh systems.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import chain

@@ -1,7 +1,5 @@
 """URDFs of planar arms and of arms of any joints, and Pinocchio's kinematics of the whole robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

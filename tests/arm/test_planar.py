@@ -3,8 +3,6 @@ taken out of a URDF, against Pinocchio's kinematics of the whole robot in space 
 serial chain of the same arm.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 public collection example-robot-data, which ``make test-all`` installs; trajectories of commands.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

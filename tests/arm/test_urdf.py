@@ -2,8 +2,6 @@
 message that says what to do for what is no arm, or no task of it; listed values of two arms.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

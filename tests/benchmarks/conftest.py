@@ -7,8 +7,6 @@ where its result has a quality, its ``error`` or ``objective`` (less is better);
 ``configuration`` and the ``target``, the least ratio of its time an item to ours.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -2,8 +2,6 @@
 tests/benchmarks/contests.py FOLDER``, where FOLDER is for intermediate files.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import platform

@@ -6,8 +6,6 @@ project in which everything is compiled anew for its level. The last is a contro
 that the project excludes, by which some bytes have to differ.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -3,8 +3,6 @@ reports/benchmarks/growth.csv. ``--scale [PARTICLES TAKES TRIALS]`` writes scale
 million particles, ten thousand takes, and trials on a Dask cluster of which a worker is killed.
 """
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import os

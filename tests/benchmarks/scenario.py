@@ -4,8 +4,6 @@ UR5, an LWR4+ and arms of any number of joints have the whole pose of the tip as
 measured after every step.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple

@@ -3,8 +3,6 @@ tests/benchmarks/start.py FOLDER``, FOLDER being for the machine code in between
 is a process of its own, ``python start.py FUNCTION``.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

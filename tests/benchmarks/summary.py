@@ -2,8 +2,6 @@
 reports/benchmarks: ``python tests/benchmarks/summary.py``.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from itertools import groupby

@@ -2,8 +2,6 @@
 whole training set, against CVXPY's parametrised problem.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -78,7 +76,7 @@ class Problems(NamedTuple):
     def fits(self):
         return fit_perturbations(*self, FLOOR)
 
-    def some(self, count: int) -> Problems:
+    def some(self, count: int) -> "Problems":
         """``count`` of the problems, evenly spread."""
         chosen = np.linspace(0, len(self.noise) - 1, count).astype(int)
         return Problems(*(values[chosen] for values in self[:3]), self.weights)

@@ -2,8 +2,6 @@
 for it: the youBot's planar arm by LU with partial pivoting, UR5 and LWR4+ by QR of Jᵀ.
 """
 
-from __future__ import annotations
-
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial

@@ -1,7 +1,5 @@
 """Measurements reach the page with their verdicts."""
 
-from __future__ import annotations
-
 import json
 
 import growth

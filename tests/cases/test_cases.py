@@ -2,8 +2,6 @@
 the claims look for it, and is decided under every reading of "LU or QR".
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -3,8 +3,6 @@ files: a crash, a hang, an exception or all memory taken ends with its reason, a
 made.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

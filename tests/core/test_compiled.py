@@ -2,8 +2,6 @@
 machine code loaded again, and never after an edit of a source that it was made of.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

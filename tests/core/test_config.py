@@ -2,8 +2,6 @@
 all mistakes at once; a stage gets the sections that it declares, as typed objects, and no more.
 """
 
-from __future__ import annotations
-
 import shutil
 from functools import cache
 from pathlib import Path

@@ -2,8 +2,6 @@
 writing is exact, and whole or not at all.
 """
 
-from __future__ import annotations
-
 import json
 from functools import cache
 

@@ -2,8 +2,6 @@
 bytes in the same order. A cluster that is lost, absent or unfit is named, with what to do about it.
 """
 
-from __future__ import annotations
-
 import json
 import operator
 import os

@@ -2,8 +2,6 @@
 of the formats, and the values that the stages recover from them, damaged or not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory

@@ -1,7 +1,5 @@
 """A damaged recording is repaired and counted, refused with its place, or left unharmed."""
 
-from __future__ import annotations
-
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 

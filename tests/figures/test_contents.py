@@ -2,8 +2,6 @@
 the reason why not; its lines and marks are the numbers of its tables.
 """
 
-from __future__ import annotations
-
 import json
 import warnings
 from inspect import signature

@@ -1,7 +1,5 @@
 """The chain of tests/planar_poses.py as a fixture."""
 
-from __future__ import annotations
-
 from planar_poses import chain
 
 __all__ = ["chain"]

@@ -2,8 +2,6 @@
 joint's range, and Pinocchio's displacement of the tip; its worth in a closed loop.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 training takes alone.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import toeplitz

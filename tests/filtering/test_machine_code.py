@@ -3,8 +3,6 @@ take several poses at once. Where a loop reads the wrong axis, or LLVM cannot se
 overlap, it takes one pose at a time: two to seven times as long.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

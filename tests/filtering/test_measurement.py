@@ -1,7 +1,5 @@
 """Measurements: the step at which each enters, and their noise from each instrument's tables."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 model and scheme; its limits and refusals; counts of resampling with their exact moments.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bags of both ROS versions: topics, messages, joint states by name, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

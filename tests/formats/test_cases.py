@@ -2,8 +2,6 @@
 here, and, where they are beside the project, the public cases that they stand for.
 """
 
-from __future__ import annotations
-
 import runpy
 import shutil
 import sys

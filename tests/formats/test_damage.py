@@ -3,8 +3,6 @@ rows that are dropped, doubled or swapped are counted or refused; no damage ends
 reader, or takes more than 1 GiB.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise

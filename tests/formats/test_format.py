@@ -2,8 +2,6 @@
 of any program, commanded trajectories: one reading, or a refusal.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

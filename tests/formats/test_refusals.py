@@ -2,8 +2,6 @@
 the line or key that it names.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The arm and the motion of the synthetic dataset, as its own options give them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from omegaconf import OmegaConf

@@ -1,7 +1,5 @@
 """The depth camera: geometry against analytic rays, and the sensor's noise against its laws."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess

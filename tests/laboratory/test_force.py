@@ -2,8 +2,6 @@
 the laboratory that describe nothing, refused with the key of their fault.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 bodies on an arm of seven joints.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

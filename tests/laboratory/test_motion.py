@@ -1,7 +1,5 @@
 """The arm's motion: its command, each disturbance, and each instrument on its own clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 within their limits, and follows none of the motion models.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The model that the card recommends is among the best on fresh motions of arms of ten physics."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from space_arms import LWR4

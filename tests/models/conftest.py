@@ -1,7 +1,5 @@
 """The chain, poses and step of tests/planar_poses.py as fixtures."""
 
-from __future__ import annotations
-
 from planar_poses import chain, poses, step
 
 __all__ = ["chain", "poses", "step"]

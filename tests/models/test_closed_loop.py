@@ -3,8 +3,6 @@ that a step corrects. κ comes back, with its standard error, from takes of ever
 that are measured with noise; regression of the noise on the measured deviation does not return it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 draws, its moments on arms of any size, and its edges: at rest and at a singular pose.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from oracles import READINGS, least_p_value

@@ -3,8 +3,6 @@ come back, on arms of any number of joints and task rows, and from another model
 standard errors by the bootstrap over takes are the spread over independent recordings.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 and a parameter that the steps cannot tell has no number.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import integrate, stats

@@ -2,8 +2,6 @@
 of what it was not fitted to.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -3,8 +3,6 @@ which has the recorded total variance and keeps all else it is; and realisations
 running freely.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Algorithm 2 and the conic solver, and the fit of (ũ, α): exact in α, recovery
 moments, and the ridge.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -2,8 +2,6 @@
 in the held-out motion alone is refused, and singular poses cost a matrix model its score.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -2,8 +2,6 @@
 noise that does not grow.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

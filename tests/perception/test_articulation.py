@@ -1,7 +1,5 @@
 """The articulation of both ends: objective against arrays, simplex against SciPy, angles."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The depth camera's noise as the other takes show it, and the slope of its error."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -2,8 +2,6 @@
 them; labels of a planar arm put right, gaps; refusals.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

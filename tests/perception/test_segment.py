@@ -1,7 +1,5 @@
 """The arm's points in a depth image: an analytic renderer of flat links is the truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise

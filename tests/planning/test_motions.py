@@ -2,8 +2,6 @@
 named; cost of a step; the grid holds every pose that carries the tip to the path, and no other.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import product
 

@@ -5,8 +5,6 @@ for bit.
 Bands of 4.5 and 5 standard errors: a right law leaves them once in 100 000 entries.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from compiled_calls import from_python

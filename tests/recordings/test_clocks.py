@@ -2,8 +2,6 @@
 order, sign and clock of a command, found whatever the others do.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Depth takes, of images, bags or clouds, as points in the arm's plane on the motion's clock."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

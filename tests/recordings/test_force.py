@@ -1,7 +1,5 @@
 """From the log of any transducer to forces without its bias, with faults named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

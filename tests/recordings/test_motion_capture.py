@@ -1,7 +1,5 @@
 """Takes of motion capture and the commanded trajectory as tables, in every form, or refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 twice agrees, or is refused.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

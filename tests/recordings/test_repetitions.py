@@ -1,7 +1,5 @@
 """Repetitions and motions in a log are found by their commands, disturbed ones stand out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

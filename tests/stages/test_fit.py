@@ -3,8 +3,6 @@ models that params.yaml does not name; predict scores every model and baseline o
 not fitted to; readings decides what the recordings without a camera have evidence on.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@ disturbed repetitions, to the tables; everything is known of it. A command in an
 clock than the measured angles never becomes a result, nor do locked joints that moved.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

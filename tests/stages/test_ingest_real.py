@@ -2,8 +2,6 @@
 traps are found, refused where they are not settled, and what is left is the arm's.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The synthetic arm in space, from nothing to measured joint angles, held against the truth."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

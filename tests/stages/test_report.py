@@ -2,8 +2,6 @@
 earlier pages where something is malformed.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -2,8 +2,6 @@
 within it are as they were.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

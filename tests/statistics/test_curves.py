@@ -3,8 +3,6 @@ noise does not, and where neither can be told the power says so. Intervals over 
 as they say, and pairing makes them narrow.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import ttest_rel

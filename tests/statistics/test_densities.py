@@ -2,8 +2,6 @@
 its level on independent and on correlated records, and its power.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

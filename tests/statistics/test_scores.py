@@ -2,8 +2,6 @@
 one; and tables of the filters beside the training mean.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, multivariate_normal

@@ -1,7 +1,5 @@
 """A project with recordings drawn from a known model, in which a study can run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 Algorithm 1; the paths keep the ranges of their prior.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 of their law; filters have scores beside the training mean, over durations and on the page.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -2,8 +2,6 @@
 motion; a plan is the least by its model.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

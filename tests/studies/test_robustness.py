@@ -1,7 +1,5 @@
 """Conditions whose outcome is known, decisions that change one thing, and the page's counts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace

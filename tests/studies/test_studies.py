@@ -2,8 +2,6 @@
 the study of recovery have their stated law, and its table counts what estimators return.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import wraps

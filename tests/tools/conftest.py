@@ -1,7 +1,5 @@
 """A project's root to write datasets into, and a UR5's logs to write one from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@ called different as seldom as is said; a push is found, in its joint and at its 
 log, which is cut and brought in phase as the dataset's own were.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -2,8 +2,6 @@
 and in less than two minutes; the user's own experiment stays as it was.
 """
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

@@ -2,8 +2,6 @@
 the command in a joint log fit the measured angles, and new-dataset suggests that value.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -3,8 +3,6 @@ answers its questions; lock files are in the order of their pipelines; the page 
 files whole, with links that lead somewhere and figures inside.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

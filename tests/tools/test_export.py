@@ -2,8 +2,6 @@
 numbers; worked examples run with it: filters, a planner's cost, the covariance of a frame.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

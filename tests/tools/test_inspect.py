@@ -2,8 +2,6 @@
 what it leaves open is asked with its option, and damage is a finding.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

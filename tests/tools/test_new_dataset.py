@@ -2,8 +2,6 @@
 suggested and asked answers, each checked at once; the motion by its number.
 """
 
-from __future__ import annotations
-
 import builtins
 import os
 import shutil

@@ -2,8 +2,6 @@
 take in Rerun has its skeleton where the arm's kinematics put it, and the file holds every track.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from types import SimpleNamespace

@@ -3,8 +3,6 @@ reference finds the one number it addresses; malformed claims are refused by nam
 read again as it was; verdicts follow from claims, numbers and whose recordings they are.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 camera's commanded end-effector, the sketch of motion planning, the published Σ_S, and the wrench.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The report, the page of datasets and the model card state the numbers of their runs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 

@@ -2,8 +2,6 @@
 claims have the numbers of a run, and the tests that they name exist.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

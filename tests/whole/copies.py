@@ -2,8 +2,6 @@
 smoke scale; ``… FOLDER DATASET…`` runs it on other datasets and takes their evidence back.
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

@@ -3,8 +3,6 @@ edit of any other file; the way of a take names files that exist; the audit find
 constant.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -2,8 +2,6 @@
 synthetic laboratory and on the logs of a real robot; forces without a robot.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -2,8 +2,6 @@
 earlier results intact.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

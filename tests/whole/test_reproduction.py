@@ -2,8 +2,6 @@
 stages that an edit reruns.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -2,8 +2,6 @@
 pipeline/core/compute/README.md documents.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """Measured against modelled wrench: moments, densities, and the test of all rows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

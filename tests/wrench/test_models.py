@@ -3,8 +3,6 @@ formulas and limits; the random-matrix model against draws of the whole matrix a
 optimiser; Σ_S and Ψ_S from recorded Jacobians.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

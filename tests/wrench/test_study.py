@@ -3,8 +3,6 @@ integration and averages, standard errors, errors of fresh systems, and what the
 numbers of cables.
 """
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

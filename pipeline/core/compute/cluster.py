@@ -5,8 +5,6 @@ By ``distributed`` itself: joblib's backend for it computes in this process once
 lost, waits without end where a task cannot be unpickled, and keeps all results.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import math

@@ -1,7 +1,5 @@
 """Options of the analysis: filter, articulation, wrench study, realisations, and their scale."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Options of a dataset: a robot, its motion, and the instruments that saw it; null for none."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from typing import Annotated, Any, Literal, Self
 

@@ -1,7 +1,5 @@
 """Options of the instruments that saw a robot: motion capture, depth camera, logs, transducer."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from enum import StrEnum
 from typing import Annotated, Literal, Self

@@ -4,8 +4,6 @@ Open3D reads the binary data, under a header of its own: it fills up what a trun
 takes damaged text for zeros and fails on fields that share a name (PCL's padding ``_``).
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import re
@@ -51,7 +49,7 @@ class PointCloud:
     organised: str = ""  # columns × rows
 
     @classmethod
-    def measured(cls, points: np.ndarray, *beside: object) -> PointCloud:
+    def measured(cls, points: np.ndarray, *beside: object) -> "PointCloud":
         """Return the cloud of (N, 3) ``points``, those without a position left out and counted."""
         held = np.isfinite(points).all(axis=1)
         return cls(points[held], int(np.sum(~held)), *beside)

@@ -5,8 +5,6 @@ unfolds into gigabytes is refused, with the check sums of a PNG and the bytes of
 fills up what they lack.
 """
 
-from __future__ import annotations
-
 import io
 import re
 import struct

@@ -2,8 +2,6 @@
 (as ROS calibrates), plain JSON, that of Open3D and of RealSense.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

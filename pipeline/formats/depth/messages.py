@@ -2,8 +2,6 @@
 depth images, REP 103 for units).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pipeline.core.errors import RecordingError

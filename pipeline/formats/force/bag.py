@@ -1,7 +1,5 @@
 """Forces in ROS bags: messages WrenchStamped, in N and N·m by the definition of their type."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

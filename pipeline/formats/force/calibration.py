@@ -4,8 +4,6 @@ times a scale and about the gauges' own origin, from which ``BasicTransform`` le
 transducer's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -10,8 +10,6 @@ and one row a packet. Earlier versions have counts, which are whole; later ones 
 and print every number with a decimal point.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@ sensor did not measure; tables of forces from any program: options or labels say
 which, options or the header in which unit.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -4,8 +4,6 @@ array holds the times, and one (N, joints) the angles of each signal. They are r
 its own, since damaged ones can end it, and small ones unfold to any size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 the type; one topic has the measured angles, another the commanded ones.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from functools import partial
 from pathlib import Path

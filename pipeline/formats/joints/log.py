@@ -1,7 +1,5 @@
 """Joint logs of a robot's controller, of any format: signals of all joints on one clock."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

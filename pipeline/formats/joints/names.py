@@ -2,8 +2,6 @@
 their words and, where these leave it open, by the values.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -2,8 +2,6 @@
 file a signal or in one table; options say which column is which.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Motion-capture takes as C3D (the format of c3d.org), read by ezc3d in a process of its own."""
 
-from __future__ import annotations
-
 import os
 import re
 import struct

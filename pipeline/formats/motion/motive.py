@@ -7,8 +7,6 @@ axes), and one row a frame. From 1.22 on column B names the rows of labels; befo
 does. The earlier grammar: ``motive_rows``.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from itertools import pairwise, zip_longest

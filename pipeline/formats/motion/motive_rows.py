@@ -17,8 +17,6 @@ measured, from the bodies' rows (``name-Marker i``, as 1.1 calls them), not from
 which stay where they were while a body is lost. No row states a unit of length, nor a rate.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from itertools import islice

@@ -2,8 +2,6 @@
 frames, in m and s.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Σ_ω of the additive model: the mean sample covariance, or that shrunk and without Σ_m."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Literal

@@ -2,8 +2,6 @@
 InvDiffRndm): the speed-scaled law with noise at rest alone.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

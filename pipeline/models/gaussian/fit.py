@@ -6,8 +6,6 @@ covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m: where ‖J
 alone matters. The data determine u only where the objective is least inside the interval.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Annotated, Literal, NamedTuple, get_args

@@ -5,8 +5,6 @@ The rows of the noise matrix are independent with covariance Σ_k = s·I each, s
 N(J̲⁺v, s‖v‖²·I), isotropic in joint space. What is commanded in the null space of J has no noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -63,7 +61,7 @@ class GaussianModel(NormalModel):
         scale = noise_scale(bounded, self.alpha, self.u, *inverse.shape[-2:])
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> GaussianModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "GaussianModel":
         """Model of another α at the same u; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)

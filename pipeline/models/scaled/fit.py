@@ -1,7 +1,5 @@
 """A and B of greatest likelihood of the model whose noise grows with the joint speed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Literal
 

@@ -8,8 +8,6 @@ B give σ_j² = a_j + b_jq̇_j² for each joint alone; B = σ_ε²·11ᵀ is one
 joints; without B it is the additive model.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -56,7 +54,7 @@ class ScaledModel(NormalModel):
             return np.broadcast_to(self.floor, (*dq.shape, dq.shape[-1]))
         return self.floor + self.gain * (dq[..., :, None] * dq[..., None, :])
 
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> ScaledModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "ScaledModel":
         """Model of A and B times one factor; raises ModelDomainError where it has no noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         gain = None if self.gain is None else factor * self.gain

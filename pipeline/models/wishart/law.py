@@ -14,8 +14,6 @@ covariance of a step is Var z along a and c = E z²/(d − m) across it:
     tr Cov = c·‖a‖²‖J₂⁺‖_F² + (Var z − c)·‖J₂⁺a‖².
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import lgamma
 from typing import Any, NamedTuple
@@ -92,7 +90,7 @@ class WishartModel:
         a, back, _ = factors(chain, q, v, self.decomposition)
         return step_covariance(a, back, self.sigma_b)
 
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> WishartModel:
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "WishartModel":
         a, back, _ = factors(chain, q, v, self.decomposition)
         squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
         return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))

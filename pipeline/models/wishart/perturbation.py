@@ -15,8 +15,6 @@ to y = 0 at s = ∞. Nothing cancels in ‖ω − Ay‖² = s²·uᵀ(AᵀA)⁻�
 of ω across the range of A.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

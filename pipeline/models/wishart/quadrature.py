@@ -13,8 +13,6 @@ by the mean and covariance under that first rule. In coordinates sinh t the trap
 converges fast for exponential and normal tails. In NumPy a fit takes ten times as long.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy import ndarray
 

@@ -12,8 +12,6 @@ With d_k = q(t_k) − E q(t_k) in rad
 2Φ(g) − 1 of a normal g: uniform, of variance 1/3 and of the correlation (6/π) asin(ρ'/2).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

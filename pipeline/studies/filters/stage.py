@@ -2,8 +2,6 @@
 knows the laboratory's law; and both over the duration of the arm's deviations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

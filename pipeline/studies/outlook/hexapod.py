@@ -7,8 +7,6 @@ position (3, m) and rotation (9, row by row). The task's rows are its velocity a
 velocity in the base's axes, the latter times a characteristic length.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -2,8 +2,6 @@
 that tow a load in space.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from types import SimpleNamespace

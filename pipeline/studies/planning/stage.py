@@ -2,8 +2,6 @@
 other motions of the same task path, performed by two arms of the laboratory in four physics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace

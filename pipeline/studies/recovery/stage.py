@@ -1,7 +1,5 @@
 """recovery: parameters that the estimators of the models return from data of known parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace

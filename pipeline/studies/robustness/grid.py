@@ -2,8 +2,6 @@
 laboratory, its physics, trajectory, instruments, particles or cables changed one at a time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product

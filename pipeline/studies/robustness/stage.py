@@ -2,8 +2,6 @@
 laboratory's physics, the random numbers.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterable, Iterator
 from dataclasses import replace

@@ -17,8 +17,6 @@ normal about 0 with standard deviation ln f, independently. The likelihood of a 
 the mean over the paths of the prior of the product of these densities, ∏ N(ln x; 0, ln² f).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import permutations
 from typing import NamedTuple
@@ -149,7 +147,7 @@ class Widths(NamedTuple):
         total, n = np.linalg.norm(self.wishart, axis=-1).T, self.wishart.shape[-1]
         return total / (np.sqrt(n) * self.gaussian)
 
-    def subset(self, chosen: np.ndarray) -> Widths:
+    def subset(self, chosen: np.ndarray) -> "Widths":
         """Return the paths of the mask ``chosen`` (P,)."""
         return Widths(*(part[chosen] for part in self))
 

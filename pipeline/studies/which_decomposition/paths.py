@@ -8,8 +8,6 @@ feasible if every pose keeps the joint limits and ‖J⁻¹‖_F < û; collision
 of the noise decides whether a path is kept.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 random paths of its arm; the decompositions on an arm in space and at the recorded level.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from types import SimpleNamespace
 

@@ -2,8 +2,6 @@
 with the recordings that a model was fitted to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import chdir
 from dataclasses import replace

@@ -15,8 +15,6 @@ these, exact for takes that may be exchanged (Vovk et al., Algorithmic Learning 
 2005). Of several quantities the greatest |t| counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -2,8 +2,6 @@
 every stage, in a clone of the last commit.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

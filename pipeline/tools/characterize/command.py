@@ -5,8 +5,6 @@ The dataset's two files are written as by new-dataset and stay; the stages run i
 data/characterize/NAME, beside the results of params.yaml's own dataset.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -2,8 +2,6 @@
 two files, its robot and its recordings.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable

@@ -6,8 +6,6 @@ The crate's root is the folder of the reports; a path outside it is named from t
 after a #. No time of day is stated: runs of the same inputs give the same bytes.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath

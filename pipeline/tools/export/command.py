@@ -2,8 +2,6 @@
 filters outside the pipeline, and one Python file that reads it with NumPy alone.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence

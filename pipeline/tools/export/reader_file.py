@@ -2,8 +2,6 @@
 module after module, under names that do not clash.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

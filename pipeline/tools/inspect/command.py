@@ -5,8 +5,6 @@ Each file is read by the stages' own reader of its format, in a process of its o
 the time and memory that it takes.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Account of one recording: facts, open questions, refusals; accounts as a table and as JSON."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -65,7 +63,7 @@ class Finding:
         """Add a question."""
         self.open.append(Question(question, option, suggested))
 
-    def refused(self, error: PipelineError) -> Finding:
+    def refused(self, error: PipelineError) -> "Finding":
         """Add a refusal: a question where it names the option that settles it, else a stop."""
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):

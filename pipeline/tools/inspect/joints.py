@@ -1,7 +1,5 @@
 """Account of joint logs and tables of numbers: columns, units, clock, tracking."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import comb
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Account of one file: by its kind, facts and questions from what its reader returns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 in place, so that a change of them reruns the stages.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pipeline.core import contracts

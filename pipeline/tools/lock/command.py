@@ -4,8 +4,6 @@ that are gone.
 DVC appends a stage when it first runs: after a run that was ended midway git would show a change.
 """
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from pathlib import Path

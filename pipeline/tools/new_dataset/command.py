@@ -2,8 +2,6 @@
 filled in as far as its recordings tell.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections import Counter
@@ -80,7 +78,7 @@ def answers(assigned: Sequence[str]) -> dict[str, str]:
     return {key.strip(): value for key, _, value in pairs}
 
 
-def open_dataset(name: str, folder: Path | None, given: Mapping[str, str]) -> Filling:
+def open_dataset(name: str, folder: Path | None, given: Mapping[str, str]) -> "Filling":
     """Return the two files of the dataset ``name``, data/raw/NAME/dataset.yaml and
     pipeline/conf/dataset/NAME.yaml, from the recordings in ``folder``, or as they are where it is
     None; not written yet.

@@ -1,7 +1,5 @@
 """Datasheet and option file as text: a template with known values, answers in place of ???."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping

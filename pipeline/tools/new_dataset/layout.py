@@ -1,7 +1,5 @@
 """Takes, sequences and logs of a folder in groups that one pattern names."""
 
-from __future__ import annotations
-
 import glob
 import re
 from collections import Counter, defaultdict

@@ -1,7 +1,5 @@
 """Values of a dataset's keys that its recordings state, and those that they suggest."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

@@ -2,8 +2,6 @@
 studies, with styles and figures inside.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import re

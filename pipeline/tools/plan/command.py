@@ -7,8 +7,6 @@ grid for an arm of one joint more than task rows, and decides the branch of an a
 joints as rows; an arm with more joints is refused.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -2,8 +2,6 @@
 filtered joint angles over time.
 """
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

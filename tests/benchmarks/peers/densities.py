@@ -1,7 +1,5 @@
 """The density on a grid by KDEpy's convolution, the fastest of its methods."""
 
-from __future__ import annotations
-
 import numpy as np
 from KDEpy import FFTKDE
 

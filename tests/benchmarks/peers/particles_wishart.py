@@ -1,7 +1,5 @@
 """The bootstrap filter of `particles` on the take."""
 
-from __future__ import annotations
-
 import numpy as np
 import particles
 from particles.collectors import Moments

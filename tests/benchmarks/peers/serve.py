@@ -3,8 +3,6 @@ options on the first line of its input and answers with its CONFIGURATION; for e
 calls what that returned and answers with the result. An answer is a line of JSON.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

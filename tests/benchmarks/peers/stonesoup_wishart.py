@@ -1,7 +1,5 @@
 """The particle predictor and updater of `stonesoup` on the take."""
 
-from __future__ import annotations
-
 from datetime import datetime, timedelta
 
 import numpy as np

@@ -3,15 +3,13 @@ particles at once: the law of a step under the Wishart model, and the likelihood
 Joint limits and singular poses are left out, to the peers' advantage.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import linalg, stats
 
 ROWS = 6  # m of the pose of a tip in space
 
 
-def take_of(law, **plain) -> Take:
+def take_of(law, **plain) -> "Take":
     """The take of `scenario.Take.plain`, moved by ``law``."""
     return (PlanarTake if "links" in plain else SpatialTake)(law, **plain)
 

@@ -2,8 +2,6 @@
 messages: what was put in comes out. Refusals of files: tests/formats/test_refusals.py.
 """
 
-from __future__ import annotations
-
 import json
 from functools import partial
 from multiprocessing import get_context

@@ -2,8 +2,6 @@
 axes, times, and what is refused by the line or the option that settles it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Forces of bags and tables: columns, units, clock, and samples that a sensor did not measure."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 the options; units; logs of real arms; refusals by array and row.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

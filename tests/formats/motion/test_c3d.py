@@ -2,8 +2,6 @@
 in the file, and what is refused; the rate of a take by its times.
 """
 
-from __future__ import annotations
-
 import os
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Takes of Motive in both grammars: written, read whatever their version, refused by their line."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from motive_files import MARKER, POSE, START, TRACKED, columns, columns_file, random_take, rows_file

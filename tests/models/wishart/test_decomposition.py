@@ -1,7 +1,5 @@
 """Decompositions of the Jacobian against LAPACK's, and dependences of their laws."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

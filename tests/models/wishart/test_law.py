@@ -3,8 +3,6 @@ and the density, in its limits, with measurement noise by two routes, and for ar
 joints and task rows.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

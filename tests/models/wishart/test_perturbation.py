@@ -2,8 +2,6 @@
 each certified by a dual point; and the paper's estimator from them.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from random_arm import motion, random_arm
