@@ -20,6 +20,12 @@ ROOT = HERE.parents[1]
 INTERPRETER = ROOT / ".venv-peers/bin/python"
 RESULTS = ROOT / "reports/benchmarks"
 RUNS = 3
+# the features of the level alone; without this setting the host's are added
+LEVELS = {
+    "host": {},
+    "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": "+avx2,+fma"},
+    "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f"},
+}
 SECONDS, CALLS = 0.4, 9  # least time and number of calls of either side
 KEPT = ("group", "name", "param", "extra_info")
 OURS = ("numpy", "scipy", "numba", "cvxpy", "clarabel")
@@ -44,23 +50,31 @@ def write_results(name: str, measured: dict) -> None:
     (RESULTS / f"{name}.json").write_text(json.dumps(measured, indent=1) + "\n")
 
 
-def run_contests(file: Path) -> list[dict]:
-    """Run all contests once; return what pytest-benchmark writes to ``file``."""
+def run_contests(file: Path, level: str) -> list[dict]:
+    """Run all contests once, or those of the filter compiled for another ``level`` of processor
+    than the host's; return what pytest-benchmark writes to ``file``.
+    """
+    tests = HERE if level == "host" else HERE / "test_particle_filter.py"
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:xdist", "--benchmark-enable"]
     command += ["--benchmark-only", f"--benchmark-max-time={SECONDS}"]
-    command += [f"--benchmark-min-rounds={CALLS}", f"--benchmark-json={file}", str(HERE)]
-    subprocess.run(command, cwd=ROOT, check=True)
-    return json.loads(file.read_text())["benchmarks"]
+    command += [f"--benchmark-min-rounds={CALLS}", f"--benchmark-json={file}", str(tests)]
+    subprocess.run(command, cwd=ROOT, check=True, env=os.environ | LEVELS[level])
+    benchmarks = json.loads(file.read_text())["benchmarks"]
+    for benchmark in benchmarks:
+        benchmark["group"] += "" if level == "host" else f", compiled for {level}"
+    return benchmarks
 
 
 def main(folder: Path) -> None:
     """Keep of each benchmark what the page needs, with the least time in s of each run."""
     folder.mkdir(parents=True, exist_ok=True)
-    runs = [run_contests(folder / f"contests_{number}.json") for number in range(RUNS)]
-    benchmarks = [
-        {key: same[-1][key] for key in KEPT} | {"least": [one["stats"]["min"] for one in same]}
-        for same in zip(*runs, strict=True)
-    ]
+    benchmarks = []
+    for level in ("host", "x86-64-v3"):
+        runs = [run_contests(folder / f"{level}_{number}.json", level) for number in range(RUNS)]
+        benchmarks += [
+            {key: same[-1][key] for key in KEPT} | {"least": [one["stats"]["min"] for one in same]}
+            for same in zip(*runs, strict=True)
+        ]
     ask = [INTERPRETER, "-c", ASK_VERSIONS, *PEERS]
     theirs = json.loads(subprocess.run(ask, check=True, stdout=subprocess.PIPE).stdout)
     ours = {"python": platform.python_version()} | {name: version(name) for name in OURS}

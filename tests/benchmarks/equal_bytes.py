@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from contests import machine, write_results  # before numpy: it fixes the arithmetic
+from contests import LEVELS, machine, write_results  # before numpy: it fixes the arithmetic
 
 if "CORETYPE" in os.environ:  # of the control
     os.environ["OPENBLAS_CORETYPE"] = os.environ["CORETYPE"]
@@ -36,12 +36,6 @@ from pipeline.statistics.densities import kernel_density, normal_reference_bandw
 
 TAKES, STEPS, REST = 12, 60, 15
 FILTERED, PARTICLES = 4, 2000  # seeds, spread over the threads; particles of each
-# the features of the level alone; without this setting the host's are added
-LEVELS = {
-    "host": {},
-    "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": "+avx2,+fma"},
-    "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "+avx2,+fma,+avx512f"},
-}
 NEEDED = {"x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}}
 # name → level, number of threads, environment
 SETTINGS = {
