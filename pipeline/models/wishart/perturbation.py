@@ -74,22 +74,48 @@ def fit_perturbations(
             index=int(finite.argmin()),
             not_finite=int((~finite).sum()),
         )
-    ratio = weights[1] / weights[0]
-    inputs = (np.array(each, order="C") for each in (noise, a, back))
-    unsolved, s, norms, bound = perturb(*inputs, ratio, 1 - floor, STEPS)
-    if unsolved >= 0:
+    ratio, delta = weights[1] / weights[0], 1 - floor
+    r, size = np.sqrt(np.vecdot(a, a)), np.vecdot(noise, noise)
+    s, left, norms = np.zeros((*a.shape, a.shape[-1])), np.sqrt(size), np.zeros(len(a))
+    bound, e = np.zeros(len(a), bool), a / np.where(r > 0, r, 1.0)[:, None]
+    matrix = HALF * back + (1 - HALF) * _outer(np.matvec(back, e), e)
+    matrix *= r[:, None, None]
+    pull = np.vecmat(noise, matrix)
+    k = np.flatnonzero(np.vecdot(pull, pull) > ratio**2 * size)  # y = 0 at every other step
+    e, matrix, rest = e[k], matrix[k], np.zeros(len(k))
+    if back.shape[1] > a.shape[1]:
+        within = np.linalg.qr(matrix)[0]
+        across = noise[k] - np.matvec(within, np.vecmat(noise[k], within))
+        rest = np.vecdot(across, across)
+        rest *= rest > LEAST_REST * size[k]
+    gram = np.swapaxes(matrix, 1, 2) @ matrix
+    y, c, left[k], solved = find_optima(pull[k], e, gram, rest, ratio, delta, STEPS)
+    if not solved.all():
+        index = int(k[solved.argmin()])
         raise SolverError(
             "the perturbation of a step was not solved to optimality",
-            index=unsolved,
-            noise=noise[unsolved].tolist(),
+            index=index,
+            noise=noise[index].tolist(),
             ratio=ratio,
             floor=floor,
         )
-    return Perturbations(s, norms @ np.array(weights), bound)
+    x = np.vecdot(e, y)
+    d = y - x[:, None] * e
+    across = np.vecdot(d, d)
+    x = np.where(c > 0, across / (2 * (delta + c)) - delta, x)  # which does not cancel
+    block = c / np.where(across > 0, across, 1.0)
+    beside = HALF * (_outer(e, d) + _outer(d, e))
+    s[k] = _outer(x[:, None] * e, e) + beside + _outer(block[:, None] * d, d)
+    norms[k], bound[k] = np.sqrt(x * x + across + c * c), (c > 0) | (delta + x < APEX * delta)
+    return Perturbations(s, weights[0] * left + weights[1] * norms, bound)
+
+
+def _outer(x: ndarray, y: ndarray) -> ndarray:
+    return x[:, :, None] * y[:, None, :]
 
 
 # rows of the buffer of one problem: Aᵀω, e, y, what y moves by with c, y − ce, and two more
-PULL, E, Y, MOVED, U, SPARE, D = range(7)
+PULL, E, Y, MOVED, U, SPARE = range(6)
 
 
 @inner
@@ -174,52 +200,26 @@ def place(
 
 
 @compiled
-def perturb(
-    noise: ndarray, a: ndarray, back: ndarray, ratio: float, delta: float, steps: int
-) -> tuple[int, ndarray, ndarray, ndarray]:
-    """Solve N problems of ``noise`` ω (N, n), ``a`` (N, m), ``back`` (N, n, m), λ and δ: the number
-    of the first whose A is all but singular or whose λ(s) is not λ after ``steps`` places, −1 for
-    none; S (N, m, m), ‖ω − Ay‖ and ‖S‖_F (N, 2), and the bound (N,).
+def find_optima(
+    pull: ndarray, e: ndarray, gram: ndarray, rest: ndarray, ratio: float, delta: float, steps: int
+) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+    """Return y (N, m), c (N,) and ‖ω − Ay‖ (N,) of N problems, and (N,) False where A is all but
+    singular or λ(s) is not λ after ``steps`` places; ``pull`` is Aᵀω (N, m), ``e`` (N, m), ``gram``
+    AᵀA (N, m, m), ``rest`` ‖ω⊥‖² (N,).
     """
-    count, n, m = back.shape
-    s, norms, bound = np.zeros((count, m, m)), np.zeros((count, 2)), np.zeros(count, np.bool_)
-    columns, gram, factors = np.empty((m, n)), np.empty((m, m)), np.empty((2, m, m))
-    case = np.empty((7, m))
+    count, m = pull.shape
+    y, c, left, solved = np.zeros((count, m)), np.zeros(count), np.zeros(count), np.zeros(count) > 0
+    factors, case = np.empty((2, m, m)), np.empty((6, m))
     for k in range(count):
-        r, size = np.sqrt(_dot(a, k, a, k)), _dot(noise, k, noise, k)
-        norms[k, 0], steepness, trace, rest = np.sqrt(size), 0.0, 0.0, 0.0
-        if not r > 0:
-            continue
+        trace = 0.0
         for j in range(m):
-            case[E, j] = a[k, j] / r
-        for i in range(n):
-            along = 0.0
+            case[PULL, j], case[E, j], trace = pull[k, j], e[k, j], trace + gram[k, j, j]
+        if factorize(gram[k], 0.0, factors[0]) > LEAST_PIVOT:
+            root = _root(ratio, delta, rest[k], trace, steps, gram[k], factors, case)
+            c[k], left[k], solved[k] = root
             for j in range(m):
-                along += back[k, i, j] * case[E, j]
-            for j in range(m):
-                columns[j, i] = r * (HALF * back[k, i, j] + (1 - HALF) * along * case[E, j])
-        for j in range(m):
-            case[PULL, j] = _dot(columns, j, noise, k)
-            for i in range(j + 1):
-                gram[j, i] = _dot(columns, j, columns, i)
-            trace += gram[j, j]
-            steepness += case[PULL, j] ** 2
-        if not steepness > ratio * ratio * size:  # y = 0
-            continue
-        if not factorize(gram, 0.0, factors[0]) > LEAST_PIVOT:
-            return k, s, norms, bound
-        _solve(factors[0], case, PULL, Y)
-        for i in range(n if n > m else 0):
-            across = noise[k, i]
-            for j in range(m):
-                across -= case[Y, j] * columns[j, i]
-            rest += across * across
-        rest = rest if rest > LEAST_REST * size else 0.0
-        c, norms[k, 0], solved = _root(ratio, delta, rest, trace, steps, gram, factors, case)
-        if not solved:
-            return k, s, norms, bound
-        norms[k, 1], bound[k] = _write(case, c, delta, k, s)
-    return -1, s, norms, bound
+                y[k, j] = case[Y, j]
+    return y, c, left, solved
 
 
 @inner
@@ -252,21 +252,3 @@ def _root(ratio, delta, rest, trace, steps, gram, factors, case) -> tuple[float,
         elif below < 0 < above or not low < t < high:
             t = (low + high) / 2
     return c, left, False
-
-
-@inner
-def _write(case: ndarray, c: float, delta: float, k: int, s: ndarray) -> tuple[float, bool]:
-    """Write S of y and c; return its norm, and True where the bound holds it back."""
-    m, x = case.shape[1], _dot(case, E, case, Y)
-    for i in range(m):
-        case[D, i] = case[Y, i] - x * case[E, i]
-    across = _dot(case, D, case, D)
-    if c > 0:
-        x = across / (2 * (delta + c)) - delta  # which does not cancel
-    block = c / across if across > 0 else 0.0
-    for i in range(m):
-        e, d = case[E, i], case[D, i]
-        for j in range(m):
-            beside = HALF * (e * case[D, j] + d * case[E, j])
-            s[k, i, j] = x * e * case[E, j] + beside + block * d * case[D, j]
-    return np.sqrt(x * x + across + c * c), c > 0 or delta + x < APEX * delta
