@@ -1,8 +1,7 @@
-"""Elementary functions and sums for compiled loops, vectorised and of the same bits on every
-processor.
+"""Elementary functions and sums for compiled loops: vectorised, with equal bits on all processors.
 
 Arguments are reduced to near zero, where a polynomial suffices, without branches or calls. Term i
-of a sum is added to partial sum i modulo 8, and the eight are added at the end.
+of a sum is added to partial sum i modulo 8, and the eight partial sums are added at the end.
 """
 
 from math import factorial, log, pi
@@ -11,9 +10,9 @@ import numpy as np
 
 from pipeline.core.compiled import inlined, inner
 
-# added to a number it leaves the nearest integer in the lowest bits of the sum
+# added to a number x, it gives a sum whose lowest bits are the integer nearest to x
 MAGIC = 1.5 * 2.0**52
-# π/2 and ln 2 in parts of 33 bits, so that products with small integers are exact, and the rest
+# π/2 and ln 2 in parts of 33 bits, whose products with small integers are exact, and a remainder
 # (Sun Microsystems, fdlibm, 1993)
 QUARTER = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
 LOG_2 = 6.93147180369123816490e-01, 1.90821492927058770002e-10
@@ -25,13 +24,13 @@ COSINE += -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359647557
 # Taylor series of exp(x) = 1 + x + x²·E(x): within (ln 2)/2 of zero the first omitted term is
 # below half a unit in the last place
 EXPONENTIAL = tuple(1 / factorial(k + 2) for k in range(12))
-LEAST = -708.0  # below it an exponential is no normal number
+LEAST = -708.0  # below it exp(x) is not a normal number
 LANES = 8  # partial sums
 
 
 @inlined
 def sine_cosine(angle: float) -> tuple[float, float]:
-    """sin and cos of ``angle`` in rad, to within 2e-16 up to a thousand turns."""
+    """Return sin and cos of ``angle`` in rad, to within 2e-16 up to a thousand turns."""
     shifted = angle * (2 / pi) + MAGIC
     turns, quadrant = shifted - MAGIC, np.float64(shifted).view(np.int64)
     x = ((angle - turns * QUARTER[0]) - turns * QUARTER[1]) - turns * QUARTER[2]
@@ -47,7 +46,7 @@ def sine_cosine(angle: float) -> tuple[float, float]:
 
 @inlined
 def exponential_parts(x: float) -> tuple[float, float]:
-    """2ᵏ and exp(y) − 1 for x = k·ln 2 + y, x within ±708 and y within (ln 2)/2 of zero."""
+    """Return 2ᵏ and exp(y) − 1 for x = k·ln 2 + y, |x| ≤ 708 and |y| ≤ (ln 2)/2."""
     shifted = x * (1 / log(2)) + MAGIC
     k = shifted - MAGIC
     y = (x - k * LOG_2[0]) - k * LOG_2[1]
@@ -61,21 +60,21 @@ def exponential_parts(x: float) -> tuple[float, float]:
 
 @inlined
 def exponential(x: float) -> float:
-    """exp(x) for x ≤ 700, to within two units in the last place; 0 below −708."""
+    """Return exp(x) for x ≤ 700, to within two units in the last place; 0 below −708."""
     power, less_one = exponential_parts(LEAST if x < LEAST else x)
     return 0.0 if x < LEAST else power + power * less_one
 
 
 @inlined
 def expm1(x: float) -> float:
-    """exp(x) − 1 for 0 ≤ x < 700, to within three units in the last place."""
+    """Return exp(x) − 1 for 0 ≤ x < 700, to within three units in the last place."""
     power, less_one = exponential_parts(x)
     return power * less_one + (power - 1.0)
 
 
 @inner
 def inner_product(x: np.ndarray, y: np.ndarray) -> float:
-    """Σ x_i y_i."""
+    """Return Σ x_i y_i."""
     a = b = c = d = e = f = g = h = 0.0
     whole = len(x) // LANES * LANES
     for i in range(0, whole, LANES):
@@ -90,7 +89,7 @@ def inner_product(x: np.ndarray, y: np.ndarray) -> float:
 
 @inner
 def total(x: np.ndarray) -> float:
-    """Σ x_i."""
+    """Return Σ x_i."""
     a = b = c = d = e = f = g = h = 0.0
     whole = len(x) // LANES * LANES
     for i in range(0, whole, LANES):
@@ -103,7 +102,7 @@ def total(x: np.ndarray) -> float:
 
 @inner
 def greatest(x: np.ndarray) -> float:
-    """The greatest of ``x``, which may be −∞; NaN is ignored."""
+    """Return the greatest value of ``x``, which may be −∞; NaN is ignored."""
     a = b = c = d = -np.inf
     whole = len(x) // 4 * 4
     for i in range(0, whole, 4):

@@ -1,5 +1,5 @@
 """articulate: joint angles of the depth frames by the paper's least-squares articulation (Eq.
-KinObj), and their errors from the motion capture's.
+KinObj), and their differences from the angles of the motion capture.
 """
 
 from pathlib import Path
@@ -16,8 +16,8 @@ OUT = Path("data/articulate")
 
 
 def run() -> None:
-    """Joint angles of every depth frame, their mean error and its covariance leaving out each test
-    take in turn, and two frames with their points for the figure.
+    """Write the joint angles of every depth frame, mean and covariance of their errors without each
+    test take in turn, and points and nodes of two frames for the figure.
     """
     settings = config.sections("articulate")
     robot, o = settings.dataset.robot, settings.articulation
@@ -39,7 +39,9 @@ def run() -> None:
 def _view(
     name: str, angles: pd.DataFrame, rows: pd.DataFrame, arm: Arm
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Points and nodes of the first take's first frame, or of that with EE farthest from O1."""
+    """Return points and nodes of the first take's first frame, or of the frame with EE farthest
+    from O1.
+    """
     take = angles[angles["take"] == rows["take"].iloc[0]]
     origin = arm.chain.origin
     reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])

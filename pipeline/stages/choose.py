@@ -1,7 +1,6 @@
-"""choose: name of the dataset that params.yaml chooses, in data/dataset.txt.
+"""choose: name of the dataset in params.yaml, written to data/dataset.txt.
 
-A stage of its own, as DVC would meet a file that is not there before `configure` could say which
-datasets are.
+A separate stage, as DVC stops at a missing datasheet before `configure` can name the datasets.
 """
 
 from pathlib import Path
@@ -14,7 +13,7 @@ PARAMS, CHOSEN = Path("params.yaml"), Path("data/dataset.txt")
 
 
 def run() -> None:
-    """Write the name; ConfigError with the known datasets where its files are missing."""
+    """Write the name; raises ConfigError with the known datasets where its files are missing."""
     config.require_dataset(name := read_yaml(PARAMS).get("dataset"))
     if not (file := datasheet.path_of(name)).is_file():
         message = f"{name!r} has an option file and no datasheet; new-dataset begins another"

@@ -1,12 +1,12 @@
-"""readings: claims decided again under every other reading of "LU or QR" (Eq. LUDecom), on the same
-takes and with equal random numbers.
+"""readings: verdicts of the claims under every other reading of "LU or QR" (Eq. LUDecom), for the
+same takes and equal random numbers.
 """
 
 from functools import partial
 from pathlib import Path
 
 from pipeline.cases.case import Choices, Recordings, camera_of, recorded_takes
-from pipeline.cases.evaluate import evaluate
+from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import read_claims, readings, readings_table
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
@@ -15,8 +15,8 @@ TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data
 
 
 def run() -> None:
-    """Fit, realise and filter the paper's models under each reading, and write the table
-    ``readings``; nothing where no Wishart model is among them.
+    """Fit, realise and filter the paper's models under each reading and write the table
+    ``readings``; without a Wishart model write nothing.
     """
     settings = config.sections("readings")
     robot, motion = settings.dataset.robot, settings.dataset.motion

@@ -82,7 +82,7 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     ],
 )
 def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatch):
-    column = Column.parsed(text)
+    column = Column.parse(text)
     monkeypatch.setattr(contracts, "declared", lambda _: {"one": {"it": column}})
     contracts.write(pd.DataFrame({"it": some(column)}), "one", tmp_path)
     for value in bad:

@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.cases.case import Camera, Choices, Recordings, camera_of
-from pipeline.cases.evaluate import evaluate
-from pipeline.cases.evidence import Evidence
+from pipeline.cases.evidence import Evidence, evaluate
 from pipeline.cases.readings import decided, readings
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError

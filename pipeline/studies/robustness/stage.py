@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.cases.case import Choices, Recordings, recorded_takes
-from pipeline.cases.evaluate import evaluate
+from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
 from pipeline.core import config, contracts
 from pipeline.core.compiled import sources_hash
