@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.core.angles import TURN, apart, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.instruments import SIGNALS, JointLogSection
+from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints import table

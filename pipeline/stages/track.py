@@ -1,5 +1,5 @@
-"""track: measured joint angles by the markers or the controller's log, and the process noise of the
-training takes (Eq. OmgReal).
+"""track: measured joint angles from the markers or the controller's log, and the process noise of
+the training takes (Eq. OmgReal).
 """
 
 from dataclasses import replace
@@ -25,14 +25,14 @@ MOTION = INGEST / "motion"
 
 
 def run() -> None:
-    """Write joint angles, repairs and limits of every take, and the training takes' noise."""
+    """Write joint angles, repairs and limits of every take, and the noise of the training takes."""
     settings = config.sections("track")
     dataset = settings.dataset
     with contracts.replacing(OUT) as folder:
         if dataset.robot is None:
             print("track: the dataset has no robot; nothing to do")
             return
-        # a force record is no take of the motion
+        # the quality of the force records is not about takes
         parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
         quality = pd.concat([contracts.read("quality", INGEST / part) for part in parts])
         limits, repairs, source = dict(vars(dataset.limits)), [], "motion capture"
@@ -65,7 +65,7 @@ def run() -> None:
 
 
 def _write_frames(settings, folder: Path) -> list[dict]:
-    """Write the depth frames' table on the motion's clock; how well each take's clock is known."""
+    """Write the table ``frames`` on the motion's clock; return rows on each take's clock."""
     dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
     takes = with_markers(frames, contracts.read("markers", MOTION))
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
@@ -75,7 +75,7 @@ def _write_frames(settings, folder: Path) -> list[dict]:
 
 
 def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
-    """Joint angles of every take by its markers, and rows of the losses and repairs of each."""
+    """Return the joint angles of every take from its markers, and rows of losses and repairs."""
     mocap, longest = dataset.mocap, dataset.limits.longest_gap
     if longest is not None:
         if longest > mocap.max_gap:
@@ -84,7 +84,7 @@ def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
                 "interpolated, dataset.mocap.max_gap"
             )
             raise ConfigError(message, key="dataset.limits.longest_gap")
-        # a take with a longer gap is left out, and has to be followed to its end to be measured
+        # a take with a longer gap is left out later, with the length of its gap
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)
     follow, joints, repairs = follower(dataset.robot, mocap), [], []
@@ -106,7 +106,7 @@ def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
 
 
 def _cross_check(joints: pd.DataFrame, dataset) -> None:
-    """Compare the tracked ``joints`` with the command and, where there are any, the encoders."""
+    """Raise RecordingError where tracked ``joints`` contradict the command or the encoders."""
     names, chain = dataset.robot.joints, chain_of(dataset.robot)
     trajectory, tracked = contracts.read("trajectory", MOTION), dict(list(joints.groupby("take")))
     for take, rows in tracked.items():
@@ -119,7 +119,7 @@ def _cross_check(joints: pd.DataFrame, dataset) -> None:
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
-    """The table ``process_noise`` of the training takes."""
+    """Return the table ``process_noise`` of the training takes."""
     training = joints[joints.part == "training"]
     names, q = contracts.stacked(training, "q")
     v = commands.commanded_steps(contracts.read("trajectory", MOTION), dataset.motion.rate)

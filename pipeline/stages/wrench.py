@@ -12,7 +12,7 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.instruments import Force
+from pipeline.core.options.dataset import Force
 from pipeline.wrench import measured_force as measuring
 from pipeline.wrench.bounds import configuration_bounds, draw_systems, nominal_system, study_bounds
 from pipeline.wrench.matrix import matrix_model, sample_wrenches
