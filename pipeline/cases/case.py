@@ -130,8 +130,6 @@ def recorded_takes(robot: Robot, motion: Motion) -> Takes:
 
 
 def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:
-    """Return the camera that measured the table ``angles``, with its noise against ``joints`` over
-    ``window`` frames on either side; RecordingError for too few takes.
-    """
+    """Return the camera of the table ``angles``, its noise against ``joints`` over ± ``window``."""
     noise = leave_one_out(errors_of(angles, joints), window=window)
     return Camera(noise, {take.take: take for take in measurements(angles, noise)})

@@ -1,7 +1,5 @@
-"""Evaluation of cases: models are fitted, realised and scored, filters are run. The evidence of a
-case has the names that the stages write, so that the same rules decide the claims.
-
-Parts that several cases have in common are evaluated once.
+"""Evaluation of cases: fits, realisations, scores and filters. The evidence has the names that the
+stages write, so that the same rules decide the claims. Common parts of cases are evaluated once.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -181,9 +179,7 @@ def noise_tests(
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
-    """Mean log density (takes,) of the test takes; without any, of each training take under a fit
-    to the others.
-    """
+    """Mean log density (takes,) of test takes, or of each training take under the others' fit."""
     training, folds = takes.training, []
     if takes.test:
         folds.append((fit.model, training, np.stack(list(takes.test.values()))))

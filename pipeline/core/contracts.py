@@ -105,9 +105,7 @@ def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], fil
 
 
 def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAPER) -> None:
-    """Check ``table`` against the file ``declarations`` and write ``folder/name.parquet``, with
-    equal bytes for equal tables.
-    """
+    """Check ``table`` and write ``folder/name.parquet``, with equal bytes for equal tables."""
     file = Path(folder) / f"{name}.parquet"
     columns = expanded(declared(declarations)[name], list(table.columns))
     unknown = [column for column in table.columns if column not in columns]

@@ -6,9 +6,7 @@ import numpy as np
 
 
 def stream(seed: int, stage: str, *trial: int) -> np.random.Generator:
-    """Return the generator of one trial of one stage; equal arguments give equal draws on every
-    machine.
-    """
+    """Return the generator of one trial of one stage, the same on every machine."""
     # the CRC-32 of the name is the same in every process, unlike its hash
     seeds = np.random.SeedSequence(seed, spawn_key=(crc32(stage.encode()), *trial))
     return np.random.Generator(np.random.PCG64(seeds))

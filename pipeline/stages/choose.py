@@ -1,7 +1,4 @@
-"""choose: name of the dataset in params.yaml, written to data/dataset.txt.
-
-A separate stage, as DVC stops at a missing datasheet before `configure` can name the datasets.
-"""
+"""choose: name of the dataset in params.yaml; DVC needs it before `configure` reads a datasheet."""
 
 from pathlib import Path
 

@@ -10,9 +10,7 @@ BY_MODEL = (Path("data/fit"), Path("data/filter"))
 
 
 def run() -> None:
-    """Write the configuration and remove the results of models that it does not name, so that no
-    later stage depends on them.
-    """
+    """Write the configuration, and remove results of models that it does not name."""
     config.write_config(Path("params.yaml"))
     chosen = config.composed_config().models
     for folder in (folder for place in BY_MODEL for folder in place.glob("*/")):

@@ -1,6 +1,4 @@
-"""files: lists of the raw files of motion, depth and force, so that a changed file reruns only the
-parts that read it.
-"""
+"""files: lists of the raw files of motion, depth and force, each for the stages that read them."""
 
 from pathlib import Path
 

@@ -1,6 +1,4 @@
-"""filter@model: particle filter of every test take by one motion model (Sec. "RMT-based particle
-filtering").
-"""
+"""filter@model: particle filter of the test takes (Sec. "RMT-based particle filtering")."""
 
 from functools import partial
 from pathlib import Path
@@ -75,9 +73,7 @@ def filter_take(
     options: FilterOptions,
     stream: tuple[int, str],
 ) -> tuple[pd.DataFrame, int, float]:
-    """Return one take's rows of the table ``posterior``, the number of its measurements outside the
-    motion, and its log evidence.
-    """
+    """Return one take's posterior, number of measurements outside the motion, and log evidence."""
     (number, take), (model, commands) = trial, law
     motion, generator = (recorded.chain, commands, 1 / rate, start), rng.stream(*stream, number)
     posterior = particle_filter(model, *motion, take, options, generator)

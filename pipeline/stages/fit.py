@@ -1,6 +1,4 @@
-"""fit@model: parameters of one motion model from the process noise of the training takes, and
-moments of its realisations along the commanded motion.
-"""
+"""fit@model: parameters of one motion model from the training takes, moments of realisations."""
 
 import json
 from functools import partial
@@ -98,9 +96,7 @@ def _estimate(
 def _resampled(
     model: str, recorded: Recorded, settings, estimate: Estimate | None, options: Options
 ) -> tuple[list[Metrics | None], Metrics]:
-    """Return estimates from resamplings of the takes, the same for every estimator; and standard
-    errors, with 95 % intervals where takes suffice. An estimate at an end of its search has none.
-    """
+    """Return estimates from resamplings of the takes, and the standard errors and intervals."""
     if estimate is None:
         return [], {}
     takes, numbers = len(recorded.q), range(settings.scale.bootstrap_replicates)

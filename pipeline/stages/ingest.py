@@ -1,6 +1,4 @@
-"""ingest@part: tables in SI units from the raw logs of one part (motion, depth or force), with
-counts of every fault.
-"""
+"""ingest@part: tables in SI units and counts of faults from raw logs of motion, depth or force."""
 
 from pathlib import Path
 

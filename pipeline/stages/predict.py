@@ -1,6 +1,4 @@
-"""predict: scores of every model and baseline for the next pose of held-out takes, and of models on
-motions that they were not fitted to.
-"""
+"""predict: scores of models and baselines for the next pose of held-out takes and motions."""
 
 from functools import partial
 from pathlib import Path
@@ -89,9 +87,8 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
 
 
 def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
-    """Return the scores (takes, M) of every baseline and model by name: of the test takes, or, if
-    there are none, of each training take under a fit to the others. ``pose`` (n, n) rad² is the
-    noise of a measured pose.
+    """Return the scores (takes, M) by baseline and model: of the test takes, or of each training
+    take under a fit to the others; ``pose`` (n, n) rad² is the noise of a measured pose.
     """
     joints, of_run = contracts.read("joints", TRACK), settings.models
     test = joints[joints.part == "test"]

@@ -1,7 +1,6 @@
-"""publish: copies of the run's tables, numbers, figures and evidence in reports, which git holds.
+"""publish: copies of tables, numbers, figures and evidence in reports.
 
-A separate stage: DVC restores a stage from its run cache only if all its outputs are in the cache,
-and outputs in git are not.
+A separate stage, as DVC's run cache restores no stage that has outputs in git.
 """
 
 import shutil

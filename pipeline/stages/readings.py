@@ -1,6 +1,4 @@
-"""readings: verdicts of the claims under every other reading of "LU or QR" (Eq. LUDecom), for the
-same takes and equal random numbers.
-"""
+"""readings: verdicts of the claims under every reading of "LU or QR" (Eq. LUDecom)."""
 
 from functools import partial
 from pathlib import Path
@@ -15,9 +13,7 @@ TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data
 
 
 def run() -> None:
-    """Fit, realise and filter the paper's models under each reading and write the table
-    ``readings``; without a Wishart model write nothing.
-    """
+    """Fit, realise and filter the paper's models under each reading, and write the verdicts."""
     settings = config.sections("readings")
     robot, motion = settings.dataset.robot, settings.dataset.motion
     with contracts.replacing(OUT) as folder:

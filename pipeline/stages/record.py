@@ -1,6 +1,4 @@
-"""record@dataset: raw files of the synthetic laboratory in the formats of the real instruments, and
-the truth, which only the stage score reads.
-"""
+"""record@dataset: raw files of the synthetic laboratory, and the truth for the stage score."""
 
 from dataclasses import replace
 from functools import partial
@@ -59,9 +57,8 @@ def run(name: str) -> None:
 def _record_takes(settings, folder: Path, truth: Path) -> None:
     """Write every take of the motion, and its truth."""
     dataset, scale = settings.dataset, settings.scale
-    # takes with depth images first, as they take longest
-    takes = [("test", i) for i in range(scale.test_takes)]
-    takes += [("train", i) for i in range(scale.training_takes)]
+    takes = [("train", i) for i in range(scale.training_takes)]
+    takes += [("test", i) for i in range(scale.test_takes)]
     # the arm moves with all rows of the task, whichever are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
@@ -81,12 +78,8 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
         write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
     command = command.assign(**spread("q", dataset.robot.joints, path))
     write_trajectory(folder / "trajectory.csv", command)
-    rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
-    rows = rows[scale.test_takes :] + rows[: scale.test_takes]
-    joints = pd.concat([joints for joints, _ in rows], ignore_index=True)
-    contracts.write(joints, "true_joints", truth)
-    if clocks := [clock for _, clock in rows if clock]:
-        contracts.write(pd.DataFrame(clocks), "true_clock", truth)
+    joints = run_trials(record, takes, compute=settings.compute, label="record: takes")
+    contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
 def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
@@ -116,15 +109,15 @@ def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster
 
 def _record_take(
     take: tuple[str, int], opened: Session, instruments, settings, folder: Path
-) -> tuple[pd.DataFrame, dict | None]:
-    """Write one take's files; return its true joint angles and, with depth images, its clock."""
+) -> pd.DataFrame:
+    """Write the files of one take; return its true joint angles."""
     (kind, number), dataset, laboratory = take, settings.dataset, settings.dataset.laboratory
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
     trajectory, options, base = laboratory["trajectory"], laboratory["mocap"], dataset.mocap.base
     motion = session.perform(opened, trajectory, laboratory["dynamics"], stream)
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
-    markers, bodies, clock = {}, {}, None
+    markers, bodies = {}, {}
     if dataset.robot.plane:
         arm, placed, bias = instruments
         frames = session.depth_frames(
@@ -139,7 +132,6 @@ def _record_take(
             for file, q in zip(files, frames.joints, strict=True):
                 write_depth(images / file, camera.observe(q, stream))
             write_index(images / "depth.txt", frames.times, files)
-            clock = {"take": name, "part": part, "offset": frames.clock_offset}
     else:
         captured = (instruments, motion.motion_capture, world, options, stream)
         poses = mocap.capture_bodies(*captured)
@@ -150,7 +142,7 @@ def _record_take(
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})
     write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=STARTED)
     step = {"take": name, "part": part, "k": k, "t": k / rate}
-    return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth)), clock
+    return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth))
 
 
 def _record_forces(folder: Path, settings) -> None:

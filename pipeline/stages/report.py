@@ -1,6 +1,4 @@
-"""report: verdicts on the paper's claims for every dataset with a run, errata, model card, and the
-places of the paper's equations in the code.
-"""
+"""report: verdicts on the claims for every dataset, errata, model card, places of equations."""
 
 import json
 from pathlib import Path

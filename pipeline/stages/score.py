@@ -1,6 +1,4 @@
-"""score: tables behind the figures and all numbers of the run, recordings compared with every
-model.
-"""
+"""score: recordings compared with every model: tables behind the figures, numbers of the run."""
 
 import json
 from pathlib import Path
@@ -31,14 +29,8 @@ from pipeline.verdicts.run import Run
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
 MOTION, ARTICULATE, READINGS = INGEST / "motion", Path("data/articulate"), Path("data/readings")
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
-OUT = Path("data/score")
-# tables that the report shows without a change
-SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
-PREDICTED = (
-    *("ranges", "predictions", "prediction_pairs", "other_motions", "motion_spread", "tails"),
-    *("noise_quantiles", "plain_parameters", "untold", "motions", "motion_ranges"),
-)
-SHOWN |= dict.fromkeys(PREDICTED, Path("data/predict"))
+PREDICT, OUT = Path("data/predict"), Path("data/score")
+OF_WRENCH = ("sigma_s", "force_moments", "force_test")  # tables that the report shows unchanged
 FITTED = {"ridge": "ridges", "sigma_b_weights": "sigma_b_weights"}  # table of one, of all models
 # share of the recorded variance that lies between recordings of one motion
 SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
@@ -66,9 +58,9 @@ def run() -> None:
         for stem, numbers in metrics.items():
             contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
         tables = {name: table for _, own in scored.values() for name, table in own.items()}
-        for name, place in SHOWN.items():
-            if contracts.exists(name, place):
-                tables[name] = contracts.read(name, place)
+        shown = [*READINGS.glob("*.parquet"), *PREDICT.glob("*.parquet")]
+        shown += [file for file in WRENCH.glob("*.parquet") if file.stem in OF_WRENCH]
+        tables |= {file.stem: contracts.read(file.stem, file.parent) for file in shown}
         study = [contracts.read(name, WRENCH) for name in ("wrench_errors", "wrench_spread")]
         tables["wrench_study"] = wrench_summary(*study)
         for name, table in tables.items():
@@ -102,9 +94,7 @@ def _score_robot(settings, folder: Path) -> dict[str, Scored]:
 def _score_motion(
     models: list[str], takes: list[str], q: np.ndarray, recorded: Recorded, settings
 ) -> Scored:
-    """Score mean and standard deviation over time of every model against the recordings; one-step
-    realisations at the recorded level of noise.
-    """
+    """Score mean and standard deviation over time of every model against the recordings."""
     names, noise, mode = recorded.joints, recorded.noise, settings.simulation.mode
     off, std = {}, {"recorded": recorded_deviation(q, noise, mode)}
     for model in models:
@@ -153,9 +143,7 @@ def _score_filters(
     settings,
     folder: Path,
 ) -> Scored:
-    """Score errors, bounds and posteriors of every filter beside the training mean and the linear
-    filter of the takes.
-    """
+    """Score errors, bounds and posteriors of all filters, the training mean and a linear filter."""
     dataset, names = settings.dataset, recorded.joints
     places = {model: FILTER / model for model in models}
     places |= {closed(model): FILTER / model / FOLDER for model in models}
@@ -196,9 +184,7 @@ def _score_filters(
 
 
 def _score_recordings(joints: pd.DataFrame, pose: np.ndarray, rate: float) -> Scored:
-    """Score losses, repairs and the depth camera's noise; ``pose`` (n, n) rad² is the noise of a
-    measured pose.
-    """
+    """Score losses, repairs and the depth camera's noise; ``pose`` (n, n) rad² of a pose."""
     metrics, tables = _quality()
     takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
     tables["takes"] = quality.side_by_side(takes)

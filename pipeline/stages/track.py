@@ -1,6 +1,4 @@
-"""track: measured joint angles from the markers or the controller's log, and the process noise of
-the training takes (Eq. OmgReal).
-"""
+"""track: measured joint angles, and the process noise of the training takes (Eq. OmgReal)."""
 
 from dataclasses import replace
 from functools import partial

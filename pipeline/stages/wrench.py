@@ -1,6 +1,4 @@
-"""wrench: numerical study of the matrix model of the wrench, and the measured force of the
-cooperating robots beside the modelled force.
-"""
+"""wrench: numerical study of the matrix model of the wrench; measured and modelled force."""
 
 from functools import partial
 from pathlib import Path
@@ -58,9 +56,7 @@ def run() -> None:
 def _configuration(
     trial: tuple[int, str], force: Force, options: Wrench, seed: int
 ) -> dict[str, pd.DataFrame]:
-    """Return the rows of one configuration: Σ_S of its bounds; moments, densities and tests of its
-    measured wrench and of draws of the model.
-    """
+    """Return the rows of one configuration: Σ_S, and moments, densities and tests of the wrench."""
     (number, name), arrangement = trial, force.configurations[trial[1]]
     stream = rng.stream(seed, "wrench.configuration", number)
     bounds, nominal = configuration_bounds(force, arrangement), nominal_system(force, arrangement)

@@ -190,9 +190,7 @@ def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]
 
 @cache
 def fingerprint() -> dict[str, str]:
-    """Return the state by name of all that results depend on beside the trials, at the first call:
-    a worker that has imported code before an edit differs.
-    """
+    """State by name of all that results depend on beside the trials, as at the first call."""
     project = Path("dvc.yaml")
     changed = str(project.stat().st_mtime_ns) if project.exists() else "none"
     return {
