@@ -29,7 +29,7 @@ def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
     return tuple(claim for file in files for claim in parse_claims(read_yaml(file).get("claims")))
 
 
-def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
+def claim_verdicts(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
     """Tabulate every case of ``claims``: the values that the rule compares, whether the case
     ``holds``, and the ``verdict``: the claim holds if every case with evidence does.
     """

@@ -136,11 +136,11 @@ def _serve(connection: Connection, other: Connection) -> None:
             return
         # a sandbox within this one ends earlier, as its caller has the more exact message
         half = replace(bounds(), seconds=bounds().seconds / 2)
-        outcome = within(half, _outcome, _pickled, (function, *arguments))
+        outcome = within(half, _outcome, _call_pickled, (function, *arguments))
         connection.send_bytes(outcome if isinstance(outcome, bytes) else pickle.dumps(outcome))
 
 
-def _pickled(function: Callable, *arguments: object) -> bytes:
+def _call_pickled(function: Callable, *arguments: object) -> bytes:
     return pickle.dumps(function(*arguments))
 
 

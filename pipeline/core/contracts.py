@@ -73,7 +73,7 @@ class Column(NamedTuple):
 
 
 @cache
-def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
+def read_declarations(file: Path = PAPER) -> dict[str, dict[str, Column]]:
     """Return the columns by name of every table of ``file``; ``*`` and ``#`` name a family."""
     return {
         name: {column: Column.parse(text) for column, text in lines.items()}
@@ -82,7 +82,7 @@ def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
     }
 
 
-def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
+def expand_families(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
     """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
     for name, column in declaration.items():
@@ -107,7 +107,7 @@ def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], fil
 def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAPER) -> None:
     """Check ``table`` and write ``folder/name.parquet``, with equal bytes for equal tables."""
     file = Path(folder) / f"{name}.parquet"
-    columns = expanded(declared(declarations)[name], list(table.columns))
+    columns = expand_families(read_declarations(declarations)[name], list(table.columns))
     unknown = [column for column in table.columns if column not in columns]
     known = [column for column in columns if column in table.columns]
     table = table[known + unknown].reset_index(drop=True)
@@ -134,7 +134,8 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
     except (OSError, ValueError) as error:
         message = f"table {name!r} cannot be read ({error}); run its stage again"
         raise ContractError(message, file=file) from None
-    _require_fit(table, name, expanded(declared(declarations)[name], list(table.columns)), file)
+    columns = expand_families(read_declarations(declarations)[name], list(table))
+    _require_fit(table, name, columns, file)
     return table
 
 

@@ -26,7 +26,7 @@ class Datasheet(NamedTuple):
 
 
 @options()
-class Described(Dataset):
+class DescribedDataset(Dataset):
     """A dataset with the text of its datasheet."""
 
     about: About | None = None
@@ -112,11 +112,11 @@ def get_filled(values: Any, key: str) -> Any:
     return None if is_open(value) else value
 
 
-def checked(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
+def check_values(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
     """Return the dataset of ``values``, None where it is faulty or incomplete; its unknown keys and
     wrong values; and, sorted, the required keys that are neither filled in nor ???.
     """
-    found, faults = all_faults(Described, _without_open(values), "dataset")
+    found, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
     missing = [fault for fault in faults if fault.message.startswith(MISSING)]
     keys = {str(fault.evidence["key"]).removeprefix("dataset.") for fault in missing}
     absent = keys - {key.partition("[")[0] for key in unfilled_keys(values)}

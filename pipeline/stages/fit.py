@@ -40,17 +40,17 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
     """Write parameters and tables to ``folder``; return numbers of fit and realisations."""
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    resampled = partial(_resampled, model, recorded, settings)
+    resample = partial(_resample, model, recorded, settings)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
     numbers, tables = kinds.examined(recorded, options, estimate, checks, stream)
-    replicates, uncertainty = resampled(estimate, options)
+    replicates, uncertainty = resample(estimate, options)
     metrics = {}
     for pattern, variant in kinds.compared(options).items():
         result, refused, errors = estimate, reason, uncertainty
         if variant != options:
             result, refused = _estimate(recorded, variant)
-            _, errors = resampled(result, variant)
+            _, errors = resample(result, variant)
         if result is None:
             print(f"fit: {model}: no {pattern.format('estimate')}: {refused}")
             continue
@@ -93,7 +93,7 @@ def _estimate(
         return None, str(error)
 
 
-def _resampled(
+def _resample(
     model: str, recorded: Recorded, settings, estimate: Estimate | None, options: Options
 ) -> tuple[list[Metrics | None], Metrics]:
     """Return estimates from resamplings of the takes, and the standard errors and intervals."""

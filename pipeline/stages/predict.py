@@ -71,7 +71,7 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
     except ModelDomainError as error:
         print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
         return {}
-    scored = _scored(settings, recorded, options, pose)
+    scored = _scores(settings, recorded, options, pose)
     tables = {"predictions": {}, "prediction_pairs": {}}
     for steps, inside in groups_by_speed(recorded, settings.dataset.motion.rate).items():
         scores = {}
@@ -86,7 +86,7 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
     }
 
 
-def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
+def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
     """Return the scores (takes, M) by baseline and model: of the test takes, or of each training
     take under a fit to the others; ``pose`` (n, n) rad² is the noise of a measured pose.
     """

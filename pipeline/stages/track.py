@@ -40,7 +40,7 @@ def run() -> None:
             source, log = "joint log", dataset.joint_log
             limits |= {"disturbance": log.disturbed_beyond, "greatest_residual": log.residual_limit}
         else:
-            joints, repairs = _tracked(dataset)
+            joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
                 repairs += _write_frames(settings, folder)
@@ -72,7 +72,7 @@ def _write_frames(settings, folder: Path) -> list[dict]:
     return [row for _, more in rows for row in more]
 
 
-def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
+def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
     """Return the joint angles of every take from its markers, and rows of losses and repairs."""
     mocap, longest = dataset.mocap, dataset.limits.longest_gap
     if longest is not None:

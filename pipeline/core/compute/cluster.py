@@ -60,7 +60,7 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
 
         return run_on_worker(shared, block)
 
-    with connected(compute) as client:
+    with connect(compute) as client:
         cluster = client, client.scheduler.address, compute.dask.timeout
         workers = f"{workers_of(*cluster)} worker(s) of {client.scheduler.address}"
         print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
@@ -103,7 +103,7 @@ class _Client(Client):
 
 
 @contextmanager
-def connected(compute: Compute) -> Iterator[Client]:
+def connect(compute: Compute) -> Iterator[Client]:
     """Yield a client of the cluster of ``compute``, or of one started here; else ComputeError."""
     for logger in ("distributed", "distributed.client"):  # ComputeError reports lost connections
         logging.getLogger(logger).setLevel(logging.CRITICAL)
