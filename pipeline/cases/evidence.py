@@ -253,9 +253,10 @@ def camera_scores(noise: pd.DataFrame) -> dict[str, float]:
 
 
 def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:
-    """Return the noise (2, n, n) rad² of a measured pose: in an open loop half the covariance of a
-    step at rest, as ω has the noise of two poses; in a closed loop the covariance of the ``poses``
-    (takes, M+1, n) rad at rest. Zero where the motion never rests.
+    """Return the noise (2, n, n) rad² of a measured pose in an open and in a closed loop.
+
+    The first is half the covariance of a step at rest, as ω has the noise of two poses. The second
+    is the covariance of the ``poses`` (takes, M+1, n) rad at rest. Without rest both are zero.
     """
     try:
         if training.known_measurement is not None:

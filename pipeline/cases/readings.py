@@ -30,8 +30,8 @@ def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
 
 
 def claim_verdicts(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
-    """Tabulate every case of ``claims``: the values that the rule compares, whether the case
-    ``holds``, and the ``verdict``: the claim holds if every case with evidence does.
+    """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
+    the ``verdict``. A claim holds if every case with evidence does.
     """
     rows = []
     words = {None: UNKNOWN, True: HOLDS, False: FAILS}

@@ -25,8 +25,8 @@ def unwrap(
     """Return ``angles`` (N, joints) in rad without steps of more than half a turn, and the number
     of these steps.
 
-    Raises RecordingError, with the joint of ``names``, the ``time`` (N,) in s and the ``evidence``,
-    for a step that differs from whole turns by more than a quarter of one.
+    Raises RecordingError with the ``evidence`` for a step that differs from whole turns by more
+    than a quarter turn; it names the joint by ``names`` and the place by ``time`` (N,) in s.
     """
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)

@@ -145,7 +145,7 @@ def _call_pickled(function: Callable, *arguments: object) -> bytes:
 
 
 def _outcome(function: Callable, arguments: tuple) -> Any:
-    """Return ``function(*arguments)``, or the refusal that stands for its exception."""
+    """Return ``function(*arguments)``, or a RecordingError for its exception."""
     try:
         return function(*arguments)
     except PipelineError as error:

@@ -1,8 +1,8 @@
 """Families of table columns: one column for each joint, task row, or pair of joints.
 
-The column ``q:arm_joint_2`` belongs to the family ``q`` and the joint ``arm_joint_2``, and ``v:x``
-to the task row x; ``c:arm_joint_2:arm_joint_3`` is an entry of a symmetric matrix. A colon within a
-name is written %3A, and a per cent sign before 3A or 25 as %25.
+The column ``q:arm_joint_2`` belongs to the family ``q`` and the joint ``arm_joint_2``; ``v:x``
+belongs to the task row x. The column ``c:arm_joint_2:arm_joint_3`` is an entry of a symmetric
+matrix. A colon in a name is written %3A, and a per cent sign before 3A or 25 as %25.
 """
 
 import re

@@ -38,10 +38,9 @@ def sources_hash(folder: Path = SOURCES) -> str:
 
 
 def cache_folder() -> Path:
-    """Return a writable folder for the machine code of these sources: in the user's
-    ``NUMBA_CACHE_DIR``, else beside Python's bytecode, in the user's cache, or a temporary one.
+    """Return a writable folder for the machine code, and remove old ones except the newest KEPT.
 
-    Folders of earlier sources are removed, except the newest KEPT.
+    It is in the user's ``NUMBA_CACHE_DIR``, beside Python's bytecode, in the user's cache, or new.
     """
     name = f"pipeline-{sources_hash()}"
     setting = os.environ.get(VARIABLE)

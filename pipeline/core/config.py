@@ -197,8 +197,8 @@ def sections(
     """Return the typed sections that a stage declares, and ``compute``; ``item`` replaces
     ``${item.model}`` in a section such as ``models.${item.model}``.
 
-    Raises ConfigError for a study or tool (``dvc_file`` in the pipeline's folder) that declares the
-    robot of a dataset without one; the paper's stages accept such a dataset.
+    Raises ConfigError where a study or tool (``dvc_file`` in the pipeline's folder) declares the
+    robot and the dataset has none. The paper's stages accept such a dataset.
     """
     config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
     if stage not in stages:

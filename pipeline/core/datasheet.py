@@ -113,8 +113,8 @@ def get_filled(values: Any, key: str) -> Any:
 
 
 def check_values(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
-    """Return the dataset of ``values``, None where it is faulty or incomplete; its unknown keys and
-    wrong values; and, sorted, the required keys that are neither filled in nor ???.
+    """Return the dataset of ``values``, None where it is faulty; unknown keys and wrong values; and
+    the required keys that are absent, sorted.
     """
     found, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
     missing = [fault for fault in faults if fault.message.startswith(MISSING)]

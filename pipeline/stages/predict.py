@@ -87,8 +87,8 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
 
 
 def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
-    """Return the scores (takes, M) by baseline and model: of the test takes, or of each training
-    take under a fit to the others; ``pose`` (n, n) rad² is the noise of a measured pose.
+    """Return the scores (takes, M) by baseline and model; ``pose`` (n, n) rad² is the noise of a
+    measured pose. Without test takes each training take is scored under a fit to the others.
     """
     joints, of_run = contracts.read("joints", TRACK), settings.models
     test = joints[joints.part == "test"]

@@ -11,7 +11,7 @@ from pipeline.arm.model import arm_of, chain_of
 from pipeline.core import config, contracts
 from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import ConfigError, SingularJacobianError
+from pipeline.core.errors import SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
@@ -74,14 +74,8 @@ def _write_frames(settings, folder: Path) -> list[dict]:
 
 def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
     """Return the joint angles of every take from its markers, and rows of losses and repairs."""
-    mocap, longest = dataset.mocap, dataset.limits.longest_gap
-    if longest is not None:
-        if longest > mocap.max_gap:
-            message = (
-                f"a gap of {longest} frames is longer than the {mocap.max_gap} that are "
-                "interpolated, dataset.mocap.max_gap"
-            )
-            raise ConfigError(message, key="dataset.limits.longest_gap")
+    mocap = dataset.mocap
+    if dataset.limits.longest_gap is not None:
         # a take with a longer gap is left out later, with the length of its gap
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)

@@ -1,7 +1,7 @@
 """Trials on a Dask cluster: a running cluster, or one that this process starts and ends.
 
-joblib's backend for Dask does not serve: it computes here once the scheduler is lost, waits without
-end for a task that cannot be unpickled, and keeps all results.
+joblib's backend for Dask is not used. It computes in this process once the scheduler is lost, waits
+without end for a task that cannot be unpickled, and keeps all results.
 """
 
 import hashlib
@@ -50,8 +50,8 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
     """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s; the dashboard
     shows a block as a task ``label``. A block whose worker is lost runs again.
 
-    Raises ComputeError where the scheduler or all workers are missing for the timeout of
-    ``compute`` or are lost, trials end their workers, or a worker might compute other bytes.
+    Raises ComputeError for a lost scheduler, for no workers within the timeout of ``compute``, for
+    trials that end their workers, and for a worker that might compute other bytes.
     """
 
     def run(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:

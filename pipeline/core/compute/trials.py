@@ -45,7 +45,7 @@ def call_pickled(function: bytes, trial: bytes) -> bytes:
     """Return the pickled result of a pickled function at a pickled trial.
 
     A single process pickles too: unpickled arrays have another layout, on which the last bit of a
-    sum depends, and no trial sees changes that another made to shared arguments.
+    sum depends. So no trial sees changes that another trial made to shared arguments.
     """
     return pickle.dumps(pickle.loads(function)(pickle.loads(trial)))
 

@@ -326,6 +326,10 @@ class Dataset:
             if self.force is None:
                 raise Fault("robot", "a dataset has a robot or a force transducer")
             return self
+        longest = self.limits.longest_gap or 0
+        if self.mocap is not None and longest > (most := self.mocap.max_gap):
+            message = f"must be at most the {most} of dataset.mocap.max_gap, got {longest}"
+            raise Fault("limits.longest_gap", message)
         task = self.robot.task
         if self.depth is not None and task is not None and not {"x", "z"} <= {*task}:
             message = "the depth camera follows the tip by commanded x and z; keep both rows"
