@@ -76,26 +76,24 @@ def evaluate(
     outcomes = mapped(_outcome, models)
     loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
     trials: dict[str, Trial] = {}
-    keys: list[dict[str, dict[str, str]]] = []  # of each case: filter → take → key of its trial
-    for case in cases:
-        keys.append({})
+    wanted: list[tuple[int, str, str, str]] = []  # number of the case, filter, take, key of a trial
+    for number, case in enumerate(cases):
         batch = takes[case.batch * count : (case.batch + 1) * count]
         for name in filter(KINDS.__contains__, case.models):
             for closed, loop in loops[repr(case.model_case(name))].items():
-                by_take = keys[-1].setdefault(names.closed(name) if closed else name, {})
                 part = case.filter_case(name, closed)
                 for take in batch if len(batch) == count else []:
-                    by_take[take], measured = f"{take} {part!r}", cameras[case.clock].takes[take]
-                    trials[by_take[take]] = (takes.index(take), part, loop, measured)
+                    measured = cameras[case.clock].takes[take]
+                    trials[key := f"{take} {part!r}"] = (takes.index(take), part, loop, measured)
+                    wanted.append((number, names.closed(name) if closed else name, take, key))
     posteriors = mapped(_posterior, trials)
+    filtered = [{} for _ in cases]
+    for number, name, take, key in wanted:
+        filtered[number].setdefault(name, {})[take] = posteriors[key]
     results = []
-    for case, by_filter in zip(cases, keys, strict=True):
+    for case, by_filter in zip(cases, filtered, strict=True):
         of_case = {name: outcomes[repr(case.model_case(name))] for name in case.models}
-        filtered = {
-            name: {take: posteriors[key] for take, key in by_take.items()}
-            for name, by_take in by_filter.items()
-        }
-        results.append(case_evidence(case, recordings, of_case, filtered))
+        results.append(case_evidence(case, recordings, of_case, by_filter))
     return results
 
 

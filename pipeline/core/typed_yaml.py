@@ -33,11 +33,9 @@ def read_yaml(file: Path) -> dict[str, Any]:
     """Return keys and values of ``file``, {} if it is empty; raises ConfigError otherwise."""
     try:
         content = Path(file).read_bytes()
-    except FileNotFoundError:
-        message = "no such file; run the pipeline from the project's root"
-        raise ConfigError(message, file=file) from None
     except OSError as error:
-        raise ConfigError(f"cannot be read ({error.strerror})", file=file) from None
+        message = f"cannot be read ({error.strerror}); run the pipeline from the project's root"
+        raise ConfigError(message, file=file) from None
     loaded = parse_yaml(content, file=file)
     if not isinstance(loaded, dict | None):
         raise ConfigError("must hold keys and values", file=file)

@@ -29,14 +29,9 @@ def run() -> None:
             angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
             window = settings.articulation.noise_window
             cameras[base.clock] = camera_of(angles, joints, window=window)
-        recordings = Recordings(
-            takes=takes,
-            cameras=cameras,
-            rate=motion.rate,
-            filtered=sum(len(camera.takes) for camera in cameras.values()),
-            realizations=settings.simulation.realizations,
-            stream=(settings.seed, "readings"),
-        )
+        filtered = sum(len(camera.takes) for camera in cameras.values())
+        sizes = (motion.rate, filtered, settings.simulation.realizations)
+        recordings = Recordings(takes, cameras, *sizes, (settings.seed, "readings"))
         trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
         results = evaluate(list(cases.values()), recordings, trials)
         evidence = dict(zip(cases, results, strict=True))
