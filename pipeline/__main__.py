@@ -1,8 +1,7 @@
 """``python -m pipeline NAME …`` runs a stage of dvc.yaml, a study or a tool.
 
 A stage is a module of pipeline/stages, a study a folder of pipeline/studies, a tool a folder of
-pipeline/tools: each is found by its place. Every refusal, of the pipeline, of a library or of the
-system, is one message on standard error.
+pipeline/tools: each is found by its place. Every error is one message on standard error.
 """
 
 import argparse
@@ -19,7 +18,7 @@ from importlib import import_module
 from inspect import signature
 from pathlib import Path
 
-import pipeline.core.environment  # noqa: F401 - before numpy, whose arithmetic it settles
+import pipeline.core.environment  # noqa: F401 - before NumPy, whose arithmetic depends on it
 from pipeline.core.errors import PipelineError
 
 HERE = Path(__file__).parent
@@ -36,7 +35,7 @@ NO_ENVIRONMENT = (
     "the project's environment is missing here: `make env` makes it, `. .venv/bin/activate` "
     "enters it"
 )
-TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an unknown error
+TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
 OUT_OF_MEMORY = "free some memory and run the command again"
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
 # error number of the system → what to do
@@ -51,21 +50,19 @@ REMEDIES = {
 
 
 def main() -> int:
-    """Run the command line; return 1 after one message on standard error where it is refused."""
-    # what is imported stays: to go through it for garbage again and again, as in every compilation,
-    # finds nothing and takes its time
-    gc.disable()
+    """Run the command line; return the exit code, 1 after an error and its message."""
+    gc.disable()  # imports make no garbage, and collections during them take time
     for stream in filter(None, (sys.stdout, sys.stderr)):
-        stream.reconfigure(errors="replace")  # a character that the locale lacks is shown as ?
+        stream.reconfigure(errors="replace")  # ? for a character that the locale lacks
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
         try:
-            run = _chosen(name, sys.argv[2:])
+            run = _find_call(name, sys.argv[2:])
             gc.freeze()
             gc.enable()
             run()
             code = 0
-        except SystemExit as stopped:  # of argparse, which has printed why
+        except SystemExit as stopped:  # argparse has printed the reason
             code = int(stopped.code or 0)
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -75,8 +72,10 @@ def main() -> int:
         return 130
     except Exception as error:
         if isinstance(error, OSError):
-            _discard_output()
-        if not isinstance(error, BrokenPipeError):  # the reader of the output has stopped reading
+            # else Python would fail again on the remaining output when it ends
+            with suppress(OSError, ValueError, AttributeError):  # no file descriptor
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):  # the reader of the output has ended
             if os.environ.get(TRACE):
                 traceback.print_exception(error)
             print(f"error: {name}: {error_summary(error)}{_restoring()}", file=sys.stderr)
@@ -96,9 +95,8 @@ def error_summary(error: Exception) -> str:
         return f"{place}: {os.strerror(error.errno)}; {remedy}"
     if isinstance(error, MemoryError):
         return f"out of memory; {OUT_OF_MEMORY}"
-    # a fault of the program, or input that none of its checks knows
-    place = traceback.extract_tb(error.__traceback__)
-    inside = [frame for frame in place if HERE in Path(frame.filename).parents]
+    frames = traceback.extract_tb(error.__traceback__)
+    inside = [frame for frame in frames if HERE in Path(frame.filename).parents]
     at = f" [{Path(inside[-1].filename).relative_to(HERE.parent)}, line {inside[-1].lineno}]"
     words = " ".join(str(error).split())
     return (
@@ -113,7 +111,7 @@ def _restoring() -> str:
     lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")
     if not stage or not lock.is_file():
         return ""
-    from pipeline.core.typed_yaml import read_yaml  # not of the standard library
+    from pipeline.core.typed_yaml import read_yaml  # needs more than the standard library
 
     commands: dict[str, list[str]] = {}
     for out in read_yaml(lock).get("stages", {}).get(stage, {}).get("outs", []):
@@ -125,24 +123,16 @@ def _restoring() -> str:
     return f"; to restore the earlier results {restored}" if named else ""
 
 
-def _discard_output() -> None:
-    """Send what is left of the output nowhere: Python would fail on it again at the end."""
-    with suppress(OSError, ValueError, AttributeError):  # an output without a file descriptor
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _chosen(name: str, words: list[str]) -> Callable[[], object]:
-    """Return the call that runs ``name`` with ``words``; PipelineError for no such name."""
+def _find_call(name: str, words: list[str]) -> Callable[[], object]:
+    """Return the call that runs ``name`` with ``words``; PipelineError for an unknown name."""
     stages = sorted(file.stem for file in HERE.glob("stages/[a-z]*.py"))
-    studies, tools = (
-        sorted(file.parent.name for file in HERE.glob(pattern))
-        for pattern in ("studies/*/stage.py", "tools/*/command.py")
-    )
+    studies = sorted(file.parent.name for file in HERE.glob("studies/*/stage.py"))
+    tools = sorted(file.parent.name for file in HERE.glob("tools/*/command.py"))
     if (folder := name.replace("-", "_")) in tools:
         return tool_call(folder, words)
     if name not in stages + studies:
-        named = [tool.replace("_", "-") for tool in tools]
-        parts = {"stages": stages, "studies": studies, "tools": named}
+        parts = {"stages": stages, "studies": studies}
+        parts["tools"] = [tool.replace("_", "-") for tool in tools]
         usage = USAGE.format(**{part: " ".join(names) for part, names in parts.items()})
         if name in ("-h", "--help"):
             return partial(print, usage)
@@ -161,13 +151,13 @@ def _chosen(name: str, words: list[str]) -> Callable[[], object]:
 
 
 def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
-    """Return the call of the tool in ``folder`` with the ``words`` of a command line, which its
-    ARGUMENTS describe: name or flags → options of ``add_argument``.
+    """Return the call of the tool in ``folder`` with the command line ``words``; its ARGUMENTS map
+    names or flags to options of ``add_argument``.
     """
     tool = import_module(f"pipeline.tools.{folder}.command")
-    described, _, more = tool.__doc__.partition(": ")[2].partition("\n\n")
-    name = f"python -m pipeline {folder.replace('_', '-')}"
-    parser = argparse.ArgumentParser(prog=name, description=described, epilog=more)
+    description, _, epilog = tool.__doc__.partition(": ")[2].partition("\n\n")
+    program = f"python -m pipeline {folder.replace('_', '-')}"
+    parser = argparse.ArgumentParser(prog=program, description=description, epilog=epilog)
     for name, options in tool.ARGUMENTS.items():
         parser.add_argument(name, **options)
     return partial(tool.run, **vars(parser.parse_args(words)))

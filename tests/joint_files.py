@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.core.options.instruments import SIGNALS
+from pipeline.core.options.dataset import SIGNALS
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import movement
 

@@ -4,8 +4,15 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.core.options.analysis import ArticulationSection
-from pipeline.core.options.dataset import Dataset, Motion, Robot
-from pipeline.core.options.instruments import Depth, JointLogSection, Pose, Workspace
+from pipeline.core.options.dataset import (
+    Dataset,
+    Depth,
+    JointLogSection,
+    Motion,
+    Pose,
+    Robot,
+    Workspace,
+)
 
 ORIGIN = Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
 ROBOT, MOTION = Robot("arm.urdf", ["a", "b", "c"], plane=True), Motion(100.0, 10)

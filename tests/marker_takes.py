@@ -7,8 +7,7 @@ from motive_files import START
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.frames import segment_frames
-from pipeline.core.options.dataset import Dataset, Motion, Robot
-from pipeline.core.options.instruments import Mocap, Pose
+from pipeline.core.options.dataset import Dataset, Mocap, Motion, Pose, Robot
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.perception.markers import JointTrack, track

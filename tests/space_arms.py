@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 import pipeline.arm
 from pipeline.arm.serial import SerialChain
 from pipeline.core.columns import SPACE
-from pipeline.core.options.dataset import Robot
-from pipeline.core.options.instruments import Mocap, Pose
+from pipeline.core.options.dataset import Mocap, Pose, Robot
 
 HERE = Path(pipeline.arm.__file__).parent
 UR5 = Robot(str(HERE / "ur5.urdf"), [f"joint_{i}" for i in range(1, 7)], "flange")

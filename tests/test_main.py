@@ -73,8 +73,7 @@ def raises(fault: BaseException) -> Callable[[], None]:
 
 @pytest.mark.parametrize(("fault", "code", "words"), FAULTS)
 def test_every_error_is_one_line_that_names_the_stage(monkeypatch, capsys, fault, code, words):
-    monkeypatch.setattr(command, "_chosen", lambda *_: raises(fault))
-    monkeypatch.setattr(command, "_discard_output", lambda: None)
+    monkeypatch.setattr(command, "_find_call", lambda *_: raises(fault))
     assert run(monkeypatch, "track") == code
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: track: ") and all(word in line for word in words)

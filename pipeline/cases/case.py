@@ -1,6 +1,4 @@
-"""A case, one way to decide everything that the paper or a user leaves open; and the recordings
-that cases are evaluated on.
-"""
+"""Cases: one set of choices each for all that the paper or a user leaves open; their recordings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,58 +23,59 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import constant_noise_variation
 from pipeline.verdicts.run import ArmNames
 
-# the paper's models, the first being the one that the others are compared with
+# the paper's models; the others are compared with the first
 KINDS = ("additive", "wishart", "gaussian")
 CONSTANT_SEED = 20_171
 
 
 @dataclass(frozen=True)
 class Choices:
-    """One way to decide everything."""
+    """Options of the models, the filter and the comparison in one case."""
 
-    models: dict[str, Options]  # by name; those of the paper by their kind
+    models: dict[str, Options]  # by name; the paper's models by their kind
     filter: FilterOptions
     mode: str  # of the realisations: one_step or free_running
-    clock: str = "aligned"  # name of the camera in the recordings
+    clock: str = "aligned"  # key of the camera in Recordings.cameras
     measurement: float = 1.0  # factor on the measurement noise that scores add to every step, or 0
     batch: int = 0  # number of the batch of test takes for the filter
     draw: int = 0  # number of the random stream
-    closed: bool = False  # filters the paper's models in a closed loop too
+    closed: bool = False  # whether the paper's models are also filtered in a closed loop
 
     @classmethod
     def of_run(cls, settings: SimpleNamespace, **further: Options) -> "Choices":
-        """The run's own choices: its first model of each of the paper's kinds, and ``further``."""
+        """Return the run's choices: its first model of each paper's kind, and ``further``."""
         by_kind = {model.kind: model for model in reversed(list(settings.models.values()))}
         models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind} | further
-        own = settings.filter
-        chosen = FilterOptions(own.particles, own.scheme, own.threshold)
-        return cls(models, chosen, settings.simulation.mode)
+        o = settings.filter
+        options = FilterOptions(o.particles, o.scheme, o.threshold)
+        return cls(models, options, settings.simulation.mode)
 
     @property
     def options(self) -> Options:
-        """Options of the only model."""
+        """Options of the only model of the case."""
         (options,) = self.models.values()
         return options
 
     def model_case(self, name: str) -> "Choices":
-        """This case with the model ``name`` alone and defaults for the filter's decisions."""
-        closed, plain = self.closed and name in KINDS, {"filter": FilterOptions(), "clock": ""}
-        return replace(self, models={name: self.models[name]}, batch=0, closed=closed, **plain)
+        """Return this case with the model ``name`` alone and default choices for the filter."""
+        defaults = {"filter": FilterOptions(), "clock": "", "batch": 0}
+        closed = self.closed and name in KINDS
+        return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
 
     def filter_case(self, name: str, closed: bool) -> "Choices":
-        """This case with one model's filter in one loop, and defaults where it does not matter."""
-        plain = {"mode": "", "measurement": 1.0, "batch": 0}
-        return replace(self, models={name: self.models[name]}, closed=closed, **plain)
+        """Return this case with one model's filter in one loop, and defaults for other choices."""
+        defaults = {"mode": "", "measurement": 1.0, "batch": 0}
+        return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
 
     def with_wishart(self, **changes: object) -> "Choices":
-        """This case with other options of the Wishart model."""
+        """Return this case with ``changes`` of the options of the Wishart model."""
         wishart = replace(self.models["wishart"], **changes)
         return replace(self, models=self.models | {"wishart": wishart})
 
 
 @dataclass(frozen=True)
 class Takes:
-    """Takes to fit to and, where there are any, those kept for testing."""
+    """Training takes, and any test takes."""
 
     training: Recorded
     poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
@@ -84,43 +83,43 @@ class Takes:
 
     @cached_property
     def variation_of_constant_noise(self) -> np.ndarray:
-        """(n,) of the training takes, with the same draws in every case."""
+        """:func:`constant_noise_variation` (n,) of the training takes, with equal draws for all."""
         rng = stream(CONSTANT_SEED, "cases.constant_noise")
         return constant_noise_variation(self.training.noise, rng)
 
     @property
     def arm(self) -> ArmNames:
-        """Names of joints and rows in claims."""
+        """Names of the joints and task rows in claims."""
         return ArmNames(tuple(self.training.joints), tuple(self.training.chain.task))
 
     @property
     def start(self) -> Start:
-        """The law of the first pose."""
+        """Normal law of the first pose."""
         first = self.poses[:, 0]
         return Start(first.mean(axis=0), np.cov(first.T))
 
 
 class Camera(NamedTuple):
-    """The depth camera, its frames on one clock and articulated in one way."""
+    """Noise and measurements of the depth camera with its frames on one clock."""
 
-    noise: pd.DataFrame  # as of leave_one_out
+    noise: pd.DataFrame  # of leave_one_out
     takes: dict[str, Measurements]
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """Takes, cameras, sizes and random numbers of the evaluation of every case."""
+    """Takes, cameras, sizes and random streams of the evaluation of every case."""
 
     takes: Takes
-    cameras: Mapping[str, Camera]  # by clock or name; none where there is no depth camera
+    cameras: Mapping[str, Camera]  # by clock; empty without a depth camera
     rate: float  # 1/s, of the motion
-    filtered: int  # takes that the filter runs on
+    filtered: int  # number of takes in a batch of the filter
     realizations: int
-    stream: tuple[int, str]  # seed and name of the random numbers
+    stream: tuple[int, str]  # seed and name of the random streams
 
 
 def recorded_takes(robot: Robot, motion: Motion) -> Takes:
-    """Training and test takes of ``motion`` as ``track`` wrote them."""
+    """Return the training and test takes of ``motion`` from the tables of the stage track."""
     joints = contracts.read("joints", Path("data/track"))
     _, poses = contracts.stacked(joints[joints.part == "training"], "q")
     test = {
@@ -131,8 +130,6 @@ def recorded_takes(robot: Robot, motion: Motion) -> Takes:
 
 
 def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:
-    """The camera that measured the table ``angles``, its noise against the table ``joints`` over
-    ``window`` frames on either side; RecordingError for too few takes.
-    """
+    """Return the camera of the table ``angles``, its noise against ``joints`` over ± ``window``."""
     noise = leave_one_out(errors_of(angles, joints), window=window)
     return Camera(noise, {take.take: take for take in measurements(angles, noise)})

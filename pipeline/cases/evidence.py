@@ -1,25 +1,31 @@
-"""A model in one case: parameters, realisations, predictions of unseen takes; and the evidence of a
-case under the names that the stages give it in a run, so that the same rules decide the claims.
+"""Evaluation of cases: fits, realisations, scores and filters. The evidence has the names that the
+stages write, so that the same rules decide the claims. Common parts of cases are evaluated once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import Camera, Choices, Takes
+from pipeline.cases.case import KINDS, Choices, Recordings, Takes
+from pipeline.core import filters as names
+from pipeline.core import rng
 from pipeline.core.columns import matrices, members, values
-from pipeline.core.errors import ModelDomainError, SingularJacobianError, SolverError
-from pipeline.core.filters import MEMORY, NONE, models_of
-from pipeline.core.rng import stream
+from pipeline.core.errors import (
+    DegenerateFilterError,
+    ModelDomainError,
+    SingularJacobianError,
+    SolverError,
+)
 from pipeline.filtering.linear import autocorrelated_filter
-from pipeline.filtering.particle_filter import Posterior
+from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.particle_filter import Posterior, particle_filter
 from pipeline.models import kinds
-from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of
+from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of, mean_path
 from pipeline.models.draws import realize, realized_moments
-from pipeline.models.kinds import estimate
-from pipeline.models.model import MotionModel
+from pipeline.models.model import Commands, MotionModel, open_loop
 from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.models.prediction import modelled_noise
 from pipeline.models.steps import Estimate, Recorded
@@ -30,7 +36,11 @@ from pipeline.statistics.filters import Filtered
 from pipeline.statistics.scores import compared
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
-RESAMPLING_SEED = 20_170  # the same resamplings in every case
+Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
+# number of the take, its part of the case, the loop, the take's measurements
+Trial = tuple[int, Choices, Loop, Measurements]
+Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: results in order
+RESAMPLING_SEED = 20_170  # equal resamplings in all cases
 PAPER = "{}_paper"  # names of the estimates by the paper's estimator
 
 
@@ -43,63 +53,139 @@ class Outcome:
     estimates: dict[str, float] = field(default_factory=dict)
     mean: np.ndarray | None = None  # (M+1, n) rad, of the realisations
     deviation: np.ndarray | None = None  # (M+1, n) rad
-    # of all steps and of the moving ones, (takes,) nats
+    # (takes,) nats, of all steps and of the moving steps
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
     modelled: ModelledNoise | None = None  # at the recorded level, without its draws
-    following: pd.DataFrame | None = None  # as of following_tests
+    following: pd.DataFrame | None = None  # of following_tests
     refusals: list[str] = field(default_factory=list)
 
 
-def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
-    """Fit, realise ``realizations`` times and score a model; a refusal is an outcome too."""
-    fared, training = Outcome(), takes.training
-    chain, v = training.chain, training.v
+def evaluate(
+    cases: Sequence[Choices], recordings: Recordings, run: Run
+) -> list[tuple[Evidence, list[str]]]:
+    """Return the evidence and refusals of every case; only the paper's models are filtered."""
+    cameras, count = recordings.cameras, recordings.filtered
+    takes = list(next(iter(cameras.values())).takes) if cameras else []
+
+    def mapped(function: Callable, trials: Mapping[str, object]) -> dict:
+        results = run(partial(function, recordings=recordings), list(trials.values()))
+        return dict(zip(trials, results, strict=True))
+
+    # options are not hashable; equal options have equal representations
+    models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
+    outcomes = mapped(_outcome, models)
+    loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
+    trials: dict[str, Trial] = {}
+    wanted: list[tuple[int, str, str, str]] = []  # number of the case, filter, take, key of a trial
+    for number, case in enumerate(cases):
+        batch = takes[case.batch * count : (case.batch + 1) * count]
+        for name in filter(KINDS.__contains__, case.models):
+            for closed, loop in loops[repr(case.model_case(name))].items():
+                part = case.filter_case(name, closed)
+                for take in batch if len(batch) == count else []:
+                    measured = cameras[case.clock].takes[take]
+                    trials[key := f"{take} {part!r}"] = (takes.index(take), part, loop, measured)
+                    wanted.append((number, names.closed(name) if closed else name, take, key))
+    posteriors = mapped(_posterior, trials)
+    filtered = [{} for _ in cases]
+    for number, name, take, key in wanted:
+        filtered[number].setdefault(name, {})[take] = posteriors[key]
+    results = []
+    for case, by_filter in zip(cases, filtered, strict=True):
+        of_case = {name: outcomes[repr(case.model_case(name))] for name in case.models}
+        results.append(case_evidence(case, recordings, of_case, by_filter))
+    return results
+
+
+def _outcome(case: Choices, recordings: Recordings) -> Outcome:
+    # equal draws in all cases, so that only the choices differ
+    seed, name = recordings.stream
+    stream = rng.stream(seed, f"{name}.{case.options.kind}", case.draw)
+    return outcome(case, recordings.takes, recordings.realizations, stream)
+
+
+def _loops(result: Outcome, recordings: Recordings) -> dict[bool, Loop]:
+    """Return the loops in which a model is filtered; the key says whether a loop is closed."""
+    recorded, loops = recordings.takes.training, {}
+    if result.model is not None:
+        loops[False] = (result.model, open_loop(recorded.v))
+    if result.closed is not None:
+        commands = mean_path(recorded).commands(result.closed.share)
+        loops[True] = (result.closed.estimate.model, commands)
+    return loops
+
+
+def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
+    """Return the filter's posterior on one take, or the reason why there is none."""
+    (number, case, (model, commands), measured), (seed, name) = trial, recordings.stream
+    kind, takes = case.options.kind, recordings.takes
+    filtered = names.closed(kind) if case.closed else kind
+    stream = rng.stream(seed, f"{name}.filter.{filtered}", case.draw, number)
+    loop = (model, takes.training.chain, commands, 1 / recordings.rate)
     try:
-        fit = estimate(training, case.options)
-        fared.model = fit.model
-        fared.estimates = fit.estimates | _papers_estimates(case, training, fit)
+        return particle_filter(*loop, takes.start, measured, case.filter, stream)
+    except (DegenerateFilterError, ModelDomainError, SingularJacobianError) as error:
+        return str(error)
+
+
+def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
+    """Fit, realise ``realizations`` times and score the only model of ``case``."""
+    result, training = Outcome(), takes.training
+    try:
+        fit = kinds.estimate(training, case.options)
+        result.model = fit.model
+        result.estimates = fit.estimates | _papers_estimates(case, training, fit)
         if case.closed:
-            fared.closed, refused = closed_loop_of(training, case.options, fit)
-            fared.refusals += [f"no closed loop: {refused}"] if refused else []
-        fared.log_score = _log_scores(case, fit, takes)
+            result.closed, refused = closed_loop_of(training, case.options, fit)
+            result.refusals += [f"no closed loop: {refused}"] if refused else []
+        result.log_score = _log_scores(case, fit, takes)
         starts = np.resize(takes.poses, (realizations, *takes.poses.shape[1:]))
-        realized, _, _ = realize(fared.model, chain, starts, v, case.mode, rng)
-        fared.mean, fared.deviation, refused = realized_moments(
-            fared.model, chain, starts, v, case.mode, realized
-        )
-        fared.refusals += [refused] if refused else []
+        course = (result.model, training.chain, starts, training.v, case.mode)
+        realized, _, _ = realize(*course, rng)
+        result.mean, result.deviation, refused = realized_moments(*course, realized)
+        result.refusals += [refused] if refused else []
         if case.mode == "one_step":
-            noise, steady = modelled_noise(fared.model, training, rng), constant_speed(takes.poses)
-            compare = (noise, training.noise, steady, training.joints, rng)
-            fared.following = following_tests(*compare)
-            fared.modelled = replace(noise, draws=noise.draws[:0])
+            noise, result.following = noise_tests(result.model, training, takes.poses, rng)
+            result.modelled = replace(noise, draws=noise.draws[:0])
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
-        fared.refusals.append(str(error))
-    return fared
+        result.refusals.append(str(error))
+    return result
 
 
 def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
-    """Estimates by the paper's estimator, which its published parameters are compared with."""
+    """Return the estimates that the paper's published parameters are compared with."""
     if (requested := kinds.compared(case.options).get(PAPER)) is None:
         return {}
     try:
-        own = fit if requested == case.options else estimate(recorded, requested)
+        papers = fit if requested == case.options else kinds.estimate(recorded, requested)
     except (ModelDomainError, SolverError):
         return {}
-    estimates = {PAPER.format(name): value for name, value in own.estimates.items()}
-    unbounded = own.diagnostics.get("u_unbounded")  # whether û is an estimate at all
+    estimates = {PAPER.format(name): value for name, value in papers.estimates.items()}
+    unbounded = papers.diagnostics.get("u_unbounded")  # 1 where û is at the end of its search
     return estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
 
 
+def noise_tests(
+    model: MotionModel, training: Recorded, poses: np.ndarray, rng: np.random.Generator
+) -> tuple[ModelledNoise, pd.DataFrame]:
+    """Return the noise of ``model`` at the recorded level, and the :func:`following_tests` of the
+    recorded standard deviations; ``poses`` (takes, M+1, n) rad of the training takes.
+    """
+    noise = modelled_noise(model, training, rng)
+    test = (noise, training.noise, constant_speed(poses), training.joints, rng)
+    return noise, following_tests(*test)
+
+
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
-    """Mean log density over a held-out take's steps; without test takes, of each training take."""
+    """Mean log density (takes,) of test takes, or of each training take under the others' fit."""
     training, folds = takes.training, []
     if takes.test:
         folds.append((fit.model, training, np.stack(list(takes.test.values()))))
     else:
         for i in range(len(takes.poses)):
             others = training.subset(np.delete(np.arange(len(takes.poses)), i))
-            folds.append((estimate(others, case.options).model, others, takes.poses[[i]]))
+            model = kinds.estimate(others, case.options).model
+            folds.append((model, others, takes.poses[[i]]))
     density = np.concatenate([_log_density(*fold, case.measurement) for fold in folds])
     moving = np.any(training.v, axis=1)
     scores = {"moving": density[:, moving].mean(axis=1)}
@@ -122,58 +208,64 @@ def _log_density(
 
 def case_evidence(
     case: Choices,
-    takes: Takes,
+    recordings: Recordings,
     outcomes: Mapping[str, Outcome],
-    camera: Camera | None,
     posteriors: Mapping[str, Mapping[str, Posterior | str]],
-    dt: float,
 ) -> tuple[Evidence, list[str]]:
     """Return all evidence of ``case``, and the refusals of its models and filters.
-    ``outcomes`` by model. Without ``camera`` there is no evidence on sensor
-    and filter. ``posteriors`` by filter, as :mod:`pipeline.core.filters` names them, and take, or
-    why there is none: a filter that was lost on one take is no evidence. ``dt`` in s.
+
+    ``outcomes`` by model; ``posteriors`` by filter (a name of :mod:`pipeline.core.filters`) and
+    take, or the reason why there is none. A filter without a posterior on one take has no evidence.
     """
+    takes = recordings.takes
     evidence = motion_evidence(outcomes, takes, case.mode)
-    refusals = {f"{model}: {why}" for model, fared in outcomes.items() for why in fared.refusals}
-    if camera is None:
+    refusals = {f"{model}: {why}" for model, result in outcomes.items() for why in result.refusals}
+    if (camera := recordings.cameras.get(case.clock)) is None:
         return evidence, sorted(refusals)
-    noise = camera.noise[camera.noise["take"] == "none"]
-    joints, count = members(noise, "b"), camera.noise["take"].nunique() - 1
-    variance = np.diagonal(matrices(noise, "r", joints), axis1=1, axis2=2)
-    scores = scoring.sensor_scores(values(noise, "b"), variance, count, joints)
-    evidence["metrics/recordings"] = scores
-    whole, tested = {}, []
+    evidence["metrics/recordings"] = camera_scores(camera.noise)
+    complete, tested = {}, []
     for model, by_take in posteriors.items():
-        lost = {f"{model}: {own}" for own in by_take.values() if isinstance(own, str)}
+        lost = {f"{model}: {reason}" for reason in by_take.values() if isinstance(reason, str)}
         refusals |= lost
         if by_take and not lost:
-            whole[model], tested = list(by_take.values()), list(by_take)
-    if whole:
+            complete[model], tested = list(by_take.values()), list(by_take)
+    if complete:
         truth = np.stack([takes.test[take] for take in tested])
-        poses, linear = case.measurement * pose_covariances(takes), None
+        poses = case.measurement * pose_covariances(takes.training, takes.poses)
+        linear = None
         if case.closed:
             frames, chain = [camera.takes[take] for take in tested], takes.training.chain
-            known = (takes.poses, poses[0], frames, dt, chain)
+            known = (takes.poses, poses[0], frames, 1 / recordings.rate, chain)
             means, covariances, _ = autocorrelated_filter(*known)
             linear = Filtered(means - truth, covariances, poses[0])
-        evidence |= filter_evidence(whole, linear, truth, takes, poses)
+        evidence |= filter_evidence(complete, linear, truth, takes, poses)
     return evidence, sorted(refusals)
 
 
-def pose_covariances(takes: Takes) -> np.ndarray:
-    """(2, n, n) rad², noise of a measured pose: half the covariance of steps at rest, for ω holds
-    the noise of two poses, and for a closed loop the covariance of poses at rest; zero where the
-    motion never rests.
+def camera_scores(noise: pd.DataFrame) -> dict[str, float]:
+    """Return the :func:`sensor_scores` of the depth camera from the table ``kinect_noise``."""
+    of_all = noise[noise["take"] == "none"]
+    joints, count = members(of_all, "b"), noise["take"].nunique() - 1
+    variance = np.diagonal(matrices(of_all, "r", joints), axis1=1, axis2=2)
+    return scoring.sensor_scores(values(of_all, "b"), variance, count, joints)
+
+
+def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:
+    """Return the noise (2, n, n) rad² of a measured pose in an open and in a closed loop.
+
+    The first is half the covariance of a step at rest, as ω has the noise of two poses. The second
+    is the covariance of the ``poses`` (takes, M+1, n) rad at rest. Without rest both are zero.
     """
     try:
-        held = rest_covariance(takes.poses, takes.training.v)
-        return np.stack([takes.training.measurement / 2, held])
+        if training.known_measurement is not None:
+            return np.stack([training.known_measurement / 2] * 2)
+        return np.stack([training.measurement / 2, rest_covariance(poses, training.v)])
     except ModelDomainError:
-        return np.zeros((2, *(takes.poses.shape[-1],) * 2))
+        return np.zeros((2, *(poses.shape[-1],) * 2))
 
 
 def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) -> Evidence:
-    """Evidence of fits, realisations and predictions; ``outcomes`` by model."""
+    """Return the evidence of fits, realisations and predictions; ``outcomes`` by model."""
     training, tables = takes.training, {}
     evidence: Evidence = {f"metrics/fit_{name}": dict(o.estimates) for name, o in outcomes.items()}
     realized = {name: each for name, each in outcomes.items() if each.mean is not None}
@@ -184,14 +276,13 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         following = {name: outcomes[name].following for name in modelled}
         spreads = spread_tables(modelled, following, training.noise, training.joints)
         evidence |= {f"tables/{name}": table for name, table in spreads.items()}
-    else:  # at k = 0 nothing has moved yet
+    else:  # without k = 0, where nothing has moved
         std |= {name: each.deviation[1:] for name, each in realized.items()}
     middle = takes.poses.mean(axis=0)
     error = {x: np.linalg.norm(each.mean - middle, axis=1)[1:] for x, each in realized.items()}
-    scores = std_scores(std, error, training.joints)
     limits = zip(training.joints, takes.variation_of_constant_noise, strict=True)
     limits = {f"recorded_std_{x}_variation_of_constant_noise": limit for x, limit in limits}
-    evidence["metrics/motion"] = scores | limits
+    evidence["metrics/motion"] = std_scores(std, error, training.joints) | limits
     for steps in ("all", "moving"):
         scored = {
             name: {"log_score": each.log_score[steps]}
@@ -212,21 +303,22 @@ def filter_evidence(
     takes: Takes,
     poses: np.ndarray,
 ) -> Evidence:
-    """Evidence of the models' filters and the linear one against the measured poses, beside the
-    training takes' mean and covariance.
-    ``posteriors`` by filter, one a take; ``linear`` the autocorrelated filter, if any; ``truth``
-    (takes, M+1, n) rad the measured poses; ``poses`` (2, n, n) rad² of :func:`pose_covariances`,
-    which bounds and scores hold too.
+    """Return the evidence of the filters against the measured poses ``truth`` (takes, M+1, n) rad,
+    beside the training mean.
+
+    ``posteriors`` by filter, one for each take; ``linear`` the autocorrelated filter, if any;
+    ``poses`` (2, n, n) rad² of :func:`pose_covariances`, which bounds and scores include.
     """
-    opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
+    opened, joints = names.models_of(posteriors), takes.training.joints
     if not opened:
         return {}
-    filters = {NONE: scoring.no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
+    filters = {names.NONE: scoring.no_filter(takes.poses, truth)}
+    filters |= {names.MEMORY: linear} if linear else {}
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth
         covariance = np.stack([posterior.covariance for posterior in by_take])
-        filters[name] = Filtered(error, covariance, pose if name in opened else held)
-    rng = stream(RESAMPLING_SEED, "cases.resampling")
-    tables, _ = scoring.filter_tables(filters, joints, rng)
+        filters[name] = Filtered(error, covariance, poses[0 if name in opened else 1])
+    stream = rng.stream(RESAMPLING_SEED, "cases.resampling")
+    tables, _ = scoring.filter_tables(filters, joints, stream)
     scores = scoring.filter_metrics(filters, joints, constant_speed(truth))
     return {"metrics/filter": scores} | {f"tables/{name}": table for name, table in tables.items()}

@@ -1,5 +1,5 @@
-"""The verdicts of the claims' rules on the evidence of a case; and the readings of "LU or QR"
-(Eq. LUDecom), a case under each decomposition of the Wishart model.
+"""Verdicts of the claims' rules on the evidence of a case, and the readings of "LU or QR"
+(Eq. LUDecom): one case for each decomposition of the Wishart model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,26 +24,22 @@ NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Já
 
 
 def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
-    """The paper's claims, then the claims of the files ``conclusions``."""
-    return tuple(
-        claim
-        for file in (PAPER, *conclusions)
-        for claim in parse_claims(read_yaml(file).get("claims"))
-    )
+    """Return the paper's claims, then the claims of the files ``conclusions``."""
+    files = (PAPER, *conclusions)
+    return tuple(claim for file in files for claim in parse_claims(read_yaml(file).get("claims")))
 
 
-def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
-    """A row for every case of ``claims``: the values that its rule compares, ``holds`` of the case,
-    and the ``verdict`` of the claim, which holds in every case on which there is evidence.
+def claim_verdicts(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
+    """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
+    the ``verdict``. A claim holds if every case with evidence does.
     """
     rows = []
+    words = {None: UNKNOWN, True: HOLDS, False: FAILS}
     for claim, _, cases in decide(claims, evidence, "paper", arm):
-        words = [
-            UNKNOWN if case.holds is None else HOLDS if case.holds else FAILS for case in cases
-        ]
-        verdict = next((word for word in (FAILS, HOLDS) if word in words), UNKNOWN)
+        known = {words[case.holds] for case in cases}
+        verdict = next((word for word in (FAILS, HOLDS) if word in known), UNKNOWN)
         place = {"claim": claim.id, "about": claim.about, "verdict": verdict}
-        rows += [c._asdict() | place | {"holds": w} for c, w in zip(cases, words, strict=True)]
+        rows += [case._asdict() | place | {"holds": words[case.holds]} for case in cases]
     rows = pd.DataFrame(rows, columns=COLUMNS)
     return rows.astype(dict.fromkeys(["value", "than", "low", "high"], float))
 
@@ -51,7 +47,7 @@ def decided(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.Da
 def readings(
     base: Choices, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
 ) -> dict[str, Choices]:
-    """The case ``base``, then other decompositions by name; none without a Wishart model."""
+    """Return ``base`` and the cases of other decompositions by name; {} without a Wishart model."""
     wishart = base.models.get("wishart")
     if wishart is None:
         return {}
@@ -65,12 +61,12 @@ def readings(
 def readings_table(
     claims: Sequence[Claim], evidence: Mapping[str, tuple[Evidence, Sequence[str]]], arm: ArmNames
 ) -> pd.DataFrame:
-    """The table ``readings``: a row for each reading and each of the ``claims`` on which there is
-    evidence under any.
+    """Return the table ``readings``: a row for each reading and each claim that has evidence under
+    any reading.
 
-    A claim holds under a reading where its rule does in every case that any reading has evidence
-    on; where one lacks a case and no other fails, there is no evidence. ``evidence`` by reading,
-    the run's own first, with its refusals.
+    A claim holds under a reading if its rule holds in every case that has evidence under any
+    reading. If one of these cases lacks evidence and no case fails, there is no evidence.
+    ``evidence`` holds evidence and refusals by reading, the reading of the run first.
     """
     rows = []
     for claim in claims:

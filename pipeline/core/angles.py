@@ -1,6 +1,6 @@
-"""Angles of joints on the circle: jumps of whole turns, distances, turns between two signals.
+"""Joint angles on the circle: wrapping, distances, and whole turns between two signals.
 
-A joint that is not ``circular`` (joints,), as a prismatic one, has no whole turns.
+``circular`` (joints,) is False for a joint that has no whole turns, such as a prismatic one.
 """
 
 from collections.abc import Sequence
@@ -10,10 +10,10 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 
 TURN = 2 * np.pi  # rad
-ALIKE = 0.1  # rad, within which two angles on the circle are one
+ALIKE = 0.1  # rad, greatest distance on the circle at which two angles count as equal
 
 
-def unwrapped(
+def unwrap(
     angles: np.ndarray,
     time: np.ndarray,
     names: Sequence[str] = (),
@@ -22,11 +22,11 @@ def unwrapped(
     signal: str = "actual",
     **evidence: object,
 ) -> tuple[np.ndarray, int]:
-    """Return ``angles`` (N, joints) in rad without jumps, steps of more than half a turn, and their
-    number; ``time`` (N,) in s and ``names`` (joints) say where one is.
+    """Return ``angles`` (N, joints) in rad without steps of more than half a turn, and the number
+    of these steps.
 
-    Raises RecordingError with the ``evidence`` for a jump that differs from whole turns by more
-    than a quarter of one: no controller wraps an angle so, and no joint moves so.
+    Raises RecordingError with the ``evidence`` for a step that differs from whole turns by more
+    than a quarter turn; it names the joint by ``names`` and the place by ``time`` (N,) in s.
     """
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
@@ -47,19 +47,17 @@ def unwrapped(
 
 
 def turns_apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
-    """Return the whole turns (any shape) that take the angles ``b`` in rad nearest to ``a``."""
+    """Return the whole turns (any shape) that bring the angles ``b`` in rad nearest to ``a``."""
     return np.where(circular, np.rint((a - b) / TURN), 0.0)
 
 
 def apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
-    """Return the distance ``a`` − ``b``: of angles in rad on the circle, from −π to π."""
+    """Return the distances ``a`` − ``b`` in rad on the circle, from −π to π."""
     return a - b - TURN * turns_apart(a, b, circular)
 
 
 def whole_turns(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
-    """Return the whole turns (joints,) by which angles ``a`` are beside ``b`` (N, joints) in rad; 0
-    of a joint whose angles are not within a tenth of a radian of each other on the circle.
-    """
+    """Return the median whole turns (joints,) of ``a`` − ``b`` (N, joints) rad; 0 if not ALIKE."""
     turns = np.rint(np.median(a - b, axis=0) / TURN)
     turns[np.median(np.abs(a - b - TURN * turns), axis=0) > ALIKE] = 0
     return turns * circular

@@ -24,10 +24,10 @@ class Reading:
     """Greatest size, time and memory of one file of recordings; a refusal names the bound."""
 
     file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
-    part_mib: Bound = 64  # of what is unfolded at once: a frame, an array, a chunk of a bag
+    part_mib: Bound = 64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
     markers: Bound = 2000  # of a take
-    seconds: Annotated[float, Field(gt=0)] = 60.0  # of what is read in a process of its own
-    memory_mib: Bound = 2048  # likewise, beside the program's own
+    seconds: Annotated[float, Field(gt=0)] = 60.0  # of a call in a separate process
+    memory_mib: Bound = 2048  # of a call in a separate process, beside the program's memory
 
 
 DEFAULT = Reading()
@@ -35,7 +35,7 @@ _in_force: ContextVar[Reading] = ContextVar("reading")
 
 
 def bounds() -> Reading:
-    """Return the bounds in force: those of :func:`within`, else the defaults."""
+    """Return the bounds that :func:`within` has set, else the defaults."""
     return _in_force.get(DEFAULT)
 
 
@@ -49,7 +49,7 @@ def within(reading: Reading, function: Callable, *arguments: object) -> Any:
 
 
 def require(bound: str, amount: float, what: str, file: Path) -> None:
-    """Raise RecordingError naming the ``bound`` that is below the ``amount`` of ``what``."""
+    """Raise RecordingError where the ``amount`` of ``what`` in ``file`` is above the ``bound``."""
     if amount > (most := getattr(bounds(), bound)):
         found = f"{amount:.6g} {what} are more than the {most} that are read"
         option = f"dataset.reading.{bound}"
@@ -74,7 +74,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
 
 
 class Sandbox:
-    """Calls functions in a forked process, and in a new one after it was ended; for ``with``."""
+    """Context manager that calls functions in a forked process, and in a new one if that ends."""
 
     def __init__(self) -> None:
         self._process = self._connection = None
@@ -90,18 +90,17 @@ class Sandbox:
         self._process = self._connection = None
 
     def call(self, function: Callable, *arguments: object) -> Any:
-        """Return ``function(*arguments)``, all of which is pickled.
+        """Return ``function(*arguments)``; function, arguments and result are pickled.
 
-        Raises the pipeline's errors of the function as they are; RecordingError for any other
-        exception of it, and where it takes longer than the bound ``seconds``, more memory than
-        ``memory_mib`` beside what the process has, or ends the process.
+        Raises the pipeline's errors of the function unchanged. Raises RecordingError for any other
+        exception, and where the call exceeds ``seconds`` or ``memory_mib`` or ends the process.
         """
-        if current_process().daemon:  # as a worker of Dask, which may have no process of its own
+        if current_process().daemon:  # a worker of Dask may not start a process
             outcome = _outcome(function, arguments)
         else:
             if self._process is None:
                 self._connection, other = Pipe()
-                # a fork has at once all that is imported; nothing that has threads has run here
+                # a fork has all imports at once; no library with threads has run here
                 ends = other, self._connection
                 self._process = get_context("fork").Process(target=_serve, args=ends)
                 self._process.start()
@@ -123,8 +122,8 @@ class Sandbox:
 
 
 def _serve(connection: Connection, other: Connection) -> None:
-    other.close()  # so that the end of the caller is seen
-    # the address space is bounded to what the process has and memory_mib
+    """Answer calls until the caller ends, in an address space that ``memory_mib`` bounds."""
+    other.close()  # else the end of the caller would not be noticed
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
     most = taken + bounds().memory_mib * MIB
@@ -135,18 +134,18 @@ def _serve(connection: Connection, other: Connection) -> None:
             function, arguments = pickle.loads(connection.recv_bytes())
         except EOFError:
             return
-        # a process of this one ends before it, as its caller has the better message
+        # a sandbox within this one ends earlier, as its caller has the more exact message
         half = replace(bounds(), seconds=bounds().seconds / 2)
-        outcome = within(half, _outcome, _pickled, (function, *arguments))
+        outcome = within(half, _outcome, _call_pickled, (function, *arguments))
         connection.send_bytes(outcome if isinstance(outcome, bytes) else pickle.dumps(outcome))
 
 
-def _pickled(function: Callable, *arguments: object) -> bytes:
+def _call_pickled(function: Callable, *arguments: object) -> bytes:
     return pickle.dumps(function(*arguments))
 
 
 def _outcome(function: Callable, arguments: tuple) -> Any:
-    """``function(*arguments)``, or the refusal that its exception is."""
+    """Return ``function(*arguments)``, or a RecordingError for its exception."""
     try:
         return function(*arguments)
     except PipelineError as error:

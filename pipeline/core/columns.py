@@ -1,11 +1,9 @@
-"""Families of columns: one for each joint, or for each pair of joints, under the joints' own names.
+"""Families of table columns: one column for each joint, task row, or pair of joints.
 
-A column ``q:arm_joint_2`` belongs to family ``q`` and joint ``arm_joint_2``;
-``c:arm_joint_2:arm_joint_3`` is an entry of a symmetric matrix. The rows of the task are named
-alike: ``v:x``. A colon within a name is written %3A, and a per cent sign before 3A or 25 as %25.
+The column ``q:arm_joint_2`` belongs to the family ``q`` and the joint ``arm_joint_2``; ``v:x``
+belongs to the task row x. The column ``c:arm_joint_2:arm_joint_3`` is an entry of a symmetric
+matrix. A colon in a name is written %3A, and a per cent sign before 3A or 25 as %25.
 """
-
-from __future__ import annotations
 
 import re
 from collections.abc import Sequence
@@ -17,40 +15,40 @@ import numpy as np
 if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
     import pandas as pd
 
-# rows that a task may have, in m and rad: of the plane of parallel joints, and of space
+# possible rows of a task, in m and rad: in the plane of parallel joints, and in space
 PLANE, SPACE = ("x", "z", "phi"), ("x", "y", "z", "rx", "ry", "rz")
 
 
 def column(family: str, *names: str) -> str:
-    """The column of ``family`` for a name, or for a pair of names."""
-    written = (re.sub("%(?=3A|25)", "%25", name).replace(":", "%3A") for name in names)
-    return ":".join([family, *written])
+    """Name of the column of ``family`` for one name, or for a pair of ``names``."""
+    escaped = (re.sub("%(?=3A|25)", "%25", name).replace(":", "%3A") for name in names)
+    return ":".join([family, *escaped])
 
 
 def columns(family: str, names: Sequence[str]) -> list[str]:
-    """The columns of ``family`` for each of ``names``."""
+    """Names of the columns of ``family`` for each of ``names``."""
     return [column(family, name) for name in names]
 
 
 def pairs(family: str, names: Sequence[str]) -> list[str]:
-    """The columns of the upper triangle of a symmetric matrix over ``names``, row by row."""
+    """Names of the columns of the upper triangle of a matrix over ``names``, row by row."""
     return [column(family, *pair) for pair in combinations_with_replacement(names, 2)]
 
 
-def members(table: pd.DataFrame, family: str) -> tuple[str, ...]:
-    """The names that ``table`` has a column of ``family`` for, in its order."""
+def members(table: "pd.DataFrame", family: str) -> tuple[str, ...]:
+    """Names for which ``table`` has a column of ``family``, in the order of the columns."""
     split = (str(column).split(":") for column in table.columns)
     found = [parts[1] for parts in split if len(parts) == 2 and parts[0] == family]
     return tuple(name.replace("%3A", ":").replace("%25", "%") for name in found)
 
 
-def values(table: pd.DataFrame, family: str) -> np.ndarray:
-    """(rows, n) the values of ``family``, a column a joint."""
+def values(table: "pd.DataFrame", family: str) -> np.ndarray:
+    """Values (rows, n) of the columns of ``family``."""
     return table[columns(family, members(table, family))].to_numpy()
 
 
-def matrices(table: pd.DataFrame, family: str, names: Sequence[str]) -> np.ndarray:
-    """(rows, n, n) symmetric matrices whose upper triangles stand in the columns of ``family``."""
+def matrices(table: "pd.DataFrame", family: str, names: Sequence[str]) -> np.ndarray:
+    """Symmetric matrices (rows, n, n) over ``names``, from the columns of ``family``."""
     first, second = np.triu_indices(len(names))
     full = np.empty((len(table), len(names), len(names)))
     full[:, first, second] = full[:, second, first] = table[pairs(family, names)].to_numpy()
@@ -58,13 +56,13 @@ def matrices(table: pd.DataFrame, family: str, names: Sequence[str]) -> np.ndarr
 
 
 def spread(family: str, names: Sequence[str], array: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of ``family`` from ``array`` (..., n), its leading axes one after the other."""
+    """Columns of ``family`` by name, from ``array`` (..., n) with its leading axes flattened."""
     flat = np.reshape(array, (-1, len(names)))
     return dict(zip(columns(family, names), flat.T, strict=True))
 
 
 def triangle(family: str, names: Sequence[str], array: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of the upper triangles of ``array`` (..., n, n)."""
+    """Columns of ``family`` by name, from the upper triangles of ``array`` (..., n, n)."""
     first, second = np.triu_indices(len(names))
     flat = np.reshape(array, (-1, len(names), len(names)))[:, first, second]
     return dict(zip(pairs(family, names), flat.T, strict=True))

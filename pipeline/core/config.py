@@ -1,4 +1,4 @@
-"""Composes the configuration with Hydra, validates it, and gives each stage its sections."""
+"""Composition of the configuration with Hydra, its validation, and the sections of each stage."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, make_dataclass
@@ -29,7 +29,7 @@ LABORATORY |= {"robots": "Robots", "transducer": "Transducer"}
 
 @options()
 class Params:
-    """Keys of params.yaml: the chosen options, the seed and single values below the options."""
+    """Keys of params.yaml: option files by group, seed, and values that override the options."""
 
     dataset: str
     models: Annotated[list[str], Field(min_length=1)]
@@ -45,7 +45,7 @@ class Params:
 
 @options()
 class Config:
-    """The whole configuration, section by section."""
+    """Sections of the whole configuration."""
 
     seed: Annotated[int, Field(ge=0)]
     dataset: Dataset
@@ -59,12 +59,12 @@ class Config:
 
 
 def option_names(group: str) -> list[str]:
-    """Names of the options of a group of pipeline/conf."""
+    """Names of the option files of a group of pipeline/conf."""
     return sorted(file.stem for file in (CONF / group).glob("*.yaml"))
 
 
 def require_dataset(name: object) -> None:
-    """Raise ConfigError with the names of all datasets where ``name`` is none of them."""
+    """Raise ConfigError with the names of all datasets where there is no dataset ``name``."""
     if name not in (names := option_names("dataset")):
         message = f"no dataset {name!r}; there are {', '.join(names)}; new-dataset begins another"
         raise ConfigError(message, key="dataset")
@@ -73,41 +73,40 @@ def require_dataset(name: object) -> None:
 def compose_config(params_file: Path) -> Config:
     """Return the validated configuration of ``params_file``; ConfigError with all faults."""
     params = validated(Params, read_yaml(params_file), file=params_file)
-    chosen = [(group, group, getattr(params, group)) for group in GROUPS]
-    wrong = []
-    for key, group, option in chosen + [("models", "model", model) for model in params.models]:
+    options_by_group = [(group, getattr(params, group)) for group in GROUPS]
+    faults = []
+    for group, option in options_by_group + [("model", model) for model in params.models]:
         if option not in (names := option_names(group)):
             message = f"{group}: no option {option!r}; there are {', '.join(names)}"
-            wrong.append(ConfigError(message, key=key))
+            faults.append(ConfigError(message, key="models" if group == "model" else group))
     if twice := sorted({name for name in params.models if params.models.count(name) > 1}):
-        wrong.append(ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"))
-    if wrong:
-        raise joined_faults(wrong, params_file)
+        faults.append(ConfigError(f"models: {', '.join(twice)} occurs twice", key="models"))
+    if faults:
+        raise joined_faults(faults, params_file)
     sheet = datasheet.read(datasheet.path_of(params.dataset))
     option_file = CONF / "dataset" / f"{params.dataset}.yaml"
-    overrides = [f"{group}={getattr(params, group)}" for group in GROUPS]
+    overrides = [f"{group}={option}" for group, option in options_by_group]
     overrides += [f"+model@models.{model}={model}" for model in params.models]
     changes = {"seed": params.seed}, params.overrides or {}
     try:
-        values = compose(overrides, sheet, option_file, *changes)
+        values = _compose(overrides, sheet, option_file, *changes)
     except ConfigError as error:
         raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
     datasheet.require_filled(values, sheet, option_file)
-    found, faults = _checked(values)
+    config, faults = _validate(values)
     if unknown := sorted(set(values["models"] or {}) - set(params.models)):
         message = f"no model {', '.join(unknown)} is chosen; there are {', '.join(params.models)}"
         faults.append(ConfigError(message, key="overrides.models"))
     if faults:
-        # the datasheet where the faulty key stands in it, else params.yaml
         section, _, key = str(faults[0].evidence.get("key")).partition(".")
         in_sheet = section == "dataset" and sheet.holds(key)
         raise joined_faults(faults, sheet.file if in_sheet else params_file)
-    return found
+    return config
 
 
-def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
-    """The typed configuration, None where there are faults, and all faults of ``values``."""
-    found, faults = all_faults(Config, values)
+def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
+    """Return the typed configuration, None where there are faults, and all faults."""
+    config, faults = all_faults(Config, values)
     models, typed_models = values.get("models"), {}
     for name, model in models.items() if isinstance(models, dict) else ():
         key = f"models.{name}"
@@ -123,13 +122,13 @@ def _checked(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:
             laboratory = {part: getattr(typed, part) for part in laboratory}
     if faults:
         return None, faults
-    found.models, found.dataset.laboratory = typed_models, laboratory
-    return found, []
+    config.models, config.dataset.laboratory = typed_models, laboratory
+    return config, []
 
 
 def _model_type(values: Any) -> type:
     kind = values.get("kind") if isinstance(values, dict) else None
-    # by its place, as packages import core and not the other way
+    # imported by name, as models imports core
     return import_module("pipeline.models.kinds").options_type(kind)
 
 
@@ -140,15 +139,14 @@ def _laboratory_type() -> type:
     return options()(make_dataclass("Laboratory", parts))
 
 
-def compose(
+def _compose(
     overrides: list[str], sheet: datasheet.Datasheet, option_file: Path, *changes: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return the option files that ``overrides`` choose, merged with ``sheet`` and ``changes``,
-    every interpolation resolved.
+    """Return the option files of ``overrides`` merged with ``sheet`` and ``changes``, resolved.
 
-    ConfigError for what Hydra refuses, and for a key in both the sheet and ``option_file``.
+    Raises ConfigError for Hydra's errors, and for a key in both the sheet and ``option_file``.
     """
-    # only configure and the tools compose: every other stage reads the composed file
+    # imported here, as most stages read the composed file
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
     from hydra.errors import HydraException
@@ -168,17 +166,16 @@ def compose(
 
 
 def dataset_values(option_file: Path) -> dict[str, Any]:
-    """Values of the dataset's ``option_file`` and datasheet, with ``about``, filled in or not."""
+    """Values of the dataset's ``option_file`` and datasheet, with ``about`` and any ???."""
     file = datasheet.path_of(option_file.stem)
     values = read_yaml(file)
-    about = values.pop("about", None)
+    about = {"about": values.pop("about")} if "about" in values else {}
     sheet = datasheet.Datasheet(file, values)
-    composed = compose([f"dataset={option_file.stem}"], sheet, option_file)["dataset"]
-    return composed if about is None else {"about": about} | composed
+    return about | _compose([f"dataset={option_file.stem}"], sheet, option_file)["dataset"]
 
 
 def write_config(params_file: Path, file: Path = COMPOSED) -> None:
-    """Compose and write ``file``, which git holds: a difference shows what an edit meant."""
+    """Compose the configuration and write ``file``, whose difference in git shows an edit."""
     from omegaconf import OmegaConf
 
     text = OmegaConf.to_yaml(OmegaConf.create(asdict(compose_config(params_file))))
@@ -187,28 +184,28 @@ def write_config(params_file: Path, file: Path = COMPOSED) -> None:
 
 
 def composed_config() -> Config:
-    """The configuration that the stage configure wrote; ConfigError where it is faulty."""
-    found, faults = _checked(read_yaml(COMPOSED))
+    """Return the configuration that the stage configure wrote; ConfigError where it is faulty."""
+    config, faults = _validate(read_yaml(COMPOSED))
     if faults:
         raise joined_faults(faults, COMPOSED)
-    return found
+    return config
 
 
 def sections(
     stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
 ) -> SimpleNamespace:
-    """Return the sections that a stage declares, as typed objects, and ``compute``; ``item`` stands
-    for the matrix item in a section such as ``models.${item.model}``.
+    """Return the typed sections that a stage declares, and ``compute``; ``item`` replaces
+    ``${item.model}`` in a section such as ``models.${item.model}``.
 
-    ConfigError for a study or tool (``dvc_file`` in the pipeline's folder) that declares the robot
-    of a dataset without one; the paper's stages pass over such a dataset.
+    Raises ConfigError where a study or tool (``dvc_file`` in the pipeline's folder) declares the
+    robot and the dataset has none. The paper's stages accept such a dataset.
     """
     config, stages = composed_config(), read_yaml(dvc_file).get("stages", {})
     if stage not in stages:
         raise ConfigError(f"no stage {stage!r}; there are {', '.join(stages)}", file=dvc_file)
     entries = [entry for entry in stages[stage].get("params", []) if isinstance(entry, dict)]
     declared = [section for entry in entries for section in entry.get(str(COMPOSED), [])]
-    given = SimpleNamespace(compute=config.compute)
+    settings = SimpleNamespace(compute=config.compute)
     beyond = dvc_file.resolve().is_relative_to(CONF.parent)
     if beyond and "dataset.robot" in declared and config.dataset.robot is None:
         message = f"the stage {stage} needs a robot, and the dataset has none; choose another "
@@ -216,27 +213,26 @@ def sections(
     for section in declared:
         name = section.replace("${item.model}", str(item))
         *above, last = name.split(".")
-        place, value = given, vars(config)
+        place, value = settings, vars(config)
         for key in above:
             place, value = vars(place).setdefault(key, SimpleNamespace()), value[key]
             value = value if isinstance(value, dict) else vars(value)
         if last not in value:
             raise ConfigError(f"there is no {name} for the stage {stage}", file=COMPOSED)
         setattr(place, last, value[last])
-    return given
+    return settings
 
 
 def study_options(folder: Path, structure: type) -> Any:
-    """Options of the study in ``folder`` for the scale of the run, of type ``structure``."""
+    """Return the options of the study in ``folder`` for the run's scale, of type ``structure``."""
     file, scale = folder / "params.yaml", read_yaml(COMPOSED)["scale"]["name"]
-    held = read_yaml(file)
-    if scale not in held:
+    if scale not in (values := read_yaml(file)):
         raise ConfigError(f"no section for the scale {scale}", key=scale, file=file)
-    return validated(structure, held[scale], scale, file)
+    return validated(structure, values[scale], scale, file)
 
 
 def model_options(names: Iterable[str]) -> dict[str, Any]:
-    """Typed options of models by the names of their option files, chosen by the run or not."""
+    """Return the typed options of models by the ``names`` of their option files."""
     result, known = {}, option_names("model")
     for name in names:
         file = CONF / "model" / f"{name}.yaml"

@@ -38,7 +38,7 @@ class Column(NamedTuple):
     optional: bool
 
     @classmethod
-    def parsed(cls, text: str) -> "Column":
+    def parse(cls, text: str) -> "Column":
         """Return the column that ``text`` declares."""
         if (parts := DECLARATION.fullmatch(text)) is None:
             raise ValueError(f"not the declaration of a column: {text!r}")
@@ -73,16 +73,16 @@ class Column(NamedTuple):
 
 
 @cache
-def declared(file: Path = PAPER) -> dict[str, dict[str, Column]]:
+def read_declarations(file: Path = PAPER) -> dict[str, dict[str, Column]]:
     """Return the columns by name of every table of ``file``; ``*`` and ``#`` name a family."""
     return {
-        name: {column: Column.parsed(text) for column, text in lines.items()}
+        name: {column: Column.parse(text) for column, text in lines.items()}
         for name, lines in read_yaml(file).items()
         if name[0] != "."
     }
 
 
-def expanded(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
+def expand_families(declaration: dict[str, Column], present: list[str]) -> dict[str, Column]:
     """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
     for name, column in declaration.items():
@@ -97,24 +97,22 @@ def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], fil
     faults = {column: "is missing" for column in columns if column not in table.columns}
     faults |= {column: "is not declared" for column in table.columns if column not in columns}
     if not faults:
-        checked = ((column, each.fault(table[column])) for column, each in columns.items())
-        faults = {column: fault for column, fault in checked if fault}
+        faults = {column: rule.fault(table[column]) for column, rule in columns.items()}
     for column, fault in faults.items():
-        message = f"table {name!r} breaks its contract: {fault}"
-        raise ContractError(message, file=file, column=column)
+        if fault:
+            message = f"table {name!r} breaks its contract: {fault}"
+            raise ContractError(message, file=file, column=column)
 
 
 def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAPER) -> None:
-    """Write ``table`` as ``folder/name.parquet`` after checking it; the same table gives the same
-    bytes. ``declarations`` is the file that declares it.
-    """
+    """Check ``table`` and write ``folder/name.parquet``, with equal bytes for equal tables."""
     file = Path(folder) / f"{name}.parquet"
-    columns = expanded(declared(declarations)[name], list(table.columns))
+    columns = expand_families(read_declarations(declarations)[name], list(table.columns))
     unknown = [column for column in table.columns if column not in columns]
     known = [column for column in columns if column in table.columns]
     table = table[known + unknown].reset_index(drop=True)
     for column in known:
-        # counts of any width, but never what would have to be rounded
+        # integers of any width; numbers that would be rounded are refused below
         if columns[column].kind == "count" and pd.api.types.is_integer_dtype(table[column]):
             table[column] = table[column].astype("int64")
     _require_fit(table, name, columns, file)
@@ -130,18 +128,19 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
     from pyarrow.parquet import ParquetFile
 
     try:
-        # pandas' own reader imports the modules that a folder of such files needs
+        # pandas' own reader imports modules for folders of such files, which takes time
         with ParquetFile(file) as stored:
             table = stored.read(use_pandas_metadata=True).to_pandas()
     except (OSError, ValueError) as error:
         message = f"table {name!r} cannot be read ({error}); run its stage again"
         raise ContractError(message, file=file) from None
-    _require_fit(table, name, expanded(declared(declarations)[name], list(table.columns)), file)
+    columns = expand_families(read_declarations(declarations)[name], list(table))
+    _require_fit(table, name, columns, file)
     return table
 
 
 def exists(name: str, folder: Path) -> bool:
-    """Return True where a stage wrote table ``name``, as without the instrument none does."""
+    """Return True where a stage has written table ``name``; without its instrument none does."""
     return (Path(folder) / f"{name}.parquet").is_file()
 
 
@@ -153,7 +152,7 @@ def write_metrics(metrics: dict, file: Path) -> None:
 
 
 def write_text(text: str, file: Path) -> None:
-    """Write ``file`` whole or not at all, its folder with it."""
+    """Write ``file`` completely or not at all, and its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
     partial = file.with_name(f".{file.name}.partial")
     partial.write_text(text, encoding="utf-8")
@@ -162,7 +161,7 @@ def write_text(text: str, file: Path) -> None:
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Path]:
-    """Yield a fresh folder that takes the place of ``folder`` if the block ends well, else goes."""
+    """Yield an empty folder; it replaces ``folder`` if the block succeeds, else it is removed."""
     folder = Path(folder)
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
@@ -176,19 +175,17 @@ def replacing(folder: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
 
 
-def stacked(
-    table: pd.DataFrame, columns: str | list[str], *, by: str = "take"
-) -> tuple[list[str], np.ndarray]:
-    """Return names (N,) and values (N, K, n) of a table that holds the same K rows for each value
-    of ``by``, in the order of the table; ``columns`` are named, or a family.
+def stacked(table: pd.DataFrame, columns: str | list[str]) -> tuple[list[str], np.ndarray]:
+    """Return the names of the takes (N,) and the ``columns``, a list or a family, as (N, K, n).
+
+    Raises ContractError where the takes have unequal numbers of consecutive rows.
     """
     if isinstance(columns, str):
         columns = family_columns(columns, members(table, columns))
-    codes, names = pd.factorize(table[by])
+    codes, names = pd.factorize(table["take"])
     count = len(names)
     if not count or not np.array_equal(codes, np.repeat(np.arange(count), len(table) // count)):
-        raise ContractError(
-            f"every {by} must have the same number of consecutive rows",
-            lengths=table[by].value_counts().to_dict(),
-        )
+        lengths = table["take"].value_counts().to_dict()
+        message = "every take must have the same number of consecutive rows"
+        raise ContractError(message, lengths=lengths)
     return list(names), table[columns].to_numpy().reshape(count, -1, len(columns))

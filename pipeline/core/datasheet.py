@@ -1,4 +1,4 @@
-"""A dataset's datasheet: facts on its recordings, merged with the option file of the dataset."""
+"""Datasheet of a dataset: facts about its recordings, merged with the dataset's option file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,35 +10,35 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import MISSING, all_faults, options, validated
 
 DATASHEETS = Path(__file__).parents[2] / "data" / "raw"
-OPEN = "???"  # a value that a person has yet to fill in
+OPEN = "???"  # placeholder of a value that the user has to fill in
 ABSENT = object()
 
 
 class Datasheet(NamedTuple):
-    """Keys that the datasheet in ``file`` adds to the section ``dataset``, without ``about``."""
+    """Values that the datasheet in ``file`` adds to the section ``dataset``; without ``about``."""
 
     file: Path
     values: dict[str, Any]
 
     def holds(self, key: str) -> bool:
-        """Return True if the nested ``key`` of the dataset stands in it."""
+        """Return True if the datasheet has the nested ``key``."""
         return get_nested(self.values, key, ABSENT) is not ABSENT
 
 
 @options()
-class Described(Dataset):
+class DescribedDataset(Dataset):
     """A dataset with the text of its datasheet."""
 
     about: About | None = None
 
 
 def path_of(dataset: str) -> Path:
-    """Return the file of a dataset's datasheet."""
+    """Return the path of the datasheet of ``dataset``."""
     return DATASHEETS / dataset / "dataset.yaml"
 
 
 def read(file: Path) -> Datasheet:
-    """Read a datasheet; ConfigError where it is unreadable or ``about`` is incomplete."""
+    """Read a datasheet; raises ConfigError if it is unreadable or ``about`` is incomplete."""
     values = read_yaml(file)
     about = values.pop("about", None)
     if about is None:
@@ -51,15 +51,14 @@ def read(file: Path) -> Datasheet:
 
 
 def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError for a key that stands in the ``option`` file and in the datasheet."""
+    """Raise ConfigError for a key that is in the ``option`` file and in the datasheet."""
     if keys := list(_common(option, sheet.values, "dataset.")):
-        verb, of_each = ("stands", "them") if len(keys) == 1 else ("stand", "each")
-        message = f"{', '.join(keys)} {verb} in {option_file.name} too: keep one of {of_each}"
+        message = f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
         raise ConfigError(message, key=keys[0], file=sheet.file)
 
 
 def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError with the file and all keys of the ``composed`` dataset still to fill in."""
+    """Raise ConfigError with all keys of the ``composed`` dataset that hold ???."""
     keys = list(unfilled_keys(composed.get("dataset")))
     _require_none([key for key in keys if sheet.holds(key.partition("[")[0])], sheet.file)
     _require_none(keys, option_file)
@@ -72,7 +71,7 @@ def _require_none(keys: list[str], file: Path) -> None:
 
 
 def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Iterator[str]:
-    """The keys that stand in both, down to where one of them holds a value."""
+    """Yield the nested keys that are in both files."""
     for key in sheet:
         stated, other = sheet[key], option.get(key)
         if isinstance(stated, dict) and isinstance(other, dict):
@@ -82,7 +81,7 @@ def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Itera
 
 
 def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
-    """Yield the keys of ``values`` that hold ???, in their order."""
+    """Yield the nested keys of ``values`` that hold ???, in order."""
     if isinstance(values, str) and values == OPEN:
         yield key
     elif isinstance(values, dict):
@@ -113,11 +112,11 @@ def get_filled(values: Any, key: str) -> Any:
     return None if is_open(value) else value
 
 
-def checked(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
-    """Return the dataset of ``values``, None where it is faulty or incomplete; the unknown keys and
-    wrong values among those filled in; and the keys that are required and not mentioned, sorted.
+def check_values(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
+    """Return the dataset of ``values``, None where it is faulty; unknown keys and wrong values; and
+    the required keys that are absent, sorted.
     """
-    found, faults = all_faults(Described, _without_open(values), "dataset")
+    found, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
     missing = [fault for fault in faults if fault.message.startswith(MISSING)]
     keys = {str(fault.evidence["key"]).removeprefix("dataset.") for fault in missing}
     absent = keys - {key.partition("[")[0] for key in unfilled_keys(values)}
@@ -127,5 +126,5 @@ def checked(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], 
 def _without_open(values: Any) -> Any:
     if not isinstance(values, dict):
         return values
-    kept = {n: v for n, v in values.items() if isinstance(v, dict) or not is_open(v)}
-    return {name: _without_open(value) for name, value in kept.items()}
+    kept = {n: _without_open(v) for n, v in values.items()}
+    return {n: v for n, v in kept.items() if isinstance(v, dict) or not is_open(v)}

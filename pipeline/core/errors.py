@@ -1,8 +1,8 @@
-"""One root for everything the pipeline refuses, each error carrying its evidence."""
+"""Exceptions of the pipeline, all subclasses of PipelineError."""
 
 
 class PipelineError(Exception):
-    """Refusal with its evidence by keyword: file, line, take, step, key …"""
+    """Error with a message and its evidence by keyword: file, line, take, step, key …"""
 
     def __init__(self, message: str, **evidence: object) -> None:
         self.message = message
@@ -12,32 +12,32 @@ class PipelineError(Exception):
 
 
 class ConfigError(PipelineError):
-    """An option, key or type of the configuration that does not exist or does not fit."""
+    """An option, key or value of the configuration is unknown or wrong."""
 
 
 class RecordingError(PipelineError):
-    """A raw file that is missing, truncated, malformed or contradicts itself."""
+    """A raw file is missing, truncated, malformed or contradictory."""
 
 
 class ContractError(PipelineError):
-    """A table between stages that breaks its contract: column, type, range or missing table."""
+    """A table between stages is missing, or a column breaks its declaration."""
 
 
 class SingularJacobianError(PipelineError):
-    """The Jacobian cannot be inverted at a pose where the paper's models need its inverse."""
+    """The Jacobian has no inverse at a pose where the paper's models need one."""
 
 
 class ModelDomainError(PipelineError):
-    """A model parameter outside the set on which the model exists (sigma_B, u, a covariance)."""
+    """A model has no value for a parameter (sigma_B, u, a covariance) or for these data."""
 
 
 class SolverError(PipelineError):
-    """An optimisation that did not end at an optimum; no number may be taken from it."""
+    """An optimisation did not converge; its result is not used."""
 
 
 class DegenerateFilterError(PipelineError):
-    """A particle filter all of whose weights vanished."""
+    """All weights of a particle filter vanished."""
 
 
 class ComputeError(PipelineError):
-    """Workers that cannot be reached, are lost, or might give other bytes than this machine."""
+    """Workers cannot be reached, are lost, or might compute other bytes than this machine."""

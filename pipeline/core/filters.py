@@ -2,16 +2,16 @@
 
 from collections.abc import Iterable
 
-NONE = "none"  # the training takes' mean and covariance at each step, whatever is measured
-MEMORY = "memory"  # linear, of the training takes' covariance and their autocorrelation
-CLOSED = "_closed"  # after a model's name: its closed-loop form; the open one has the name itself
+NONE = "none"  # training mean: mean and covariance of the training takes, without measurements
+MEMORY = "memory"  # linear filter with the covariance and autocorrelation of the training takes
+CLOSED = "_closed"  # suffix of a model's closed-loop filter; the open-loop one has the model's name
 
 
 def closed(model: str) -> str:
-    """Name the filter of the closed-loop form of ``model``."""
+    """Name of the filter of ``model`` in a closed loop."""
     return model + CLOSED
 
 
 def models_of(filters: Iterable[str]) -> list[str]:
-    """Return the models whose open-loop form is among ``filters``."""
+    """Return the models whose open-loop filter is among ``filters``."""
     return [n for n in filters if n not in (NONE, MEMORY) and not n.endswith(CLOSED)]

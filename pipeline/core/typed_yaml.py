@@ -1,4 +1,4 @@
-"""YAML files of keys and values, read with libyaml; a key that occurs twice is refused."""
+"""YAML files of keys and values, read with libyaml; duplicate keys are errors."""
 
 import re
 from pathlib import Path
@@ -10,10 +10,10 @@ from pipeline.core.errors import ConfigError
 
 
 class Loader(yaml.CSafeLoader):
-    """YAML 1.1 with numbers as 1e-3, which PyYAML takes for text, and without dates."""
+    """YAML 1.1 without dates, with numbers such as 1e-3, which PyYAML reads as text."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        """Return the mapping; YAMLError where a key occurs twice."""
+        """Return the mapping; raises YAMLError where a key occurs twice."""
         keys = [key.value for key, _ in node.value]
         if twice := sorted({key for key in keys if keys.count(key) > 1}):
             where = node.start_mark.line + 1
@@ -30,22 +30,20 @@ Loader.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+012345678
 
 
 def read_yaml(file: Path) -> dict[str, Any]:
-    """Return keys and values of ``file``, {} if it is empty; ConfigError for any other file."""
+    """Return keys and values of ``file``, {} if it is empty; raises ConfigError otherwise."""
     try:
         content = Path(file).read_bytes()
-    except FileNotFoundError:
-        message = "no such file; run the pipeline from the project's root"
-        raise ConfigError(message, file=file) from None
     except OSError as error:
-        raise ConfigError(f"cannot be read ({error.strerror})", file=file) from None
-    loaded = parsed(content, file=file)
+        message = f"cannot be read ({error.strerror}); run the pipeline from the project's root"
+        raise ConfigError(message, file=file) from None
+    loaded = parse_yaml(content, file=file)
     if not isinstance(loaded, dict | None):
         raise ConfigError("must hold keys and values", file=file)
     return loaded or {}
 
 
-def parsed(text: str | bytes, **evidence: object) -> Any:
-    """Return the value of ``text`` as YAML; ConfigError with ``evidence`` where it is no YAML."""
+def parse_yaml(text: str | bytes, **evidence: object) -> Any:
+    """Return the value of ``text``; raises ConfigError with ``evidence`` where it is not YAML."""
     try:
         return yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""Types of options as pydantic dataclasses, and all faults of given values as one ConfigError."""
+"""Option types as pydantic dataclasses, and all faults of values as one ConfigError."""
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -14,7 +14,7 @@ from pipeline.core.errors import ConfigError
 
 T = TypeVar("T")
 RULES = ConfigDict(extra="forbid", allow_inf_nan=False)
-MISSING = "no value for "  # begins the message of a missing value
+MISSING = "no value for "  # start of the message about a missing value
 adapter = cache(TypeAdapter)
 
 
@@ -28,7 +28,7 @@ class Fault(ValueError):
 
 @dataclass_transform(field_specifiers=(Field,))
 def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
-    """Decorate the type of a section: a pydantic dataclass that raises ConfigError."""
+    """Decorate the type of a section: a pydantic dataclass whose faults are ConfigErrors."""
 
     def decorate(cls: type[T]) -> type[T]:
         made = pydantic_dataclasses.dataclass(cls, config=RULES, **arguments)
@@ -48,7 +48,7 @@ def options(**arguments: Any) -> Callable[[type[T]], type[T]]:
 
 
 def validated(structure: type[T], values: Any, section: str = "", file: Path | None = None) -> T:
-    """Return the object that ``values`` describe; ConfigError with every fault and its key."""
+    """Return the object of ``values``; raises ConfigError with every fault and its key."""
     found, faults = all_faults(structure, values, section)
     if faults:
         raise joined_faults(faults, file)
@@ -58,18 +58,18 @@ def validated(structure: type[T], values: Any, section: str = "", file: Path | N
 def all_faults(
     structure: type[T], values: Any, section: str = ""
 ) -> tuple[T | None, list[ConfigError]]:
-    """Return the object that ``values`` describe, None if faulty, and a ConfigError a fault."""
+    """Return the object of ``values``, None if they are faulty, and one ConfigError per fault."""
     try:
         return adapter(structure).validate_python(values), []
     except ValidationError as error:
         return None, [_fault(one, structure, section) for one in error.errors()]
-    except ConfigError as error:  # of a check that an object makes of itself
+    except ConfigError as error:  # from a check within the type
         key = f"{section}.{error.evidence.get('key', '')}".strip(".")
         return None, [ConfigError(error.message, **error.evidence | {"key": key})]
 
 
 def joined_faults(faults: list[ConfigError], file: Path | None = None) -> ConfigError:
-    """Return one ConfigError that says all ``faults``, a line each."""
+    """Return one ConfigError with a line for each of the ``faults``."""
     message = faults[0].message
     if len(faults) > 1:
         message = f"{len(faults)} faults:\n"
@@ -81,7 +81,7 @@ def joined_faults(faults: list[ConfigError], file: Path | None = None) -> Config
 
 
 def _fault(error: Any, structure: type, section: str) -> ConfigError:
-    """Fault of one of pydantic's ``error``s: key, value, what is allowed and the nearest of it."""
+    """Return pydantic's ``error`` with key, value, allowed values and the nearest of them."""
     place, kind, given = [*error["loc"]], error["type"], error["input"]
     if kind != "invalid_key" and place and isinstance(place[0], int) and is_dataclass(structure):
         place[0] = fields(structure)[place[0]].name  # an argument by position
@@ -109,7 +109,7 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
 
 
 def _keys_at(structure: Any, place: list[str]) -> list[str]:
-    """Names of the fields of the dataclass at ``place`` below ``structure``."""
+    """Return the field names of the dataclass at ``place`` below ``structure``."""
 
     def section(hint: Any) -> Any:
         return next(filter(is_dataclass, (hint, *get_args(hint))), None)

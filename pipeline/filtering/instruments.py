@@ -11,8 +11,7 @@ from pipeline.arm.urdf import describe
 from pipeline.core import contracts
 from pipeline.core.columns import columns, values
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.instruments import Mocap
+from pipeline.core.options.dataset import Dataset, Mocap
 from pipeline.filtering.measurement import Measurements, measurements
 
 MOTION, TRACK, ARTICULATE = Path("data/ingest/motion"), Path("data/track"), Path("data/articulate")

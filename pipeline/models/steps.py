@@ -79,12 +79,6 @@ class Truth(NamedTuple):
     values: dict[str, float]
 
 
-def mean_log_likelihood(recorded: Recorded, model: MotionModel) -> float:
-    """Mean log density in nats (rad⁻ⁿ) of the recorded steps under ``model`` with Σ_m added."""
-    steps = recorded.chain, recorded.q, recorded.v, recorded.q_next
-    return float(model.log_density(*steps, recorded.measurement).mean())
-
-
 def moving_steps(recorded: Recorded) -> tuple[ndarray, ndarray, ndarray]:
     """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command; raises
     ModelDomainError for a motion at rest throughout.

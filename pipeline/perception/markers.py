@@ -12,8 +12,7 @@ import pandas as pd
 
 from pipeline.arm.model import arm_of
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Robot
-from pipeline.core.options.instruments import Mocap
+from pipeline.core.options.dataset import Mocap, Robot
 from pipeline.perception.posture import LEAST_LEVER, Carried, points_in_plane, points_in_space
 
 # solved frames from which a frame's pose is predicted: enough to damp noise, few enough for a

@@ -10,8 +10,7 @@ from pipeline.arm.model import Arm, chain_of, link_chains
 from pipeline.arm.serial import SerialChain
 from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.dataset import Robot
-from pipeline.core.options.instruments import Mocap
+from pipeline.core.options.dataset import Mocap, Robot
 
 STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
 SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step

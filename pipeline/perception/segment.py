@@ -5,7 +5,7 @@ import numpy as np
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.instruments import Workspace
+from pipeline.core.options.dataset import Workspace
 from pipeline.formats.depth.cloud import load_open3d
 from pipeline.formats.depth.intrinsics import Intrinsics
 

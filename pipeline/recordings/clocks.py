@@ -8,7 +8,7 @@ import pandas as pd
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.instruments import Depth
+from pipeline.core.options.dataset import Depth
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 GRID = 0.005  # s, step of the coarse search: fine against any motion of an arm

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.instruments import Depth
+from pipeline.core.options.dataset import Depth
 from pipeline.formats import rosbag
 from pipeline.formats.depth import cloud, image, index
 from pipeline.formats.depth import messages as ros

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.instruments import Force
+from pipeline.core.options.dataset import Force
 from pipeline.formats import force as force_formats
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.record import ForceLogOptions, full_scale, sound_samples

@@ -10,8 +10,7 @@ from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of
 from pipeline.core.columns import columns, members
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import Dataset
-from pipeline.core.options.instruments import Mocap, Pose
+from pipeline.core.options.dataset import Dataset, Mocap, Pose
 from pipeline.formats import motion as motion_formats
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake, RigidBody

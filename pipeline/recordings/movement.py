@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import TURN, apart, unwrapped, whole_turns
+from pipeline.core.angles import TURN, apart, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.instruments import SIGNALS, JointLogSection
+from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints import table
@@ -126,7 +126,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
                 raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
         if name in SIGNALS[:2]:
             where = {"circular": options.circular, "signal": name, "file": file}
-            rows, removed = unwrapped(rows, log.time, names, **where)
+            rows, removed = unwrap(rows, log.time, names, **where)
             jumps += removed
         signals[name] = rows
     return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))

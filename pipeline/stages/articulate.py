@@ -1,6 +1,4 @@
-"""articulate: joint angles of the depth frames by the paper's least-squares articulation (Eq.
-KinObj), and their errors from the motion capture's.
-"""
+"""articulate: joint angles of depth frames by least squares (Eq. KinObj), and their errors."""
 
 from pathlib import Path
 
@@ -16,9 +14,7 @@ OUT = Path("data/articulate")
 
 
 def run() -> None:
-    """Joint angles of every depth frame, their mean error and its covariance leaving out each test
-    take in turn, and two frames with their points for the figure.
-    """
+    """Write joint angles, the moments of their errors, and two frames with nodes for the figure."""
     settings = config.sections("articulate")
     robot, o = settings.dataset.robot, settings.articulation
     with contracts.replacing(OUT) as folder:
@@ -39,7 +35,7 @@ def run() -> None:
 def _view(
     name: str, angles: pd.DataFrame, rows: pd.DataFrame, arm: Arm
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Points and nodes of the first take's first frame, or of that with EE farthest from O1."""
+    """Return points and nodes of the first take's initial frame or most extended frame."""
     take = angles[angles["take"] == rows["take"].iloc[0]]
     origin = arm.chain.origin
     reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])

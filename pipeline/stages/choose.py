@@ -1,8 +1,4 @@
-"""choose: name of the dataset that params.yaml chooses, in data/dataset.txt.
-
-A stage of its own, as DVC would meet a file that is not there before `configure` could say which
-datasets are.
-"""
+"""choose: name of the dataset in params.yaml; DVC needs it before `configure` reads a datasheet."""
 
 from pathlib import Path
 
@@ -14,7 +10,7 @@ PARAMS, CHOSEN = Path("params.yaml"), Path("data/dataset.txt")
 
 
 def run() -> None:
-    """Write the name; ConfigError with the known datasets where its files are missing."""
+    """Write the name; raises ConfigError with the known datasets where its files are missing."""
     config.require_dataset(name := read_yaml(PARAMS).get("dataset"))
     if not (file := datasheet.path_of(name)).is_file():
         message = f"{name!r} has an option file and no datasheet; new-dataset begins another"

@@ -5,14 +5,12 @@ from pathlib import Path
 
 from pipeline.core import config
 
-# folders with a folder a model, on which later stages depend as a whole
+# folders with one folder for each model; later stages depend on all of it
 BY_MODEL = (Path("data/fit"), Path("data/filter"))
 
 
 def run() -> None:
-    """Compose, check and write the configuration, and remove the results of models that it does not
-    name, so that they enter no hash of a later stage.
-    """
+    """Write the configuration, and remove results of models that it does not name."""
     config.write_config(Path("params.yaml"))
     chosen = config.composed_config().models
     for folder in (folder for place in BY_MODEL for folder in place.glob("*/")):

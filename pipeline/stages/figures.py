@@ -6,7 +6,7 @@ from pipeline.core import config, contracts
 from pipeline.figures.drawing import draw_all
 
 SCORE, OUT = Path("data/score"), Path("data/figures")
-DRAWN = 3  # models in the paper's figures: more lines than these cannot be distinguished
+DRAWN = 3  # greatest number of models in a figure whose lines can be distinguished
 
 
 def run() -> None:
@@ -14,7 +14,7 @@ def run() -> None:
     settings = config.sections("figures")
     robot, force = settings.dataset.robot, settings.dataset.force
     models = list(settings.models)
-    if contracts.exists("deviation", SCORE):  # of the models that have a fit
+    if contracts.exists("deviation", SCORE):  # it has the models with a fit
         fitted = set(contracts.read("deviation", SCORE)["source"])
         models = [model for model in models if model in fitted]
     options = {

@@ -1,6 +1,4 @@
-"""files: raw files that the motion, the depth and the force read, so that a changed file reruns its
-own part alone.
-"""
+"""files: lists of the raw files of motion, depth and force, each for the stages that read them."""
 
 from pathlib import Path
 
@@ -11,7 +9,7 @@ OUT = Path("data/files")
 
 
 def run() -> None:
-    """A table of path, bytes and hash for each part."""
+    """Write a table of path, bytes and hash for each part."""
     dataset = config.sections("files").dataset
     parts = by_part(listing(Path(dataset.recordings)), dataset)
     with contracts.replacing(OUT) as folder:

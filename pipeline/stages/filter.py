@@ -1,6 +1,4 @@
-"""filter@model: particle filter of every test take by one motion model (Sec. "RMT-based particle
-filtering").
-"""
+"""filter@model: particle filter of the test takes (Sec. "RMT-based particle filtering")."""
 
 from functools import partial
 from pathlib import Path
@@ -21,11 +19,11 @@ from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 
 FIT, OUT = Path("data/fit"), Path("data/filter")
-OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")
+OF_A_STEP = ("ess", "resampled", "measured", "clipped", "outside")  # fields of a posterior
 
 
 def run(model: str) -> None:
-    """Write posterior and effective sample size of every test take, in open and closed loop."""
+    """Write the posterior of every test take in the open and in the closed loop of ``model``."""
     settings = config.sections("filter", item=model)
     takes, options, metrics = list(enumerate(measured_takes(settings.dataset))), settings.filter, {}
     with contracts.replacing(OUT / model) as folder:
@@ -54,7 +52,7 @@ def run(model: str) -> None:
             posterior = pd.concat(posteriors, ignore_index=True)
             (folder / loop).mkdir(exist_ok=True)
             contracts.write(posterior, "posterior", folder / loop)
-            own = {
+            numbers = {
                 "mean_effective_sample_size": posterior["ess"].mean(),
                 "share_of_steps_resampled": posterior["resampled"].mean(),
                 "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
@@ -62,7 +60,7 @@ def run(model: str) -> None:
                 "measurements_outside_the_motion": sum(left_out),
                 "mean_log_evidence_per_take": np.mean(evidence),
             }
-            metrics |= {f"{'closed_loop_' * bool(loop)}{name}": n for name, n in own.items()}
+            metrics |= {f"{'closed_loop_' * bool(loop)}{name}": n for name, n in numbers.items()}
         contracts.write_metrics(metrics, folder / "filter.json")
 
 
@@ -75,9 +73,7 @@ def filter_take(
     options: FilterOptions,
     stream: tuple[int, str],
 ) -> tuple[pd.DataFrame, int, float]:
-    """Rows of the table ``posterior`` of one take, how many of its measurements lie outside the
-    motion, and its log evidence.
-    """
+    """Return one take's posterior, number of measurements outside the motion, and log evidence."""
     (number, take), (model, commands) = trial, law
     motion, generator = (recorded.chain, commands, 1 / rate, start), rng.stream(*stream, number)
     posterior = particle_filter(model, *motion, take, options, generator)

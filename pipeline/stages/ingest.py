@@ -1,6 +1,4 @@
-"""ingest@part: tables in SI units of the raw logs of one part (motion, depth or force), with counts
-of every fault.
-"""
+"""ingest@part: tables in SI units and counts of faults from raw logs of motion, depth or force."""
 
 from pathlib import Path
 
@@ -13,7 +11,7 @@ OUT = Path("data/ingest")
 
 
 def run(part: str) -> None:
-    """Read what the dataset has of the ``part`` motion, depth or force; say what it lacks."""
+    """Read the files of ``part``; print a line where the dataset has none."""
     settings = config.sections("ingest")
     with contracts.replacing(OUT / part) as folder:
         quality = read_part(part, settings.dataset, settings.compute, folder)

@@ -1,6 +1,4 @@
-"""predict: scores of every model and plain baseline for the next pose of held-out takes, and of the
-models on motions that they were not fitted to.
-"""
+"""predict: scores of models and baselines for the next pose of held-out takes and motions."""
 
 from functools import partial
 from pathlib import Path
@@ -24,24 +22,22 @@ from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import compared, log_score_differences, prediction_scores
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
-# beside the models of the run: those without a random matrix, and the control of the Wishart model
-BESIDE = ("scaled", "scaled_full")
-CONTROL = "wishart_qr_transposed"
+BESIDE = ("scaled", "scaled_full")  # models without a random matrix, beside the models of the run
+CONTROL = "wishart_qr_transposed"  # beside a Wishart model
 MATRIX_KINDS = ("gaussian", "wishart")
 Models = dict[str, Options]  # options by name, of the run and beside it
 
 
 def run() -> None:
-    """Write the ranges of the fits, and the scores of all where the measurement noise is known."""
+    """Write the ranges of the fits, and all scores where the measurement noise is known."""
     settings = config.sections("predict")
     with contracts.replacing(OUT) as folder:
         if settings.dataset.robot is None:
             print("predict: the dataset has no robot; there is no pose to predict")
             return
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-        beside = list(BESIDE)
-        if any(own.kind == "wishart" for own in settings.models.values()):
-            beside.append(CONTROL)
+        control = any(own.kind == "wishart" for own in settings.models.values())
+        beside = [*BESIDE, CONTROL] if control else BESIDE
         beside = config.model_options([name for name in beside if name not in settings.models])
         options = {**settings.models, **beside}
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
@@ -51,7 +47,7 @@ def run() -> None:
 
 
 def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
-    """Tables of ``other_motions`` over all motions of the dataset's logs."""
+    """Return the tables of :func:`other_motions` over all motions of the dataset's logs."""
     dataset = settings.dataset
     motions = logged_motions(dataset) if dataset.joint_log else []
     try:
@@ -69,13 +65,13 @@ def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, p
 
 
 def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
-    """Scores by group of steps, and the differences of the log scores with their intervals."""
+    """Return scores by group of steps, and differences of log scores with intervals."""
     try:
         pose = recorded.measurement / 2
     except ModelDomainError as error:
         print(f"predict: no prediction is scored: {error}; state dataset.motion.pose_noise")
         return {}
-    scored = _scored(settings, recorded, options, pose)
+    scored = _scores(settings, recorded, options, pose)
     tables = {"predictions": {}, "prediction_pairs": {}}
     for steps, inside in groups_by_speed(recorded, settings.dataset.motion.rate).items():
         scores = {}
@@ -90,26 +86,24 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
     }
 
 
-def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
-    """Scores (takes, M) of every baseline and model by name: of the test takes, or, where there
-    are none, of each training take by its fit to the others. ``pose`` (n, n) rad² is the noise of a
-    measured pose.
+def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> dict[str, Steps]:
+    """Return the scores (takes, M) by baseline and model; ``pose`` (n, n) rad² is the noise of a
+    measured pose. Without test takes each training take is scored under a fit to the others.
     """
-    joints, chosen = contracts.read("joints", TRACK), settings.models
+    joints, of_run = contracts.read("joints", TRACK), settings.models
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
-    training, fitted = measured_poses(recorded), fitted_models(chosen, FIT, "predict")
-    models = {}
+    training, fitted = measured_poses(recorded), fitted_models(of_run, FIT, "predict")
+    models = {n: own for n, own in options.items() if n in fitted or n not in of_run}
     if test.empty:
-        models = {n: own for n, own in options.items() if n in fitted or n not in chosen}
         others = [np.delete(training, number, axis=0) for number in range(len(q))]
         alone = [baseline_predictions(*each, pose) for each in zip(others, q, strict=True)]
     else:
-        for name, own in options.items():
+        for name, own in list(models.items()):
             try:
-                if name in fitted or name not in chosen:
-                    models[name] = fitted.get(name) or estimate(recorded, own).model
+                models[name] = fitted.get(name) or estimate(recorded, own).model
             except ModelDomainError as error:
+                del models[name]
                 print(f"predict: {name} is left out: {error.message}")
         together = baseline_predictions(training, q, pose).items()
         alone = [{n: (error[k], c) for n, (error, c) in together} for k in range(len(q))]
@@ -125,7 +119,7 @@ def _scored(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
         reasons |= {(name, what): reason for what, reason in missing.items()}
     for (name, what), reason in reasons.items():
         print(f"predict: {name} gives no {what}: {reason}")
-    # without a fit to the other takes there is no score of a take, and none of the model
+    # a model without a fit to the other takes lacks the scores of a take, and is left out
     return {
         name: {key: np.stack([each[key] for each in steps]) for key in steps[0]}
         for name, steps in scored.items()

@@ -1,7 +1,6 @@
-"""publish: copies of the run's tables, numbers, figures and evidence in the reports that git holds.
+"""publish: copies of tables, numbers, figures and evidence in reports.
 
-A stage of its own: DVC restores a stage from its run cache only if all its outputs are in the
-cache, and what git holds is not.
+A separate stage, as DVC's run cache restores no stage that has outputs in git.
 """
 
 import shutil
@@ -14,7 +13,7 @@ CAPTIONS = "captions.json"
 
 
 def run() -> None:
-    """Copy results to ``reports/DATASET`` and the evidence to ``reports/datasets``."""
+    """Copy the results to ``reports/DATASET`` and the evidence to ``reports/datasets``."""
     name = config.sections("publish").dataset.name
     reports = REPORTS / name
     for source in (SCORE / "tables", SCORE / "metrics", FIGURES):

@@ -1,12 +1,10 @@
-"""readings: claims decided again under every other reading of "LU or QR" (Eq. LUDecom), on the same
-takes and with equal random numbers.
-"""
+"""readings: verdicts of the claims under every reading of "LU or QR" (Eq. LUDecom)."""
 
 from functools import partial
 from pathlib import Path
 
 from pipeline.cases.case import Choices, Recordings, camera_of, recorded_takes
-from pipeline.cases.evaluate import evaluate
+from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import read_claims, readings, readings_table
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
@@ -15,9 +13,7 @@ TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data
 
 
 def run() -> None:
-    """Fit, realise and filter the paper's models under each reading, and write the table
-    ``readings``; nothing where no Wishart model is among them.
-    """
+    """Fit, realise and filter the paper's models under each reading, and write the verdicts."""
     settings = config.sections("readings")
     robot, motion = settings.dataset.robot, settings.dataset.motion
     with contracts.replacing(OUT) as folder:
@@ -33,14 +29,9 @@ def run() -> None:
             angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
             window = settings.articulation.noise_window
             cameras[base.clock] = camera_of(angles, joints, window=window)
-        recordings = Recordings(
-            takes=takes,
-            cameras=cameras,
-            rate=motion.rate,
-            filtered=sum(len(camera.takes) for camera in cameras.values()),
-            realizations=settings.simulation.realizations,
-            stream=(settings.seed, "readings"),
-        )
+        filtered = sum(len(camera.takes) for camera in cameras.values())
+        sizes = (motion.rate, filtered, settings.simulation.realizations)
+        recordings = Recordings(takes, cameras, *sizes, (settings.seed, "readings"))
         trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
         results = evaluate(list(cases.values()), recordings, trials)
         evidence = dict(zip(cases, results, strict=True))

@@ -1,6 +1,4 @@
-"""record@dataset: raw files of the synthetic laboratory in the formats of the real instruments, and
-the truth, which score alone opens.
-"""
+"""record@dataset: raw files of the synthetic laboratory, and the truth for the stage score."""
 
 from dataclasses import replace
 from functools import partial
@@ -30,19 +28,19 @@ from pipeline.laboratory.session import Session
 from pipeline.laboratory.swing import desired_path, desired_trajectory
 
 RAW = Path("data/raw")
-# Motive's spelling of when a capture began; no wall clock enters the recordings
+# start of a capture in Motive's spelling; fixed, so that recordings do not depend on the time
 STARTED = "2017-05-02 10.00.00.000 AM"
 
 
 def run(name: str) -> None:
-    """Record every take and every force record of the dataset ``name``; where another dataset is
-    what is analysed, as `dvc repro -P` runs this for all, its recordings stay as they are.
+    """Record every take and every force record of the dataset ``name``. Where params.yaml selects
+    another dataset, the recordings of ``name`` stay unchanged.
     """
     settings = config.sections("record", RAW / name / "dvc.yaml")
     dataset, laboratory = settings.dataset, settings.dataset.laboratory
     places = RAW / name / "recordings", RAW / name / "truth"
     if Path(dataset.recordings) != places[0]:
-        print(f"record: analysed is {dataset.recordings}; to record {name} set dataset: {name}")
+        print(f"record: params.yaml selects another dataset; to record {name} set dataset: {name}")
         for place in places:
             place.mkdir(exist_ok=True)
         return
@@ -57,12 +55,11 @@ def run(name: str) -> None:
 
 
 def _record_takes(settings, folder: Path, truth: Path) -> None:
-    """Every take of the motion, and its truth."""
+    """Write every take of the motion, and its truth."""
     dataset, scale = settings.dataset, settings.scale
-    # those with depth images, which take longest, first
-    takes = [("test", i) for i in range(scale.test_takes)]
-    takes += [("train", i) for i in range(scale.training_takes)]
-    # what an arm does has nothing to do with which rows of its task are analysed
+    takes = [("train", i) for i in range(scale.training_takes)]
+    takes += [("test", i) for i in range(scale.test_takes)]
+    # the arm moves with all rows of the task, whichever are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
     opened = session.open_session(nominal, dataset.laboratory["dynamics"], stream)
@@ -81,16 +78,12 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
         write_intrinsics(folder / "kinect" / "intrinsics.yaml", camera)
     command = command.assign(**spread("q", dataset.robot.joints, path))
     write_trajectory(folder / "trajectory.csv", command)
-    rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
-    rows = rows[scale.test_takes :] + rows[: scale.test_takes]
-    joints = pd.concat([joints for joints, _ in rows], ignore_index=True)
-    contracts.write(joints, "true_joints", truth)
-    if clocks := [clock for _, clock in rows if clock]:
-        contracts.write(pd.DataFrame(clocks), "true_clock", truth)
+    joints = run_trials(record, takes, compute=settings.compute, label="record: takes")
+    contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
 def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
-    """A planar arm with markers on its links, as they are placed; the depth camera's bias."""
+    """Return a planar arm, the drawn places of its markers, and the depth camera's bias."""
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
     markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
     bias = draw_bias(dataset.laboratory["kinect"], stream)
@@ -98,7 +91,7 @@ def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.nda
 
 
 def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
-    """Rigid bodies on the links of any arm by name, as they are placed."""
+    """Return by name the rigid bodies on the links of an arm, with drawn places of markers."""
     o, clusters = dataset.mocap, {}
     if {*o.bodies} != {*o.markers}:
         message = "the laboratory follows rigid bodies: every link of markers needs its body"
@@ -116,15 +109,15 @@ def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster
 
 def _record_take(
     take: tuple[str, int], opened: Session, instruments, settings, folder: Path
-) -> tuple[pd.DataFrame, dict | None]:
-    """The files of one take; its true joint angles and, where it has depth images, its clock."""
+) -> pd.DataFrame:
+    """Write the files of one take; return its true joint angles."""
     (kind, number), dataset, laboratory = take, settings.dataset, settings.dataset.laboratory
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
     trajectory, options, base = laboratory["trajectory"], laboratory["mocap"], dataset.mocap.base
     motion = session.perform(opened, trajectory, laboratory["dynamics"], stream)
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
-    markers, bodies, clock = {}, {}, None
+    markers, bodies = {}, {}
     if dataset.robot.plane:
         arm, placed, bias = instruments
         frames = session.depth_frames(
@@ -139,7 +132,6 @@ def _record_take(
             for file, q in zip(files, frames.joints, strict=True):
                 write_depth(images / file, camera.observe(q, stream))
             write_index(images / "depth.txt", frames.times, files)
-            clock = {"take": name, "part": part, "offset": frames.clock_offset}
     else:
         captured = (instruments, motion.motion_capture, world, options, stream)
         poses = mocap.capture_bodies(*captured)
@@ -150,11 +142,11 @@ def _record_take(
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})
     write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=STARTED)
     step = {"take": name, "part": part, "k": k, "t": k / rate}
-    return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth)), clock
+    return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth))
 
 
 def _record_forces(folder: Path, settings) -> None:
-    """The force records, as the transducer's own program logs them."""
+    """Write the force records in the format of the transducer's program."""
     laboratory, force = settings.dataset.laboratory, settings.dataset.force
     transducer, seconds = laboratory["transducer"], settings.scale.force_seconds
     for number, c in enumerate(force.configurations.values()):

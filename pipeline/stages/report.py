@@ -1,6 +1,4 @@
-"""report: verdicts on the paper's claims for every dataset that has a run, errata, model card, and
-places of the paper's equations in the code.
-"""
+"""report: verdicts on the claims for every dataset, errata, model card, places of equations."""
 
 import json
 from pathlib import Path
@@ -17,14 +15,14 @@ from pipeline.verdicts.run import read_runs
 
 REPORTS, CLAIMS, README = Path("reports"), Path("reports/claims.yaml"), Path("README.md")
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
-BEYOND = ("studies", "tools")  # code beyond the paper comes after its report
-DEFAULT = ("youbot", "paper")  # dataset and scale whose results stand in the README
+BEYOND = ("studies", "tools")  # packages beyond the paper, which do not enter the report
+DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
 
 
 def run() -> None:
-    """Decide the claims on every run's numbers, and write the dataset's claims.json, report.md,
-    errata.md, model_card.md, recordings.md and summary.json, and datasets.md and equations.md; of
-    the default dataset the results in the README as well.
+    """Decide the claims on the numbers of every run; write the dataset's claims.json, report.md,
+    errata.md, model_card.md, recordings.md and summary.json, and datasets.md and equations.md. The
+    default dataset's results are also written to the README.
     """
     name = config.sections("report").dataset.name
     runs, reports = read_runs(REPORTS / "datasets", first=name), REPORTS / name

@@ -1,6 +1,4 @@
-"""score: tables behind the figures and all numbers of the run, recordings compared with every
-model.
-"""
+"""score: recordings compared with every model: tables behind the figures, numbers of the run."""
 
 import json
 from pathlib import Path
@@ -8,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.model import chain_of
+from pipeline.cases.evidence import camera_scores, noise_tests, pose_covariances
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import columns, matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
@@ -17,38 +15,26 @@ from pipeline.filtering.instruments import measured_takes
 from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
-from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
-from pipeline.models.prediction import modelled_noise
+from pipeline.models.noise import recorded_deviation
+from pipeline.models.steps import Recorded
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
-from pipeline.recordings.commands import commanded_steps, constant_speed
+from pipeline.recordings.commands import constant_speed
 from pipeline.recordings.steps import held_against, training_steps, truth_of
 from pipeline.statistics import curves
-from pipeline.statistics.filters import (
-    Filtered,
-    filter_metrics,
-    filter_tables,
-    no_filter,
-    sensor_scores,
-)
+from pipeline.statistics.filters import Filtered, filter_metrics, filter_tables, no_filter
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
 from pipeline.verdicts.run import Run
 
 FILES, INGEST, TRACK = Path("data/files"), Path("data/ingest"), Path("data/track")
 MOTION, ARTICULATE, READINGS = INGEST / "motion", Path("data/articulate"), Path("data/readings")
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
-OUT = Path("data/score")
-# tables that the report shows as they are
-SHOWN = dict.fromkeys(("sigma_s", "force_moments", "force_test"), WRENCH) | {"readings": READINGS}
-PREDICTED = (
-    *("ranges", "predictions", "prediction_pairs", "other_motions", "motion_spread", "tails"),
-    *("noise_quantiles", "plain_parameters", "untold", "motions", "motion_ranges"),
-)
-SHOWN |= dict.fromkeys(PREDICTED, Path("data/predict"))
-FITTED = {"ridge": "ridges", "sigma_b_weights": "sigma_b_weights"}  # by model, and of all together
+PREDICT, OUT = Path("data/predict"), Path("data/score")
+OF_WRENCH = ("sigma_s", "force_moments", "force_test")  # tables that the report shows unchanged
+FITTED = {"ridge": "ridges", "sigma_b_weights": "sigma_b_weights"}  # table of one, of all models
 # share of the recorded variance that lies between recordings of one motion
 SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
-LONG = ("deviation",)  # a table that no verdict is read from
+LONG = ("deviation",)  # tables that no verdict uses
 Tables = dict[str, pd.DataFrame]
 Scored = tuple[dict[str, float], Tables]  # numbers, and tables of the report
 
@@ -66,63 +52,64 @@ def run() -> None:
         metrics = {stem: numbers for stem, (numbers, _) in scored.items()}
         files = {"wrench": WRENCH / "wrench.json"}
         for stage, place in {"fit": FIT, "simulate": FIT, "filter": FILTER}.items():
-            own = {model: place / model / f"{stage}.json" for model in settings.models}
-            files |= {f"{stage}_{model}": file for model, file in own.items()}
+            for model in settings.models:
+                files[f"{stage}_{model}"] = place / model / f"{stage}.json"
         metrics |= {stem: json.loads(file.read_text()) for stem, file in files.items()}
         for stem, numbers in metrics.items():
             contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
         tables = {name: table for _, own in scored.values() for name, table in own.items()}
-        there = {name: place for name, place in SHOWN.items() if contracts.exists(name, place)}
-        tables |= {name: contracts.read(name, place) for name, place in there.items()}
+        shown = [*READINGS.glob("*.parquet"), *PREDICT.glob("*.parquet")]
+        shown += [file for file in WRENCH.glob("*.parquet") if file.stem in OF_WRENCH]
+        tables |= {file.stem: contracts.read(file.stem, file.parent) for file in shown}
         study = [contracts.read(name, WRENCH) for name in ("wrench_errors", "wrench_spread")]
-        for name, table in (tables | {"wrench_study": wrench_summary(*study)}).items():
+        tables["wrench_study"] = wrench_summary(*study)
+        for name, table in tables.items():
             table.to_csv(folder / f"tables/{name}.csv", index=False)
         contracts.write_text(_evidence(settings, list(metrics), folder), folder / "evidence.json")
 
 
 def _score_robot(settings, folder: Path) -> dict[str, Scored]:
-    """Write the tables of the figures; return numbers and tables of the motion, of the filters and
-    of the recordings.
-    """
+    """Write the tables of the figures; return the scores of motion, filters and recordings."""
     models = [model for model in settings.models if contracts.exists("moments", FIT / model)]
     for model in settings.models.keys() - {*models}:
         print(f"score: {model} is left out: the recordings give it no fit")
     for name, together in FITTED.items():
-        kept = [model for model in settings.models if contracts.exists(name, FIT / model)]
-        parts = [contracts.read(name, FIT / model).assign(model=model) for model in kept]
+        fitted = [model for model in settings.models if contracts.exists(name, FIT / model)]
+        parts = [contracts.read(name, FIT / model).assign(model=model) for model in fitted]
         if parts:
             contracts.write(pd.concat(parts, ignore_index=True), together, folder)
     joints = contracts.read("joints", TRACK)
     takes, q = contracts.stacked(joints[joints.part == "training"], "q")
+    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+    pose, _ = pose_covariances(recorded, q)
     scored = {
-        "motion": _score_motion(models, takes, q, settings),
-        "filter": _score_filters(models, q, joints, settings, folder),
-        "recordings": _score_recordings(joints, q, settings),
+        "motion": _score_motion(models, takes, q, recorded, settings),
+        "filter": _score_filters(models, q, recorded, joints, settings, folder),
+        "recordings": _score_recordings(joints, pose, settings.dataset.motion.rate),
     }
     contracts.write(scored["motion"][1]["deviation"], "deviation", folder)
     return scored
 
 
-def _score_motion(models: list[str], takes: list[str], q: np.ndarray, settings) -> Scored:
-    """Mean error and standard deviation over time of every model beside what was recorded; with
-    one-step realisations their comparison at the recorded level of noise.
-    """
-    names, mode = settings.dataset.robot.joints, settings.simulation.mode
-    _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-    error, std = {}, {"recorded": recorded_deviation(q, noise, mode)}
+def _score_motion(
+    models: list[str], takes: list[str], q: np.ndarray, recorded: Recorded, settings
+) -> Scored:
+    """Score mean and standard deviation over time of every model against the recordings."""
+    names, noise, mode = recorded.joints, recorded.noise, settings.simulation.mode
+    off, std = {}, {"recorded": recorded_deviation(q, noise, mode)}
     for model in models:
         moments = contracts.read("moments", FIT / model)
-        error[model] = np.linalg.norm(values(moments, "m") - q.mean(axis=0), axis=1)
+        off[model] = np.linalg.norm(values(moments, "m") - q.mean(axis=0), axis=1)
         std[model] = values(moments, "s")
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     rows = [
-        grid.assign(source=source, error=error.get(source, 0.0), **spread("s", names, own))
+        grid.assign(source=source, error=off.get(source, 0.0), **spread("s", names, own))
         for source, own in std.items()
     ]
     tables = {"deviation": pd.concat(rows, ignore_index=True)}
-    # at k = 0 nothing has moved yet
+    # without k = 0, where nothing has moved
     std = {source: own[1:] for source, own in std.items()}
-    error = {model: own[1:] for model, own in error.items()}
+    off = {model: own[1:] for model, own in off.items()}
     stream = rng.stream(settings.seed, "score.constant_noise")
     limits = curves.constant_noise_variation(noise, stream)
     metrics = {
@@ -133,40 +120,31 @@ def _score_motion(models: list[str], takes: list[str], q: np.ndarray, settings) 
         metrics[f"recorded_std_{name}_variation_of_constant_noise"] = limit
     metrics["recorded_takes"] = len(noise)
     metrics[SHARE_BETWEEN] = share_between(noise, [take.rpartition("_")[0] for take in takes])
-    steady = constant_speed(q)
     if mode == "one_step":
-        modelled, following = _modelled(models, steady, settings)
-        # a model without a level has no spread that could be compared
+        modelled, following = {}, {}
+        for model in models:
+            stream = rng.stream(settings.seed, f"score.following.{model}")
+            try:
+                tested = noise_tests(fitted_model(FIT / model), recorded, q, stream)
+                modelled[model], following[model] = tested
+            except ModelDomainError as error:
+                print(f"score: {model} has no spread at the recorded level: {error}")
+        # a model without a level has no standard deviation to compare
         std = {"recorded": std["recorded"]} | {name: own.std for name, own in modelled.items()}
         tables |= curves.spread_tables(modelled, following, noise, names)
-    return curves.std_scores(std, error, names) | metrics, tables
-
-
-def _modelled(
-    models: list[str], steady: np.ndarray, settings
-) -> tuple[dict[str, curves.ModelledNoise], Tables]:
-    """Noise of every model at the recorded level, and the test that the recordings follow it."""
-    recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    modelled, following = {}, {}
-    for model in models:
-        stream = rng.stream(settings.seed, f"score.following.{model}")
-        try:
-            noise = modelled_noise(fitted_model(FIT / model), recorded, stream)
-        except ModelDomainError as error:
-            print(f"score: {model} has no spread at the recorded level: {error}")
-            continue
-        test = (noise, recorded.noise, steady, recorded.joints, stream)
-        modelled[model], following[model] = noise, curves.following_tests(*test)
-    return modelled, following
+    return curves.std_scores(std, off, names) | metrics, tables
 
 
 def _score_filters(
-    models: list[str], training: np.ndarray, joints: pd.DataFrame, settings, folder: Path
+    models: list[str],
+    training: np.ndarray,
+    recorded: Recorded,
+    joints: pd.DataFrame,
+    settings,
+    folder: Path,
 ) -> Scored:
-    """Errors and bounds of every filter, and its posterior as a law of the measured pose, beside
-    no filter and the linear one of the training takes.
-    """
-    dataset, names = settings.dataset, settings.dataset.robot.joints
+    """Score errors, bounds and posteriors of all filters, the training mean and a linear filter."""
+    dataset, names = settings.dataset, recorded.joints
     places = {model: FILTER / model for model in models}
     places |= {closed(model): FILTER / model / FOLDER for model in models}
     places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
@@ -180,13 +158,12 @@ def _score_filters(
     }
     steps = next(iter(posteriors.values()))
     takes, q = contracts.stacked(steps, "q")
-    pose, held = _pose_covariances(training, settings)
     frames = {take.take: take for take in measured_takes(dataset)}
-    own, dt = [frames[take] for take in takes], 1 / dataset.motion.rate
-    filtered = autocorrelated_filter(training, pose, own, dt, chain_of(dataset.robot))
-    means, covariances, without = filtered
-    # what is true has no noise that a bound would have to hold
-    pose, held = (0 * pose, 0 * held) if true else (pose, held)
+    poses = pose_covariances(recorded, training)
+    known = (training, poses[0], [frames[take] for take in takes], 1 / dataset.motion.rate)
+    means, covariances, without = autocorrelated_filter(*known, recorded.chain)
+    # true poses have no measurement noise
+    pose, held = 0 * poses if true else poses
     filters = {NONE: no_filter(training, q), MEMORY: Filtered(means - q, covariances, pose)}
     for name, posterior in posteriors.items():
         error = (values(posterior, "m") - values(posterior, "q")).reshape(q.shape)
@@ -199,59 +176,29 @@ def _score_filters(
     ]
     contracts.write(pd.concat(errors, ignore_index=True), "filter_error", folder)
     stream = rng.stream(settings.seed, "score.bounds")
-    compared, refusals = filter_tables(filters, names, stream)
+    tables, refusals = filter_tables(filters, names, stream)
     for refusal in refusals:
         print(f"score: {refusal}")
     metrics = filter_metrics(filters, names, constant_speed(training))
-    return metrics | {"axes_of_training_steps_without_spread": without}, compared
+    return metrics | {"axes_of_training_steps_without_spread": without}, tables
 
 
-def _pose_covariances(training: np.ndarray, settings) -> tuple[np.ndarray, np.ndarray]:
-    """(n, n) rad² each, noise of one measured pose: half the covariance of steps at rest, as ω
-    holds the noise of two; and in a closed loop the covariance of poses at rest.
-    """
-    size, motion = training.shape[-1], settings.dataset.motion
-    if motion.pose_noise is not None:
-        return (motion.pose_noise**2 * np.eye(size),) * 2
-    _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
-    try:
-        v = commanded_steps(contracts.read("trajectory", MOTION), motion.rate)
-        return measurement_covariance(noise, v) / 2, rest_covariance(training, v)
-    except ModelDomainError as error:
-        print(f"score: the noise of a measured pose counts as none: {error}")
-        return (np.zeros((size, size)),) * 2
-
-
-def _score_recordings(joints: pd.DataFrame, training: np.ndarray, settings) -> Scored:
-    """Losses and repairs, noise of the depth camera, its dependence on the state, and errors of the
-    tracked angles where there is a truth.
-    """
-    names, (metrics, tables) = settings.dataset.robot.joints, _quality()
+def _score_recordings(joints: pd.DataFrame, pose: np.ndarray, rate: float) -> Scored:
+    """Score losses, repairs and the depth camera's noise; ``pose`` (n, n) rad² of a pose."""
+    metrics, tables = _quality()
     takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
     tables["takes"] = quality.side_by_side(takes)
     tables["kept"] = quality.account(map(pd.read_csv, sorted(FILES.glob("*.csv"))), counts, takes)
     if contracts.exists("kinect_noise", ARTICULATE):
-        noise = contracts.read("kinect_noise", ARTICULATE)
-        everywhere = noise[noise["take"] == "none"]
-        variance = np.diagonal(matrices(everywhere, "r", names), axis1=1, axis2=2)
-        number = noise["take"].nunique() - 1
-        metrics |= sensor_scores(values(everywhere, "b"), variance, number, names)
+        metrics |= camera_scores(contracts.read("kinect_noise", ARTICULATE))
         errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
         moving = depth_noise.deviations(errors, joints)
-        pose, dt = _pose_covariances(training, settings)[0], 1 / settings.dataset.motion.rate
-        metrics |= depth_noise.slope_scores(depth_noise.error_slopes(moving, dt, pose))
-    truth = truth_of(settings.dataset)
-    if contracts.exists("true_joints", truth):  # which synthetic data alone have
-        both = joints.merge(contracts.read("true_joints", truth), on=["take", "k"])
-        ends = (both[[f"{column}{end}" for column in columns("q", names)]] for end in ("_x", "_y"))
-        errors = dict(zip(names, np.subtract(*(each.to_numpy() for each in ends)).T, strict=True))
-        metrics |= {f"tracking_bias_{name}_rad": error.mean() for name, error in errors.items()}
-        metrics |= {f"tracking_std_{name}_rad": error.std() for name, error in errors.items()}
+        metrics |= depth_noise.slope_scores(depth_noise.error_slopes(moving, 1 / rate, pose))
     return metrics, tables
 
 
 def _quality() -> Scored:
-    """Sums of what the instruments lost and what was repaired, summed up over the takes."""
+    """Return the sums over the takes of what instruments lost and what was repaired."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
     summary = quality.summarised(pd.concat(records, ignore_index=True))
@@ -259,14 +206,13 @@ def _quality() -> Scored:
 
 
 def _evidence(settings, stems: list[str], folder: Path) -> str:
-    """Every metric and every short table of the run as JSON."""
+    """Return every metric and every short table of the run as JSON."""
     dataset, csv = settings.dataset, sorted(folder.glob("tables/*.csv"))
     robot = dataset.robot
     return Run(
         dataset=dataset.name,
         scale=settings.scale.name,
-        # a synthetic dataset alone has a place for what is true
-        synthetic=truth_of(dataset).is_dir(),
+        synthetic=truth_of(dataset).is_dir(),  # only a synthetic dataset has a truth
         joints=robot.joints if robot else [],
         task=members(contracts.read("trajectory", MOTION), "v") if robot else [],
         models={name: options.kind for name, options in settings.models.items()},

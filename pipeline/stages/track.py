@@ -1,6 +1,4 @@
-"""track: measured joint angles by the markers or the controller's log, and the process noise of the
-training takes (Eq. OmgReal).
-"""
+"""track: measured joint angles, and the process noise of the training takes (Eq. OmgReal)."""
 
 from dataclasses import replace
 from functools import partial
@@ -13,7 +11,7 @@ from pipeline.arm.model import arm_of, chain_of
 from pipeline.core import config, contracts
 from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import ConfigError, SingularJacobianError
+from pipeline.core.errors import SingularJacobianError
 from pipeline.models.noise import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
@@ -25,14 +23,14 @@ MOTION = INGEST / "motion"
 
 
 def run() -> None:
-    """Write joint angles, repairs and limits of every take, and the training takes' noise."""
+    """Write joint angles, repairs and limits of every take, and the noise of the training takes."""
     settings = config.sections("track")
     dataset = settings.dataset
     with contracts.replacing(OUT) as folder:
         if dataset.robot is None:
             print("track: the dataset has no robot; nothing to do")
             return
-        # a force record is no take of the motion
+        # the quality of the force records is not about takes
         parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
         quality = pd.concat([contracts.read("quality", INGEST / part) for part in parts])
         limits, repairs, source = dict(vars(dataset.limits)), [], "motion capture"
@@ -42,7 +40,7 @@ def run() -> None:
             source, log = "joint log", dataset.joint_log
             limits |= {"disturbance": log.disturbed_beyond, "greatest_residual": log.residual_limit}
         else:
-            joints, repairs = _tracked(dataset)
+            joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
                 repairs += _write_frames(settings, folder)
@@ -65,7 +63,7 @@ def run() -> None:
 
 
 def _write_frames(settings, folder: Path) -> list[dict]:
-    """Write the depth frames' table on the motion's clock; how well each take's clock is known."""
+    """Write the table ``frames`` on the motion's clock; return rows on each take's clock."""
     dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
     takes = with_markers(frames, contracts.read("markers", MOTION))
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
@@ -74,17 +72,11 @@ def _write_frames(settings, folder: Path) -> list[dict]:
     return [row for _, more in rows for row in more]
 
 
-def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
-    """Joint angles of every take by its markers, and rows of the losses and repairs of each."""
-    mocap, longest = dataset.mocap, dataset.limits.longest_gap
-    if longest is not None:
-        if longest > mocap.max_gap:
-            message = (
-                f"a gap of {longest} frames is longer than the {mocap.max_gap} that are "
-                "interpolated, dataset.mocap.max_gap"
-            )
-            raise ConfigError(message, key="dataset.limits.longest_gap")
-        # a take with a longer gap is left out, and has to be followed to its end to be measured
+def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
+    """Return the joint angles of every take from its markers, and rows of losses and repairs."""
+    mocap = dataset.mocap
+    if dataset.limits.longest_gap is not None:
+        # a take with a longer gap is left out later, with the length of its gap
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)
     follow, joints, repairs = follower(dataset.robot, mocap), [], []
@@ -106,7 +98,7 @@ def _tracked(dataset) -> tuple[pd.DataFrame, list[dict]]:
 
 
 def _cross_check(joints: pd.DataFrame, dataset) -> None:
-    """Compare the tracked ``joints`` with the command and, where there are any, the encoders."""
+    """Raise RecordingError where tracked ``joints`` contradict the command or the encoders."""
     names, chain = dataset.robot.joints, chain_of(dataset.robot)
     trajectory, tracked = contracts.read("trajectory", MOTION), dict(list(joints.groupby("take")))
     for take, rows in tracked.items():
@@ -119,7 +111,7 @@ def _cross_check(joints: pd.DataFrame, dataset) -> None:
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
-    """The table ``process_noise`` of the training takes."""
+    """Return the table ``process_noise`` of the training takes."""
     training = joints[joints.part == "training"]
     names, q = contracts.stacked(training, "q")
     v = commands.commanded_steps(contracts.read("trajectory", MOTION), dataset.motion.rate)

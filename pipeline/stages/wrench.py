@@ -1,6 +1,4 @@
-"""wrench: numerical study of the matrix model of the wrench, and the measured force of the
-cooperating robots beside the modelled one.
-"""
+"""wrench: numerical study of the matrix model of the wrench; measured and modelled force."""
 
 from functools import partial
 from pathlib import Path
@@ -12,44 +10,41 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.instruments import Force
+from pipeline.core.options.dataset import Force
 from pipeline.wrench import measured_force as measuring
 from pipeline.wrench.bounds import configuration_bounds, draw_systems, nominal_system, study_bounds
-from pipeline.wrench.matrix import FORMS, matrix_model, sample_wrenches
+from pipeline.wrench.matrix import matrix_model, sample_wrenches
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study, sigma_s_rows
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
 
 
 def run() -> None:
-    """Tables of the study, and of the configurations where the dataset has a force transducer."""
+    """Write the tables of the study, and of the configurations of the dataset's force records."""
     settings = config.sections("wrench")
     options, force = settings.wrench, settings.dataset.force
     sizes = (options.agents, options.systems, options.test_systems, options.repeats)
     stream = rng.stream(settings.seed, "wrench.study")
     trials = partial(run_trials, compute=settings.compute)
-    each = partial(trials, label="wrench: study")
-    sigma, errors, spread = run_study(study_bounds(options), *sizes, stream, each)
+    study = run_study(study_bounds(options), *sizes, stream, partial(trials, label="wrench: study"))
+    sigma, errors, spread = study
     tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
     metrics = {}  # of the study, by the number m of cables
-    for m, rows in errors.groupby("agents"):
-        metrics[f"study_m{m}_mean_error"] = rows["error"].mean()
-        metrics[f"study_m{m}_greatest_error"] = rows["error"].max()
-        for form in FORMS:
-            mean = rows[f"covariance_error_{form}"].mean()
-            metrics[f"study_m{m}_mean_covariance_error_{form}"] = mean
+    for m, rows in errors.groupby("agents")["error"]:
+        metrics[f"study_m{m}_mean_error"] = rows.mean()
+        metrics[f"study_m{m}_greatest_error"] = rows.max()
     for m, median in spread.groupby("agents")["maximum"].median().items():
         metrics[f"study_m{m}_greatest_error_median_over_repeats"] = median
     if force is None:
-        print("wrench: the dataset has no force transducer; the study alone is done")
+        print("wrench: the dataset has no force transducer; only the study is done")
     else:
         measured = partial(_configuration, force=force, options=options, seed=settings.seed)
         names = list(enumerate(force.configurations))
-        for own in trials(measured, names, label="wrench: configurations"):
-            for name, table in own.items():
+        for of_configuration in trials(measured, names, label="wrench: configurations"):
+            for name, table in of_configuration.items():
                 tables.setdefault(name, []).append(table)
             # eigenvalues set to zero, which the report counts
-            for row in own["sigma_s"].itertuples():
+            for row in of_configuration["sigma_s"].itertuples():
                 form = "" if row.form == "diagonal" else f"_{row.form}"
                 metrics[f"{row.system_class}{form}_sigma_s_clipped"] = int(row.clipped)
     with contracts.replacing(OUT) as folder:
@@ -61,9 +56,7 @@ def run() -> None:
 def _configuration(
     trial: tuple[int, str], force: Force, options: Wrench, seed: int
 ) -> dict[str, pd.DataFrame]:
-    """Rows of one configuration: Σ_S of its bounds; moments, densities and tests of its measured
-    wrench and of draws of the model.
-    """
+    """Return the rows of one configuration: Σ_S, and moments, densities and tests of the wrench."""
     (number, name), arrangement = trial, force.configurations[trial[1]]
     stream = rng.stream(seed, "wrench.configuration", number)
     bounds, nominal = configuration_bounds(force, arrangement), nominal_system(force, arrangement)
@@ -78,12 +71,11 @@ def _configuration(
             key=f"dataset.force.configurations.{name}.attachment",
         )
     measured = measuring.measured_wrenches(record, nominal, force.length)
-    sigma_s = estimates["diagonal"].mean
-    modelled = sample_wrenches(matrix_model(nominal), sigma_s, len(measured), stream)
+    diagonal = estimates["diagonal"].mean
+    modelled = sample_wrenches(matrix_model(nominal), diagonal, len(measured), stream)
     wrenches = {"measured": measured, "modelled": modelled}
-    # the actuation alone, without a random matrix, is what the model has to be better than
     tested = {form: estimate.mean for form, estimate in estimates.items()}
-    tested["none"] = np.zeros((len(rows), len(rows)))
+    tested["none"] = np.zeros((len(rows), len(rows)))  # the actuation without a random matrix
     tests = [
         {"configuration": name, "form": form}
         | measuring.force_test(measured, nominal, sigma_s, stream)

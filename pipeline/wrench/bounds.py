@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
-from pipeline.core.options.instruments import Arrangement, Force
+from pipeline.core.options.dataset import Arrangement, Force
 from pipeline.wrench.parametric import CableSystem
 
 LIMITS = dict.fromkeys(("tension", "tension_sd", "concentration"), (0.0, np.inf))

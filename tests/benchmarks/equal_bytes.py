@@ -31,7 +31,7 @@ from pipeline.core.config import CONF
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate, options_type
 from pipeline.models.noise import process_noise
-from pipeline.models.steps import Recorded, mean_log_likelihood
+from pipeline.models.steps import Recorded
 from pipeline.statistics.densities import kernel_density, normal_reference_bandwidth
 
 TAKES, STEPS, REST = 12, 60, 15
@@ -63,7 +63,8 @@ def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
     for file in sorted((CONF / "model").glob("*.yaml")):
         options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
         fit = estimate(data, options_type(options["kind"])(**options))
-        likelihood = mean_log_likelihood(data, fit.model)
+        steps = data.chain, data.q, data.v, data.q_next
+        likelihood = fit.model.log_density(*steps, data.measurement).mean()
         yield f"fit, {file.stem}", [np.array([*fit.estimates.values(), likelihood])]
         motion = Take(youbot.scene._replace(model=fit.model), youbot.steps, youbot.measurements)
         yield f"filter, {file.stem}", filtered(motion, threads)

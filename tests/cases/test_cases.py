@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.cases.case import KINDS, Camera, Choices, Takes
+from pipeline.cases.case import KINDS, Camera, Choices, Recordings, Takes
 from pipeline.cases.evidence import case_evidence, filter_evidence, outcome
 from pipeline.cases.readings import readings, readings_table
 from pipeline.core import config
@@ -29,7 +29,6 @@ from pipeline.verdicts.run import ArmNames
 ROOT = Path(__file__).parents[2]
 JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, PLANE)
-DT = 0.01
 CLAIMS = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
 # claims of the wrench, the closed loop, the linear filter and the speed-scaled model, which
 # these takes lack
@@ -90,6 +89,10 @@ def posteriors(base, takes) -> dict[str, dict[str, Posterior | str]]:
     }
 
 
+def recordings_of(takes: Takes, camera: Camera) -> Recordings:
+    return Recordings(takes, {"aligned": camera}, 100.0, 4, 12, (1, "test"))
+
+
 def camera_noise(takes) -> pd.DataFrame:
     """The table ``kinect_noise`` of a few frames."""
     growing = np.linspace(1, 2, len(takes))
@@ -101,7 +104,7 @@ def camera_noise(takes) -> pd.DataFrame:
 def test_there_is_evidence_on_every_claim_about_motion_camera_and_filter(base, takes, posteriors):
     outcomes = {kind: outcome_of(base, kind, takes) for kind in base.models}
     camera = Camera(camera_noise(np.repeat(["none", "a", "b"], 5)), {})
-    evidence, refusals = case_evidence(base, takes, outcomes, camera, posteriors, DT)
+    evidence, refusals = case_evidence(base, recordings_of(takes, camera), outcomes, posteriors)
     assert refusals == []
     claims = [
         claim for file in CLAIMS for claim in parse_claims(config.read_yaml(ROOT / file)["claims"])
@@ -155,7 +158,7 @@ def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why
     assert len(refused.refusals) == 1 and "rest" in refused.refusals[0]
     outcomes = {"additive": outcome_of(base, "additive", takes), "wishart": refused}
     camera = Camera(camera_noise(["none", "a"]), {})
-    evidence, refusals = case_evidence(base, takes, outcomes, camera, posteriors, DT)
+    evidence, refusals = case_evidence(base, recordings_of(takes, camera), outcomes, posteriors)
     assert {"gaussian: all weights vanished"} < {*refusals}
     models = {name.partition("_")[0] for name in evidence["metrics/filter"]}
     assert models == {"none", "additive", "wishart"}

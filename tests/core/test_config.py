@@ -259,7 +259,7 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
     ("key", "value", "words"),
     [
         *(
-            (key, value, f"dataset.{key} stands in youbot.yaml too: keep one of them")
+            (key, value, f"also in youbot.yaml: dataset.{key}; keep each in one file")
             for key, value in (("mocap.gate", 0.1), ("name", "a"), ("depth.workspace", None))
         ),
         ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: there is ???"),

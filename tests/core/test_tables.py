@@ -10,25 +10,25 @@ import pandas as pd
 import pytest
 
 from pipeline.core import columns, contracts
-from pipeline.core.contracts import PAPER, Column, declared, expanded
+from pipeline.core.contracts import PAPER, Column, expand_families, read_declarations
 from pipeline.core.errors import ContractError
 
 # every file of declarations, by the folder it lies in: core or a study
 FILES = {file.parent.name: file for file in sorted(PAPER.parents[1].glob("**/tables.yaml"))}
-TABLES = [(place, name) for place, file in FILES.items() for name in declared(file)]
+TABLES = [(place, name) for place, file in FILES.items() for name in read_declarations(file)]
 JOINTS, ROWS = ("base", "tip"), 4  # of the families' columns here; of every table
 
 
 @cache
 def declaration(place: str, name: str) -> dict[str, Column]:
     """The columns of one table, its families those of JOINTS."""
-    written = declared(FILES[place])[name]
+    written = read_declarations(FILES[place])[name]
     present = []
     for column in written:
         family, _, places = column.partition(":")
         naming = {"": lambda family, _: [family], "*": columns.columns, "*:*": columns.pairs}
         present += naming[places](family, JOINTS)
-    return expanded(written, present)
+    return expand_families(written, present)
 
 
 def some(column: Column) -> list:
@@ -60,7 +60,7 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     pd.testing.assert_frame_equal(contracts.read(name, tmp_path, FILES[place]), good)
     optional = [column for column, kind in kinds.items() if kind.optional]
     contracts.write(good.drop(columns=optional), name, tmp_path, FILES[place])
-    required = [n for n, kind in declared(FILES[place])[name].items() if not kind.optional]
+    required = [n for n, kind in read_declarations(FILES[place])[name].items() if not kind.optional]
     for column in (required[0], required[-1]):  # of a family, all of it
         gone = [each for each in good if each.split(":")[0] == column.split(":")[0]]
         with pytest.raises(ContractError, match="is missing"):
@@ -82,8 +82,8 @@ def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     ],
 )
 def test_a_column_refuses_values_that_do_not_fit(text, bad, tmp_path, monkeypatch):
-    column = Column.parsed(text)
-    monkeypatch.setattr(contracts, "declared", lambda _: {"one": {"it": column}})
+    column = Column.parse(text)
+    monkeypatch.setattr(contracts, "read_declarations", lambda _: {"one": {"it": column}})
     contracts.write(pd.DataFrame({"it": some(column)}), "one", tmp_path)
     for value in bad:
         file = tmp_path / "one.parquet"

@@ -11,8 +11,7 @@ from space_arms import LWR4, link_poses, points
 from pipeline.core import contracts
 from pipeline.core.columns import pairs, spread
 from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.core.options.instruments import Encoders, Mocap, Pose
+from pipeline.core.options.dataset import Dataset, Encoders, Mocap, Motion, Pose
 from pipeline.filtering.instruments import MOTION, TRACK, encoder_noise, measured_takes, tip_poses
 from pipeline.filtering.measurement import Measurements, measurements
 

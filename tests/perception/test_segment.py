@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
-from pipeline.core.options.instruments import Workspace
+from pipeline.core.options.dataset import Workspace
 from pipeline.formats.depth.intrinsics import Intrinsics
 from pipeline.perception.segment import ArmSegmenter
 

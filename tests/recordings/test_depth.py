@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.errors import PipelineError, RecordingError
-from pipeline.core.options.instruments import Depth, Pose, Workspace
+from pipeline.core.options.dataset import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics

@@ -7,7 +7,7 @@ import pytest
 from written_logs import write_netft
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.instruments import Force
+from pipeline.core.options.dataset import Force
 from pipeline.core.validation import validated
 from pipeline.formats.force.daqft import write_daqft
 from pipeline.formats.force.record import ForceRecord

@@ -23,8 +23,7 @@ from space_arms import LWR4, UR5, motion
 from pipeline.arm.model import chain_of, load_arm
 from pipeline.core.columns import members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.core.options.instruments import Body, Pose
+from pipeline.core.options.dataset import Body, Dataset, Motion, Pose
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
 

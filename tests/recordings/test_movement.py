@@ -15,9 +15,8 @@ from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import load_arm
 from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError
-from pipeline.core.options.dataset import Dataset, Robot
-from pipeline.core.options.instruments import Encoders
-from pipeline.core.options.instruments import JointLogSection as Log
+from pipeline.core.options.dataset import Dataset, Encoders, Robot
+from pipeline.core.options.dataset import JointLogSection as Log
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.formats.joints.table import joint_labels, write_joint_table
 from pipeline.recordings import movement

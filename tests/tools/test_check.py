@@ -111,7 +111,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
         ("q_actual.csv", "q.csv", "No2_slow/q.csv"),
         ("joint_6]", "joint_7]", "joint_6 of robot.joints is not logged"),
         ("joint_log:", "joint_log:\n  angle_unit: deg", "no motion"),
-        ("joint_log:", "joint_log:\n  rest: 10", "rest stands in lab.yaml too"),
+        ("joint_log:", "joint_log:\n  rest: 10", "also in lab.yaml: dataset.joint_log.rest"),
         ("logs\n", f"logs\n{MOCAP}", "Link1:Markr3"),
     ],
 )

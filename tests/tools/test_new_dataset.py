@@ -88,7 +88,7 @@ def contains(values: dict, part: dict) -> bool:
 def require_known_keys() -> None:
     """Every key of the written files is one that a dataset has."""
     values = OmegaConf.to_container(OmegaConf.merge(*reversed(written())))
-    wrong = datasheet.checked(values | {"arm": 1})[1]
+    wrong = datasheet.check_values(values | {"arm": 1})[1]
     assert [fault.evidence["key"] for fault in wrong] == ["dataset.arm"]
 
 

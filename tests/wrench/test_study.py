@@ -11,7 +11,7 @@ from cable_systems import planar_cables
 from scipy.integrate import dblquad
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.options.instruments import Arrangement, Force
+from pipeline.core.options.dataset import Arrangement, Force
 from pipeline.wrench.bounds import Bounds, configuration_bounds, draw_systems, nominal_system
 from pipeline.wrench.matrix import FORMS, matrix_model, unbounded_sigma_s
 from pipeline.wrench.parametric import wrench_covariance

@@ -1,8 +1,7 @@
-"""Trials on a Dask cluster: a running cluster, or one that this process starts and ends. The only
-importer of dask.
+"""Trials on a Dask cluster: a running cluster, or one that this process starts and ends.
 
-By ``distributed`` itself: joblib's backend for it computes in this process once the scheduler is
-lost, waits without end where a task cannot be unpickled, and keeps all results.
+joblib's backend for Dask is not used. It computes in this process once the scheduler is lost, waits
+without end for a task that cannot be unpickled, and keeps all results.
 """
 
 import hashlib
@@ -33,15 +32,14 @@ from pipeline.core.environment import BOUNDS
 from pipeline.core.errors import ComputeError
 from pipeline.core.options.analysis import Compute
 
-OPTION = "pipeline/conf/compute/dask.yaml"  # says how a cluster is started
-# no log of the last messages, which holds the trials in them; no warning of what the trials share,
-# which is sent once
+OPTION = "pipeline/conf/compute/dask.yaml"  # explains how to start a cluster
+# no log of messages, which would keep their trials; no warning about the size of the function
 SILENT = {
     "distributed.admin.low-level-log-length": 0,
     "distributed.admin.large-graph-warning-threshold": "1TB",
 }
-BLOCK = 0.2  # s of trials that a worker is given at a time, long beside the submission
-AHEAD = 16  # blocks per worker that are submitted before the first of them is taken back
+BLOCK = 0.2  # s of trials that are one task, long beside its submission
+AHEAD = 16  # blocks per worker that are submitted before the first result is taken
 LOST = (
     "the connection to the Dask scheduler is lost; start it again and rerun the stage; earlier "
     "results are unchanged"
@@ -49,24 +47,24 @@ LOST = (
 
 
 def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, label: str) -> Iterator:
-    """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s; on the
-    dashboard a block is a task with the name ``label``. A block whose worker is lost runs again.
+    """Yield the results of ``trials`` in order, submitted in blocks of about BLOCK s; the dashboard
+    shows a block as a task ``label``. A block whose worker is lost runs again.
 
-    ComputeError where there is no scheduler or no worker for the timeout of ``compute``, where it
-    is lost, where trials end their workers, and for a worker that might give other bytes.
+    Raises ComputeError for a lost scheduler, for no workers within the timeout of ``compute``, for
+    trials that end their workers, and for a worker that might compute other bytes.
     """
 
     def run(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
-        # sent as code, so that it runs and fails where the project is not
+        # sent as code, so that a worker without the project fails here
         from pipeline.core.compute.cluster import run_on_worker
 
         return run_on_worker(shared, block)
 
-    with connected(compute) as client:
+    with connect(compute) as client:
         cluster = client, client.scheduler.address, compute.dask.timeout
         workers = f"{workers_of(*cluster)} worker(s) of {client.scheduler.address}"
         print(f"{label}: {workers}, dashboard {client.dashboard_link}", flush=True)
-        # a task and not scattered data, which would be lost with the worker that holds it
+        # a task runs again if its worker is lost; scattered data would be lost
         shared, key = pickle.dumps((fingerprint(), function)), f"{label}, what they share-0"
         shared = client.submit(bytes, shared, key=f"{key}-{client.id}")
         waiting: deque[Future] = deque()
@@ -75,8 +73,7 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
             while len(waiting) < AHEAD * workers_of(*cluster):
                 if not (block := [pickle.dumps(trial) for trial in islice(trials, size)]):
                     break
-                # not by Client.get_executor, whose futures never end where the scheduler is lost
-                # while it sends a result
+                # futures of Client.get_executor never end if the scheduler is lost meanwhile
                 key = f"{label}-{begun}-{client.id}"
                 waiting.append(client.submit(run, shared, block, key=key))
                 begun += len(block)
@@ -89,8 +86,8 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
 
 
 class _Client(Client):
-    """A client that is closed where it finds no scheduler, and not by garbage collection, which in
-    the midst of another client's start waits without end for a lock that its thread holds.
+    """Client that closes where it finds no scheduler; closing by garbage collection can deadlock
+    with the start of another client.
     """
 
     def __init__(self, address: str, timeout: float) -> None:
@@ -106,21 +103,21 @@ class _Client(Client):
 
 
 @contextmanager
-def connected(compute: Compute) -> Iterator[Client]:
-    """Client of the cluster of ``compute``, or of one started here; ComputeError without one."""
-    for logger in ("distributed", "distributed.client"):  # ComputeError tells of lost connections
+def connect(compute: Compute) -> Iterator[Client]:
+    """Yield a client of the cluster of ``compute``, or of one started here; else ComputeError."""
+    for logger in ("distributed", "distributed.client"):  # ComputeError reports lost connections
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     address, timeout = compute.dask.address, compute.dask.timeout
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(SILENT))
         if address is None:
-            number = compute.workers or len(os.sched_getaffinity(0))
-            here = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
-            own = LocalCluster(n_workers=number, threads_per_worker=1, **here)
-            address = stack.enter_context(own).scheduler_address
+            workers = compute.workers or len(os.sched_getaffinity(0))
+            local = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, **local)
+            address = stack.enter_context(cluster).scheduler_address
         try:
             client = _Client(address, timeout)
-        # AssertionError: Dask's thread has not begun within 10 s, as on a busy machine
+        # AssertionError: Dask's thread has not started within 10 s, as on a busy machine
         except (OSError, ValueError, AssertionError) as error:
             message = f"no Dask scheduler answers within {timeout:g} s ({error}); start one as "
             message += f"{OPTION} says, or name the address of one that runs"
@@ -133,17 +130,17 @@ def connected(compute: Compute) -> Iterator[Client]:
 
 
 def workers_of(client: Client, address: str, timeout: float) -> int:
-    """Number of workers, the first of which is waited for; ComputeError without one."""
+    """Return the number of workers, at least one; ComputeError without one for ``timeout`` s."""
     try:
         number = len(client.sync(client.scheduler.ncores, callback_timeout=timeout))
-    except (OSError, AttributeError):  # a client that has given up has no scheduler
+    except (OSError, AttributeError):  # a client has no scheduler after it gave up
         raise ComputeError(LOST, address=address) from None
     if not number:
         try:
             client.wait_for_workers(1, timeout=timeout)
         except TimeoutError:
-            without = f"the Dask cluster has been without workers for {timeout:g} s"
-            message = f"{without}; start some as {OPTION} says"
+            message = f"the Dask cluster has been without workers for {timeout:g} s; start some as "
+            message += f"{OPTION} says"
             raise ComputeError(message, address=address) from None
     return max(number, 1)
 
@@ -151,14 +148,14 @@ def workers_of(client: Client, address: str, timeout: float) -> int:
 def result_of(
     future: Future, client: Client, address: str, timeout: float
 ) -> tuple[float, list[bytes]]:
-    """Time in s and pickled results of a block; errors of the cluster are ComputeErrors."""
+    """Return time in s and pickled results of a block; raises ComputeError for a lost cluster."""
     while True:
         try:
             return future.result(timeout)
         except TimeoutError:
-            if future.status == "error":  # of a trial itself
+            if future.status == "error":  # a trial has raised it
                 raise
-            workers_of(client, address, timeout)  # a long block, a result on its way, or none left
+            workers_of(client, address, timeout)  # raises where none is left
         except (CancelledError, CommClosedError):
             raise ComputeError(LOST, address=address) from None
         except KilledWorker as error:
@@ -173,13 +170,13 @@ def result_of(
 
 
 def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]]:
-    """Refuse the worker where it might not give the same bytes, else run the block."""
+    """Return time in s and results; ComputeError where this worker might compute other bytes."""
     expected, function = pickle.loads(shared)
     worker, threads = get_worker(), "the number of a worker's threads"
-    # threads of one process would share what libraries keep between calls
+    # threads of one process would share the state of libraries
     there = fingerprint() | {threads: str(worker.state.nthreads)}
     for name, state in (expected | {threads: "1"}).items():
-        # a library that only one side has is left to its import
+        # where one side lacks a library, its import fails
         if there.get(name, state) != state:
             raise ComputeError(
                 f"a worker may compute other bytes: {name} is {there[name]} there and "
@@ -193,9 +190,7 @@ def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]
 
 @cache
 def fingerprint() -> dict[str, str]:
-    """Name and state of everything on which the bytes of results depend beside the trials, as it
-    was at the first call: a worker that imported modules before an edit of the code is found out.
-    """
+    """State by name of all that results depend on beside the trials, as at the first call."""
     project = Path("dvc.yaml")
     changed = str(project.stat().st_mtime_ns) if project.exists() else "none"
     return {
@@ -209,7 +204,7 @@ def fingerprint() -> dict[str, str]:
 
 
 def _arithmetic() -> str:
-    """A digest of sums and functions whose last bits depend on the instruction set and threads."""
+    """Digest of sums and functions whose last bits depend on the instruction set and threads."""
     x = np.linspace(0.1, 3.0, 40_000).reshape(200, 200)
     positive = x @ x.T + 200 * np.eye(200)
     values = [function(x) for function in (np.exp, np.log, np.sin, np.tan, np.sqrt)]

@@ -1,8 +1,4 @@
-"""Trials in this process, in worker processes or on a Dask cluster, with the same results in the
-same order.
-"""
-
-from __future__ import annotations
+"""Trials in this process, in worker processes or on a Dask cluster, with equal results in order."""
 
 import math
 import os
@@ -19,26 +15,23 @@ from pipeline.core.errors import ComputeError
 if TYPE_CHECKING:
     from pipeline.core.options.analysis import Compute
 
-# s of processor time until workers compute (imports and compiled code); the time that they save has
-# to exceed it
-START = 6.0
-LOADING = 2.0  # s, within which a first trial may have loaded compiled code
+START = 6.0  # s of processor time until workers compute; they have to save more than that
+LOADING = 2.0  # s of a first trial that count as loading compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
 
 
-def run_trials(function: Callable, trials: Iterable, *, compute: Compute, label: str) -> Iterator:
-    """Yield ``function(trial)`` of every trial, in order; neither the values nor a byte of them
-    depend on ``compute``.
+def run_trials(function: Callable, trials: Iterable, *, compute: "Compute", label: str) -> Iterator:
+    """Yield ``function(trial)`` of every trial in order; no byte of a value depends on ``compute``.
 
     ``function``, trials and results are pickled, a bounded number of them at a time. A terminal
-    shows a bar, a log one line. Raises the first exception of a trial, which stops the rest, and
+    shows a bar, a log one line. Raises the first exception of a trial, which stops the trials, and
     ComputeError where workers are lost or might compute other bytes.
     """
-    total = length_hint(trials) or None
     results = _results(pickle.dumps(function), trials, compute, label)
     if sys.stderr.isatty():
         from tqdm import tqdm
 
+        total = length_hint(trials) or None
         yield from tqdm(results, total=total, desc=label, unit="trial")
         return
     done = 0
@@ -49,32 +42,30 @@ def run_trials(function: Callable, trials: Iterable, *, compute: Compute, label:
 
 
 def call_pickled(function: bytes, trial: bytes) -> bytes:
-    """The pickled result of a pickled function at a pickled trial.
+    """Return the pickled result of a pickled function at a pickled trial.
 
-    Unpickled arrays are laid out anew, and the last bit of a sum depends on the layout: so also in
-    a single process, where no trial then sees a change that another made to shared arguments.
+    A single process pickles too: unpickled arrays have another layout, on which the last bit of a
+    sum depends. So no trial sees changes that another trial made to shared arguments.
     """
     return pickle.dumps(pickle.loads(function)(pickle.loads(trial)))
 
 
-def _results(function: bytes, trials: Iterable, compute: Compute, label: str) -> Iterator:
+def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) -> Iterator:
+    """Yield results of this process until workers save more time than their start takes."""
     left = length_hint(trials) or math.inf
     trials = iter(trials)
     if compute.dask is not None:
-        # imported here: the other backends do without distributed
         from pipeline.core.compute.cluster import results_of_cluster
 
         yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
-    pace = 0.0  # s a trial
-    # the first trials run here, until workers would save more time than they take to start
+    pace = 0.0  # s a trial: time of the first beyond loading, then the mean of the others
     for taken, trial in enumerate(trials):
         begin = time.perf_counter()
         result = call_pickled(function, pickle.dumps(trial))
         took = time.perf_counter() - begin
         yield pickle.loads(result)
-        # of the first trial the time beyond loading, then the mean of the others
         pace = pace + (took - pace) / taken if taken else max(took - LOADING, 0.0)
         left -= 1
         workers = min(workers, left)
@@ -83,7 +74,7 @@ def _results(function: bytes, trials: Iterable, compute: Compute, label: str) ->
 
 
 def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -> Iterator:
-    """Results in order, of trials that are submitted a window at a time."""
+    """Yield the results in order; trials are submitted a window at a time."""
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -95,8 +86,6 @@ def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -
                 results = parallel(call(function, pickle.dumps(trial)) for trial in window)
                 yield from map(pickle.loads, results)
     except TerminatedWorkerError:
-        raise ComputeError(
-            "a worker process was killed, as happens when memory runs out; "
-            "choose fewer workers, or compute: serial",
-            trials=label,
-        ) from None
+        message = "a worker process was killed, as happens when memory runs out; "
+        message += "choose fewer workers, or compute: serial"
+        raise ComputeError(message, trials=label) from None

@@ -1,2 +1,1 @@
-"""The types of the options, section by section. Values, units and reasons stand in the option
-files; a key that is not here is refused."""
+"""Types of the options; values and reasons are in the option files, unknown keys are errors."""

@@ -23,13 +23,12 @@ class Filter:
 @options()
 class ArticulationSection:
     gamma1: NotNegative  # weight of a mean over points
-    gamma2: NotNegative  # weight of a sum over three segments; 1 and 1/3 weigh two means alike
+    gamma2: NotNegative  # weight of a sum over three segments; 1 and 1/3 weigh two means equally
     length_range: Annotated[float, Field(gt=0, lt=1)]  # share of the nominal length
     minimum_points: Count  # a frame with fewer points of the arm is a gap
-    max_gap: Whole  # frames in a row that may be gaps
+    max_gap: Whole  # greatest number of consecutive gaps
     end_point: Literal["commanded", "fitted"]  # end of the tool's segment
-    # frames on either side that the covariance of the Kinect noise is estimated over
-    noise_window: Whole
+    noise_window: Whole  # frames on either side that estimate the covariance of the Kinect noise
 
 
 @options()
@@ -42,7 +41,7 @@ class Wrench:
     systems: Count
     test_systems: Count
     repeats: Count
-    grid: Count  # points a side of the density's grid
+    grid: Count  # points per axis of the density's grid
 
 
 @options()
@@ -71,15 +70,13 @@ class Scale:
 class Dask:
     """A Dask cluster."""
 
-    # of a running scheduler; null: a cluster on this machine, started and ended by each stage
-    address: str | None = None
-    # s without an answer of the scheduler, or without any worker, after which the stage gives up
-    timeout: Positive = 60.0
+    address: str | None = None  # of a running scheduler; null: each stage starts a local cluster
+    timeout: Positive = 60.0  # s without scheduler or workers after which the stage stops
 
 
 @options()
 class Compute:
-    """Place of the trials. Results do not depend on it."""
+    """Where trials run; results do not depend on it."""
 
-    workers: Whole = 0  # processes on this machine, 0: one per core
+    workers: Whole = 0  # processes on this machine; 0: one per core
     dask: Dask | None = None  # null: no cluster

@@ -1,17 +1,242 @@
-"""Options of a dataset: a robot, its motion, and the instruments that saw it; null for none."""
+"""Options of a dataset: robot, motion and the instruments that recorded it; null for none."""
 
 from dataclasses import field
+from enum import StrEnum
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from pipeline.core.bounds import Reading
 from pipeline.core.columns import PLANE, SPACE
-from pipeline.core.options.analysis import Count, NotNegative, Positive, Whole
-from pipeline.core.options.instruments import Depth, Encoders, Force, JointLogSection, Mocap
+from pipeline.core.options.analysis import Bounds, Count, NotNegative, Positive, Whole
 from pipeline.core.validation import Fault, options
 
 Limit = NotNegative | None
+Column = int | str  # number from 0, or label
+Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+Signal = Literal["actual", "target", "speed"]
+ForceSignal = Literal["t", "fx", "fy", "fz", "tx", "ty", "tz"]
+SIGNALS = ("actual", "target", "speed")
+AngleUnit = StrEnum("AngleUnit", ["rad", "deg"])
+TimeUnit = StrEnum("TimeUnit", ["s", "ms", "us", "ns"])
+
+
+@options()
+class Pose:
+    position: Triple  # m
+    rpy: Triple  # rad, fixed axes x, y, z (URDF convention)
+
+
+@options()
+class Body:
+    """A rigid body of the motion capture, fixed to a link."""
+
+    name: str
+    mount: Pose  # of the body's pivot in the link's frame
+
+
+@options(kw_only=True)
+class Mocap:
+    training: str  # glob of the training takes' files, .csv of Motive or .c3d
+    test: str | None = None
+    unit: Literal["m", "cm", "mm"] | None = None  # of lengths; null: the files state it
+    base: Pose  # the arm's base in the motion-capture world
+    # link of the URDF, or segment of a planar arm → marker → position in the link's frame, m
+    markers: dict[str, dict[str, Triple]]
+    # link → body whose poses replace the tracks of the link's markers
+    bodies: dict[str, Body] = field(default_factory=dict)
+    gate: float  # m, greatest distance of a marker from its predicted position
+    deviation: float | None = None  # m, std of a coordinate, for measurement: tip
+    # rad, approximate joint angles at the start, where the markers allow several postures
+    posture: list[float] | None = None
+    max_gap: int  # frames, longest gap that is interpolated
+
+
+@options()
+class Workspace:
+    """Bounds of the arm in the scene, in m in the frame of its plane."""
+
+    half_depth: float  # greatest |y| of the arm's surface, with the sensor's noise
+    girth: float  # greatest distance of the arm's surface beyond the reach of its nodes
+    column_half_width: float  # greatest |x − x(O1)| of the turntable
+    column_top: float  # greatest z − z(O1) of the turntable
+    floor: float  # z of the surface that carries the arm
+    min_pixels: int  # least pixels of a connected patch of the arm, or points of a cloud
+    max_points: int  # points that a frame is thinned to
+
+
+@options(kw_only=True)
+class Depth:
+    """Takes of a depth camera: folders of indexed or numbered images or clouds, or ROS bags."""
+
+    takes: str  # glob of the takes' folders or bags
+    index: str | None = None  # index file in each folder; null for numbered frames and bags
+    frames: str | None = None  # glob of the numbered frames in each folder
+    topic: str | None = None  # of the images or clouds, in a bag with several
+    camera_info: str | None = None  # topic of the intrinsics, in a bag with several
+    intrinsics: str | None = None  # file of the images' calibration; null for clouds and bags
+    camera_matrix: str | None = None  # its key in that file, if unusual or one of several
+    distortion: str | None = None  # its key in that file, if unusual or one of several
+    width: Count | None = None  # px, of the images; null for clouds
+    height: Count | None = None  # px
+    # rotated_bits as in SUN RGB-D, disparity as in NYU Depth v2
+    encoding: Literal["plain", "rotated_bits", "disparity"]
+    units_per_metre: Positive  # 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres
+    saturation: float | None = None  # least stored value that, like 0, means no depth
+    scale_key: str | None = None  # name of a factor in the description of each TIFF
+    disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
+    rate: Positive  # 1/s
+    start: float | None = None  # s on its clock as the motion capture starts; null: first frame
+    # s, motion capture's clock minus the camera's clock since its start; null: estimated
+    clock_offset: float | None = None
+    camera: Pose  # of x right, y down, z forward, or of the clouds' frame, in the arm's base frame
+    workspace: Workspace
+    search: NotNegative  # s, bound of the estimated offset of the clocks
+
+    @model_validator(mode="after")
+    def _one_source_of_times_and_depths(self) -> Self:
+        if self.index is not None and self.frames is not None:
+            raise Fault("frames", "index and frames exclude each other: both give the times")
+        if (self.disparity is not None) != (self.encoding == "disparity"):
+            message = "the encoding disparity, and no other, needs [a, b] of depth = a/(b − δ)"
+            raise Fault("disparity", message)
+        return self
+
+
+@options(kw_only=True)
+class JointLogSection:
+    """Logs of the controller, one folder or file per movement, and the motion to analyse."""
+
+    movements: str  # glob of the movements' folders, or files where a movement is one file
+    actual: str | None = None  # file of measured angles in each folder; null: one file in all
+    target: str | None = None  # file of commanded angles
+    speed: str | None = None  # file of commanded speeds; null: the steps of the commanded angles
+    joints: list[str]  # names in the URDF of the logged joints, in the order of the log
+    # signal → column of each joint, ARRAY:COLUMN or ARRAY of a NumPy archive; {} if the format
+    # names the signals
+    signals: dict[Signal, list[Column]] = field(default_factory=dict)
+    # signals that show a disturbance (currents, torques …) → file in each folder, or columns
+    others: dict[str, str | list[Column]] = field(default_factory=dict)
+    time: Column | None = 0  # null: rows at dataset.motion.rate
+    # of a log with uneven times: rows at the rate, or measured at their times; null: an error
+    clock: Literal["rows", "times"] | None = None
+    separator: str | None = None  # comma, semicolon, tab, or a blank for any number; null: detected
+    decimal: str | None = None  # point or comma; null: detected
+    angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
+    time_unit: TimeUnit = TimeUnit.s
+    # factor on commanded angles and speeds beside the unit: one, or one for each logged joint
+    target_factor: FiniteFloat | list[FiniteFloat] = 1.0
+    # s by which the command is early on the measured angles' clock: one, or one for each movement
+    target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
+    mismatch: Positive = 0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
+    start: list[float]  # rad, commanded angles of robot.joints before the motion
+    end: list[float]  # rad, commanded angles of robot.joints after the motion
+    rest: Whole  # steps of motion.steps at rest on either side; 0: the motion starts in passing
+    rest_speed: float = 1e-4  # rad/s, greatest commanded speed at rest
+    tolerance: float  # rad, greatest difference of repeated commands
+    disturbed: Literal["leave_out", "refuse"] = "leave_out"  # treatment of disturbed repetitions
+    disturbed_beyond: float = 6.0  # robust standard deviations from the median repetition
+    residual_limit: float | None = None  # rad, of measured minus commanded angle; beyond: disturbed
+
+    @model_validator(mode="after")
+    def _fits_the_joints(self) -> Self:
+        count = len(self.joints)
+        if len(set(self.joints)) != count:
+            raise Fault("joints", "must name each logged joint once")
+        if len(self.start) != len(self.end):
+            raise Fault("end", f"must hold {len(self.start)} values as start, got {len(self.end)}")
+        if isinstance(self.target_factor, list) and len(self.target_factor) != count:
+            raise Fault("target_factor", f"must be a number or a list of {count}, one a joint")
+        for name, columns in self.signals.items():
+            if len(columns) not in (1, count):
+                raise Fault(f"signals.{name}", f"must name {count} columns or one array")
+        if wrong := [name for name in self.others if name in (*SIGNALS, "residuals")]:
+            raise Fault(f"others.{wrong[0]}", f"must have another name than {', '.join(SIGNALS)}")
+        return self
+
+
+@options()
+class Encoders:
+    """Logs of the controller beside the motion capture, for measurement: encoders."""
+
+    training: str  # glob of the logs, one for each training take and with its name
+    test: str  # glob of the logs, one for each test take and with its name
+    actual: list[Column]  # column of the measured angles, for each of robot.joints
+    time: Column | None = 0  # column of the time
+    angle_unit: AngleUnit = AngleUnit.rad
+    time_unit: TimeUnit = TimeUnit.s
+    start: float = 0.0  # s on the log's clock when the motion capture starts
+
+
+@options()
+class ForceLog:
+    """Format of the force logs; null where the files state it."""
+
+    format: str = "daqft"  # daqft, netft (ATI's programs), bag, table, or one of formats/force
+    columns: dict[ForceSignal, Column] = field(default_factory=dict)
+    separator: str | None = None  # comma, semicolon, tab, or a blank for any number
+    decimal: str | None = None  # point or comma
+    force_unit: str | None = None
+    torque_unit: str | None = None
+    time_unit: str | None = None
+    rate: Positive | None = None  # Hz
+    counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
+    topic: str | None = None  # of a bag with more than one WrenchStamped
+    calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
+    full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
+    frozen_after: Positive = 0.5  # s, identical samples for longer are frozen
+    # greatest share of saturated samples, and of frozen ones, in a record
+    max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
+
+    @model_validator(mode="after")
+    def _full_scale_of_all_axes(self) -> Self:
+        if self.full_scale is not None and len(self.full_scale) not in (3, 6):
+            raise Fault("full_scale", "must be three forces, and three torques or none")
+        return self
+
+
+@options()
+class Arrangement:
+    """One arrangement of the cooperating robots: quantities of each cable, bounds of the model."""
+
+    file: str
+    direction: list[float]  # rad, mean direction of each cable; in space its azimuth
+    tension: list[float]  # N, mean tension of each cable
+    direction_bounds: Bounds  # rad
+    # rad, mean elevation of each cable above the x-y plane; null: all cables are in the plane
+    elevation: list[float] | None = None
+    elevation_bounds: Bounds | None = None  # rad
+    # m, end of each cable from the point of the moments; null: all there, only forces are modelled
+    attachment: list[list[float]] | None = None
+    attachment_bounds: Bounds | None = None  # m, of each coordinate
+
+    @model_validator(mode="after")
+    def _one_value_a_cable(self) -> Self:
+        cables, axes = len(self.direction), 2 if self.elevation is None else 3
+        if len(self.tension) != cables:
+            raise Fault("tension", f"must hold {cables} values, one a cable as direction")
+        for name, rows in (("elevation", self.elevation), ("attachment", self.attachment)):
+            if (rows is None) != (getattr(self, f"{name}_bounds") is None):
+                raise Fault(name, f"{name} and {name}_bounds go together")
+            if rows is not None and len(rows) != cables:
+                raise Fault(name, f"must hold one {name} for each of {cables} cables")
+        if any(len(place) != axes for place in self.attachment or []):
+            raise Fault("attachment", f"each attachment must have {axes} coordinates")
+        return self
+
+
+@options(kw_only=True)
+class Force:
+    tare: NotNegative  # s, unloaded at the start of each record
+    tension_std: list[float]  # N, of each robot; a configuration of fewer has the first of them
+    kappa_bounds: Bounds  # 1, the paper's σ_θ
+    tension_std_bounds: Bounds  # N
+    tension_bounds: Bounds  # N
+    configurations: dict[str, Arrangement]
+    # m, point about which moments are taken, in the transducer's frame
+    point: Triple = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    length: Positive = 1.0  # m by which moments are divided where they are compared with forces
+    log: ForceLog = field(default_factory=ForceLog)
 
 
 @options()
@@ -20,13 +245,13 @@ class Robot:
     # the moving joints, base to tip, as the URDF names them
     joints: Annotated[list[str], Field(min_length=1)]
     tool: str | None = None  # URDF frame of the tip; null: the only last link beyond the joints
-    base: str | None = None  # URDF link whose axes the task has; null: the root
-    # rad, m of prismatic joints: joints held still; 0 where not named
+    base: str | None = None  # URDF link in whose axes the task is; null: the root
+    # rad or m: joints that are held still; 0 where not named
     locked: dict[str, float] = field(default_factory=dict)
-    plane: bool = False  # whether the task is of the plane of parallel joints, not of space
-    # any rows of x, z, phi in a plane, else of x, y, z, rx, ry, rz; null: all of them
+    plane: bool = False  # whether the task is in the plane of parallel joints, else in space
+    # rows of x, z, phi in a plane, else of x, y, z, rx, ry, rz; null: all
     task: list[str] | None = None
-    length: Positive = 1.0  # m by which radians of the task are multiplied, so that it has one unit
+    length: Positive = 1.0  # m by which radians of the task are multiplied, to have one unit
 
     @model_validator(mode="after")
     def _task_of_the_joints(self) -> Self:
@@ -46,13 +271,13 @@ class Robot:
 class Motion:
     rate: Positive  # 1/s, steps of the motion grid
     steps: Count  # M, steps of a take
-    # rad, standard deviation of a measured joint angle; null: as the steps at rest show it
+    # rad, standard deviation of a measured joint angle; null: estimated from the steps at rest
     pose_noise: Positive | None = None
 
 
 @options()
 class Limits:
-    """Greatest value of each measure of the table ``takes`` for a take to stay; null: no limit."""
+    """Limits of the measures in the table ``takes``; a take beyond one is left out. null: none."""
 
     missing_share: Limit = None  # of the samples of the labelled markers
     longest_gap: Whole | None = None  # frames in a row without joint angles, up to mocap.max_gap
@@ -60,13 +285,13 @@ class Limits:
     residual_rms: Limit = None  # m, of the rigid-body fits
     dropped_share: Limit = None  # of the depth frames
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
-    clock_drift: Limit = None  # s/s, likewise
-    lag_behind_command: Limit = None  # s, of a joint log, whose section has its other limits
+    clock_drift: Limit = None  # s/s, where the offset is estimated
+    lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
 
 @options()
 class About:
-    """Text of a datasheet; no stage reads it."""
+    """Text of a datasheet, which no stage reads."""
 
     subject: str  # robot, instruments, motion
     source: str  # who recorded it, and where it comes from
@@ -77,21 +302,20 @@ class About:
 class Dataset:
     name: str
     recordings: str  # folder of the raw files, from the project's root
-    robot: Robot | None  # null where forces alone were recorded
-    motion: Motion | None  # likewise
-    trajectory: str | None = None  # file of the commanded trajectory, where there is one
+    robot: Robot | None  # null where only forces were recorded
+    motion: Motion | None  # null where only forces were recorded
+    trajectory: str | None = None  # file of the commanded trajectory
     mocap: Mocap | None = None
     joint_log: JointLogSection | None = None
     encoders: Encoders | None = None
     depth: Depth | None = None
     force: Force | None = None
-    # what the filter weighs particles by: depth (joint angles from the depth camera), encoders, or
-    # tip (the pose of the tool, which the motion capture follows)
+    # measurement of the filter: depth (joint angles from the depth camera), encoders, or tip (pose
+    # of the tool from the motion capture)
     measurement: Literal["depth", "encoders", "tip"] = "depth"
     limits: Limits = field(default_factory=Limits)
     reading: Reading = field(default_factory=Reading)
-    # the synthetic laboratory that records this dataset; typed by pipeline/laboratory
-    laboratory: Any = None
+    laboratory: Any = None  # synthetic laboratory that records this dataset; typed by its package
 
     @model_validator(mode="after")
     def _instruments_of_the_robot(self) -> Self:
@@ -102,6 +326,10 @@ class Dataset:
             if self.force is None:
                 raise Fault("robot", "a dataset has a robot or a force transducer")
             return self
+        longest = self.limits.longest_gap or 0
+        if self.mocap is not None and longest > (most := self.mocap.max_gap):
+            message = f"must be at most the {most} of dataset.mocap.max_gap, got {longest}"
+            raise Fault("limits.longest_gap", message)
         task = self.robot.task
         if self.depth is not None and task is not None and not {"x", "z"} <= {*task}:
             message = "the depth camera follows the tip by commanded x and z; keep both rows"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.core.angles import unwrapped
+from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import Format, Head, Kind, is_bag
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
@@ -38,7 +38,7 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
         time, values, joints = _values(file, topic, signal, joints, counts)
         if signal in ANGLES:
             evidence = {"signal": signal, "file": file, "circular": options.circular}
-            values, removed = unwrapped(values, time, joints, **evidence)
+            values, removed = unwrap(values, time, joints, **evidence)
             counts["unwrapped_jumps"] += removed
         logs[signal] = time, values
     time, measured = logs.pop("actual")

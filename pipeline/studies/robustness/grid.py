@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.cases.case import Camera, Choices, Recordings, camera_of
-from pipeline.cases.evaluate import evaluate
-from pipeline.cases.evidence import Evidence
-from pipeline.cases.readings import decided, readings
+from pipeline.cases.evidence import Evidence, evaluate
+from pipeline.cases.readings import claim_verdicts, readings
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.options.analysis import Wrench
@@ -158,10 +157,10 @@ def trajectory(own: TrajectoryOptions, way: Mapping[str, object]) -> TrajectoryO
 
 
 def verdicts(condition: Condition, common: Common) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.cases.readings.decided` of one condition."""
+    """Return the rows of :func:`pipeline.cases.readings.claim_verdicts` of one condition."""
     evaluated = motion_evidence if condition.study == "motion" else wrench_evidence
     arm = ArmNames(common.laboratory.joints, common.laboratory.chain.task)
-    return decided(common.claims, evaluated(condition, common), arm)
+    return claim_verdicts(common.claims, evaluated(condition, common), arm)
 
 
 def motion_evidence(condition: Condition, common: Common) -> Evidence:

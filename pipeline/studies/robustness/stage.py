@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pipeline.cases.case import Choices, Recordings, recorded_takes
-from pipeline.cases.evaluate import evaluate
-from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, decided, read_claims
+from pipeline.cases.evidence import evaluate
+from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
 from pipeline.core import config, contracts
 from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
@@ -49,7 +49,7 @@ NAMES = {
     "floor": r"floor of $B^{-1}$",
     "weights": r"weights $\alpha_2/\alpha_1$",
 }
-Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of decided()
+Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of claim_verdicts()
 
 
 def evaluate_grid(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
@@ -93,7 +93,7 @@ def decision_verdicts(
     for (factor, level, _), (of_case, refusals) in zip(cases, evidence, strict=True):
         for refusal in refusals:
             print(f"robustness: {factor} {level}: {refusal}")
-        yield "decisions", factor, level, decided(claims, of_case, takes.arm)
+        yield "decisions", factor, level, claim_verdicts(claims, of_case, takes.arm)
 
 
 def laboratory_verdicts(

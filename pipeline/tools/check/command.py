@@ -48,7 +48,7 @@ def dataset_faults(option_file: Path) -> list[str]:
         values = config.dataset_values(option_file)
     except PipelineError as error:
         return [str(error)]
-    dataset, _, absent = datasheet.checked(values)
+    dataset, _, absent = datasheet.check_values(values)
     texts = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
     texts += [f"{key}: no value for it" for key in absent]
     refused = value_faults(values)
@@ -71,7 +71,7 @@ def dataset_faults(option_file: Path) -> list[str]:
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     """Return the faults of types, ranges, robot and folder in the ``values`` filled in."""
     sound = deepcopy(values)
-    refused: list[PipelineError] = [*datasheet.checked(values)[1]]
+    refused: list[PipelineError] = [*datasheet.check_values(values)[1]]
     for fault in refused:  # the robot is read without them
         above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
         if isinstance(node := get_nested(sound, above), dict):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.core.angles import TURN, unwrapped, whole_turns
+from pipeline.core.angles import TURN, unwrap, whole_turns
 from pipeline.core.errors import PipelineError
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
@@ -174,8 +174,8 @@ def _compare(
     """
     time = time - time[0]
     try:
-        actual, removed = unwrapped(actual, time, joints, signal="actual")
-        target, more = unwrapped(target, time, joints, signal="target")
+        actual, removed = unwrap(actual, time, joints, signal="actual")
+        target, more = unwrap(target, time, joints, signal="target")
     except PipelineError as error:
         finding.stops.append(error.message)
         return

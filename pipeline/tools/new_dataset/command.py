@@ -18,8 +18,7 @@ import numpy as np
 from pipeline.core import config, contracts, datasheet
 from pipeline.core.datasheet import get_filled, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
-from pipeline.core.options.dataset import Robot
-from pipeline.core.options.instruments import JointLogSection
+from pipeline.core.options.dataset import JointLogSection, Robot
 from pipeline.core.validation import validated
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.inventory import named_takes

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from pipeline.core.datasheet import OPEN
 from pipeline.core.errors import ConfigError
-from pipeline.core.typed_yaml import parsed
+from pipeline.core.typed_yaml import parse_yaml
 from pipeline.tools.check.command import value_faults
 
 LINE = re.compile(
@@ -36,7 +36,7 @@ class OpenValue(NamedTuple):
 
 def text_of(text: str) -> str:
     """Return ``text`` as YAML, quoted where it could be read as anything else."""
-    plain = re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII) and parsed(text) == text
+    plain = re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII) and parse_yaml(text) == text
     return text if plain else json.dumps(text, ensure_ascii=False)
 
 
@@ -95,7 +95,7 @@ class Draft:
         """Return the values of both files; ConfigError for a text that is no YAML."""
         merged: dict[str, Any] = {}
         for file, text in self.texts.items():
-            _merge(merged, parsed(text, file=file) or {})
+            _merge(merged, parse_yaml(text, file=file) or {})
         return merged
 
     def questions(self) -> dict[str, OpenValue]:
@@ -120,7 +120,7 @@ class Draft:
         if value in ("", OPEN):
             raise ConfigError("a value is required here", key=key)
         try:
-            parsed(f"key: {value}")
+            parse_yaml(f"key: {value}")
             plain = not re.search("(^| )#", value)
         except ConfigError:
             plain = False
