@@ -6,7 +6,7 @@ import numpy as np
 from motive_files import START
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.frames import segment_frames
+from pipeline.arm.chain import segment_frames
 from pipeline.core.options.dataset import Dataset, Motion, Robot
 from pipeline.core.options.instruments import Mocap, Pose
 from pipeline.formats.motion.motive import write_motive
