@@ -37,7 +37,7 @@ class Mechanism(Protocol):
     task: tuple[str, ...]  # names of the m rows
     lower: ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: ndarray  # (n,)
-    max_speed: ndarray  # (n,) rad/s or m/s, likewise
+    max_speed: ndarray  # (n,) rad/s or m/s; infinite where a joint has none
 
     def pose(self, q: ndarray) -> ndarray:
         """(..., p) pose of the tip."""

@@ -35,7 +35,7 @@ class SerialChain(Chain):
     sliding: ndarray  # (n,) True of a prismatic joint
     lower: ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: ndarray  # (n,)
-    max_speed: ndarray  # (n,) rad/s or m/s, likewise
+    max_speed: ndarray  # (n,) rad/s or m/s; infinite where a joint has none
 
     @property
     def lengths(self) -> ndarray:
@@ -215,7 +215,7 @@ def joint_frames(placements: ndarray) -> ndarray:
     for row, placement in zip(result, placements, strict=False):
         rotation, shift = placement[:9].reshape(3, 3).copy(), placement[9:].copy()
         x, y = rotation[:2, 2]
-        # of the two turns after which z is tilted about x alone, the one up to a right angle
+        # turn of at most a right angle after which z is tilted about x alone
         turn = np.arctan2(-x if y >= 0 else x, abs(y))
         back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         rotation[:2], shift[:2] = back @ rotation[:2], back @ shift[:2]

@@ -68,15 +68,15 @@ def _posterior(path, covariance, measurements, dt, chain, response):
     if frames.tip:  # the whole pose, in metres and radians, whatever the task
         whole = replace(chain, task=SPACE, length=1.0)
         residual = whole.displacement(whole.pose(point), frames.unbiased)
-        shown = whole.jacobian(point)
+        observation = whole.jacobian(point)
     else:
-        shown, residual = np.tile(np.eye(n), (len(point), 1, 1)), frames.unbiased - point
-    shown = shown if response is None else shown @ response
+        observation, residual = np.tile(np.eye(n), (len(point), 1, 1)), frames.unbiased - point
+    observation = observation if response is None else observation @ response
     d = residual.shape[-1]
-    across = (shown @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
+    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
     among = np.moveaxis(across, 2, 0)
     among = (1 - share) * among[before] + share * among[after]
-    total = np.moveaxis(among @ shown.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
+    total = np.moveaxis(among @ observation.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
     each = np.arange(len(after))
     unwhitened = np.linalg.inv(frames.whitening)
     total[each, :, each] += unwhitened @ unwhitened.swapaxes(-1, -2)
@@ -136,7 +136,7 @@ def deviation_roots(poses: ndarray, measurement: ndarray) -> tuple[ndarray, int]
 
 def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
     """Return r (K,) of ``poses`` (takes, K, n), of white noise without any deviations. Where the
-    white spectrum of the measurement exceeds that of the takes, by chance, the difference is set to
+    measurement's white spectrum exceeds the takes' spectrum, by chance, the difference is set to
     zero: r is a positive semidefinite sequence.
     """
     deviation, (takes, steps, _) = poses - poses.mean(axis=0), poses.shape

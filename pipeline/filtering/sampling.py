@@ -1,6 +1,5 @@
-"""Sequential importance sampling, and the resampling schemes of the particle filter (Douc, Cappé &
-Moulines 2005), compiled. Joint angles are kept as (n, P): neighbours in memory are the same joint
-of neighbouring particles.
+"""Compiled sequential importance sampling, and the resampling schemes of the particle filter (Douc,
+Cappé & Moulines 2005). Joint angles are (n, P): neighbours in memory are neighbouring particles.
 
 A scheme takes weights (P,), non-negative and of sum 1, and a generator, and fills ``chosen`` (P,)
 with the indices of the particles that continue; ``scratch`` has at least (2, P) floats. Particle i

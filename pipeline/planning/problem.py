@@ -107,7 +107,7 @@ class Problem:
         faults = {
             "the motion leaves the path": length_of(off) > PATH_TOLERANCE,
             "the motion leaves the joint limits": ~chain.within_limits(joints),
-            "the motion comes nearer to a singular pose than the margin": ~self.clear(joints),
+            "the least singular value of the motion is below the margin": ~self.clear(joints),
             "the motion exceeds the joints' speed limits": np.r_[speeding, False],
         }
         first = [(int(bad.argmax()), why) for why, bad in faults.items() if bad.any()]

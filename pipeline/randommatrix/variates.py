@@ -1,4 +1,4 @@
-"""χ² and normal variates in compiled code, bit for bit equal to those of NumPy's Generator."""
+"""χ² and normal variates in compiled code, bit for bit the draws of NumPy's Generator."""
 
 import numpy as np
 

@@ -45,7 +45,7 @@ def file(tmp_path):
 
 
 def agrees(robot: Robot, tip: str) -> bool:
-    """Whether the arm is the one in Pinocchio's model of the whole robot."""
+    """True where the arm agrees with Pinocchio's model of the whole robot."""
     chain = chain_of(robot)
     low, high = (np.clip(limit, -4, 4) for limit in (chain.lower, chain.upper))
     q = np.random.default_rng(1).uniform(low, high, (20, len(low)))
