@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from pipeline.filtering.resampling import SCHEMES, resample
+from pipeline.filtering.sampling import SCHEMES, resample
 
 
 @cache

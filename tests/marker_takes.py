@@ -6,7 +6,7 @@ import numpy as np
 from motive_files import START
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.frames import segment_frames
+from pipeline.arm.chain import segment_frames
 from pipeline.core.options.dataset import Dataset, Mocap, Motion, Pose, Robot
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody

@@ -1,20 +1,28 @@
-"""Interface of robots' kinematics, and the constants of a chain that compiled code takes."""
+"""Interface of robots' kinematics, the constants of a chain for compiled code, and the table of a
+commanded trajectory.
+"""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+from numpy import ndarray
 
+from pipeline.core.columns import spread
 from pipeline.core.errors import SingularJacobianError
+
+if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
+    import pandas as pd
 
 
 class ArmConstants(NamedTuple):
     """A chain of n joints and a task of m rows; ``plane`` or ``frames`` is empty."""
 
-    plane: np.ndarray  # (11,) a planar chain's links' x and z (3·2, m), signs (3) and origin (2, m)
-    frames: np.ndarray  # (n + 2, 6) a serial chain's :func:`pipeline.arm.serial.joint_frames`
-    sliding: np.ndarray  # (n,) 1 of a prismatic joint, 0 of a revolute one
-    rows: np.ndarray  # (m,) the task's rows: 0 to 2 of velocity, 3 to 5 of angular velocity
-    units: np.ndarray  # (m,) factor of a row: 1, or a length in m of an angular one
+    plane: ndarray  # (11,) a planar chain's links' x and z (3·2, m), signs (3) and origin (2, m)
+    frames: ndarray  # (n + 2, 6) a serial chain's :func:`pipeline.arm.serial.joint_frames`
+    sliding: ndarray  # (n,) 1 of a prismatic joint, 0 of a revolute one
+    rows: ndarray  # (m,) the task's rows: 0 to 2 of velocity, 3 to 5 of angular velocity
+    units: ndarray  # (m,) factor of a row: 1, or a length in m of an angular one
     least: float  # least singular value of the Jacobian at a regular pose
 
 
@@ -22,35 +30,35 @@ class Mechanism(Protocol):
     """A robot of n joints and a task of m ≤ n rows; J (m, n) is its Jacobian.
 
     ``q`` (..., n) are joint angles in rad, m of prismatic joints, of any leading axes. A *command*
-    (..., m) is a step of the task, or (..., m + n) such a step v and beside it a step w of the
-    joints, of which the arm makes the part in the null space of J.
+    (..., m) is a step v of the task. A longer command (..., m + n) also has a step w of the joints,
+    whose part in the null space of J the arm performs.
     """
 
     task: tuple[str, ...]  # names of the m rows
-    lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
-    upper: np.ndarray  # (n,)
-    max_speed: np.ndarray  # (n,) rad/s or m/s, likewise
+    lower: ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
+    upper: ndarray  # (n,)
+    max_speed: ndarray  # (n,) rad/s or m/s; infinite where a joint has none
 
-    def pose(self, q: np.ndarray) -> np.ndarray:
+    def pose(self, q: ndarray) -> ndarray:
         """(..., p) pose of the tip."""
 
-    def displacement(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    def displacement(self, start: ndarray, end: ndarray) -> ndarray:
         """(..., m) task step between the poses ``start`` and ``end`` (..., p)."""
 
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
+    def jacobian(self, q: ndarray) -> ndarray:
         """(..., m, n) J(q)."""
 
-    def singular(self, q: np.ndarray) -> np.ndarray:
-        """(...,) True where J(q) has no inverse to be trusted, or ``q`` is not finite."""
+    def singular(self, q: ndarray) -> ndarray:
+        """(...,) True where J(q) is singular to within its bound, or ``q`` is not finite."""
 
-    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
+    def inverse_jacobian(self, q: ndarray, *, what: str = "pose") -> ndarray:
         """(..., n, m) J⁺; raises SingularJacobianError naming the first singular ``what``."""
 
-    def least_singular_value(self, q: np.ndarray) -> np.ndarray:
+    def least_singular_value(self, q: ndarray) -> ndarray:
         """(...,) least singular value of J(q)."""
         return np.linalg.svd(self.jacobian(q), compute_uv=False)[..., -1]
 
-    def require_regular(self, q: np.ndarray, *, what: str = "pose") -> None:
+    def require_regular(self, q: ndarray, *, what: str = "pose") -> None:
         """Raise :class:`SingularJacobianError` naming the first singular ``what`` of ``q``."""
         bad = self.singular(q)
         if np.any(bad):
@@ -58,32 +66,56 @@ class Mechanism(Protocol):
             pose = np.asarray(q, dtype=float)[index]
             least = self.least_singular_value(pose) if np.isfinite(pose).all() else np.nan
             raise SingularJacobianError(
-                f"the Jacobian is singular at {int(bad.sum())} {what}(s), where a step of the task "
-                "asks for any step of the joints (or a pose is not finite)",
+                f"the Jacobian is singular at {int(bad.sum())} {what}(s), where a small step of "
+                "the task needs a large step of the joints (or a pose is not finite)",
                 index=index,
                 q=pose.round(4).tolist(),
                 least_singular_value=float(f"{least:.3g}"),
             )
 
-    def nominal_step(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., n) step of the joints without noise, J⁺v + (I − J⁺J)w; raises as J⁺ does."""
+    def nominal_step(self, q: ndarray, command: ndarray) -> ndarray:
+        """(..., n) noise-free joint step J⁺v + (I − J⁺J)w; raises SingularJacobianError."""
         v = np.asarray(command)[..., : len(self.task)]
         return np.matvec(self.inverse_jacobian(q), v) + self.null_step(q, command)
 
-    def null_step(self, q: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., n) null-space part of the step, (I − J⁺J)w; zero where no w is commanded."""
+    def null_step(self, q: ndarray, command: ndarray) -> ndarray:
+        """(..., n) null-space part (I − J⁺J)w of the joint step; zero for a command without w."""
         w = np.asarray(command, dtype=float)[..., len(self.task) :]
         if w.shape[-1] == 0:
             return np.zeros(np.broadcast_shapes(np.shape(q), (*w.shape[:-1], 1)))
         return w - np.matvec(self.inverse_jacobian(q), np.matvec(self.jacobian(q), w))
 
-    def within_limits(self, q: np.ndarray) -> np.ndarray:
-        """(...,) True where every joint of ``q`` is inside its limits."""
+    def within_limits(self, q: ndarray) -> ndarray:
+        """(...,) True where every joint of ``q`` is within its limits."""
         return np.all((q >= self.lower) & (q <= self.upper), axis=-1)
 
 
 class Chain(Mechanism, Protocol):
-    """A serial arm, its joints one behind the other: compiled code moves it too."""
+    """A serial arm, which compiled code moves too."""
 
     def numbers(self) -> ArmConstants:
         """Constants of the chain for compiled code."""
+
+    def coordinates(self, pose: ndarray) -> ndarray:
+        """(M+1, m) task rows of the poses ``pose`` (M+1, p) of a motion, in m and rad."""
+        return pose
+
+
+def trajectory_table(
+    chain: Chain, q: ndarray, rate: float, joints: Sequence[str] = ()
+) -> "pd.DataFrame":
+    """xᵈ and ẋᵈ of commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second: columns k,
+    t, the families x and v of the chain's task (SI), and for a redundant arm the speeds u of its
+    ``joints`` in rad/s. v_kΔt is the displacement from the pose at t_k to the pose at t_{k+1}, zero
+    in the last row.
+    """
+    import pandas as pd
+
+    pose, k = chain.pose(q), np.arange(len(q))
+    steps = chain.displacement(pose[:-1], pose[1:]), np.diff(q, axis=0)
+    v, u = (np.vstack([each * rate, np.zeros((1, each.shape[1]))]) for each in steps)
+    x = chain.coordinates(pose)
+    table = {"k": k, "t": k / rate} | spread("x", chain.task, x) | spread("v", chain.task, v)
+    if len(chain.task) < q.shape[1]:
+        table |= spread("u", joints, u)
+    return pd.DataFrame(table)

@@ -1,34 +1,23 @@
-"""Kinematics of any serial chain in compiled code, a block of poses at a time
-(:mod:`pipeline.arm.rows`).
+"""Compiled kinematics of any serial chain, a block of poses at a time (:mod:`pipeline.arm.rows`).
+
+The argument ``arm`` is the chain's :class:`pipeline.arm.interface.ArmConstants`.
 """
 
 import numpy as np
 
-from pipeline.arm.interface import ArmConstants
-from pipeline.arm.rows import (
-    COSINE,
-    JOINTS,
-    POSITION,
-    ROTATION,
-    SINE,
-    TURN,
-    WIDTH,
-    add_dot,
-    dot,
-    fill,
-    scale,
-)
+from pipeline.arm.rows import JOINTS, POSITION, ROTATION, SINE, TURN, WIDTH, add_dot, fill, scale
 from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TURN
 from pipeline.core.compiled import inlined, inner, sine_cosine
 
-# coefficients of atan(t)/t in t²: up to t = tan(π/16) the first omitted one is below the last place
+COSINE = SINE + 1
+# coefficients of atan(t)/t in t²; up to t = tan(π/16) the first omitted term is below rounding
 ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 
 @inner
-def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray) -> None:
-    """Fill rotation and position of the tip, and axis and a point of every joint, in the base's
-    axes, of ``count`` poses of ``q`` (n, P) from ``start`` on, in rad, m of prismatic joints.
+def tip(arm, q, start, count, block):
+    """Fill the tip's rotation and position, and each joint's axis and a point of it, in the base's
+    axes, at ``count`` poses of ``q`` (n, P) in rad or m from ``start`` on.
     """
     flat, n = block.reshape(-1), len(arm.sliding)
     for k in range(12):
@@ -61,8 +50,8 @@ def tip(arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndar
 
 
 @inlined
-def _follow(k: int, frame: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Row ``k``, a literal, of the frames: turned about their z axes, shifted and tilted."""
+def _follow(k, frame, flat, count):
+    """Rotate row ``k``, a literal, of the frames about their z axes, then shift and tilt it."""
     c, s = frame[FRAME_COSINE], frame[FRAME_SINE]
     px, py, pz = frame[FRAME_SHIFT], frame[FRAME_SHIFT + 1], frame[FRAME_SHIFT + 2]
     for i in range(count):
@@ -77,9 +66,9 @@ def _follow(k: int, frame: np.ndarray, flat: np.ndarray, count: int) -> None:
 
 
 @inner
-def task_jacobian(arm: ArmConstants, block: np.ndarray, first: int, count: int) -> None:
-    """Fill the m·n rows of J, row by row, from ``first`` on, of poses whose :func:`tip` the
-    ``block`` holds: velocities axis × (tip − point), or the axis of a joint that slides.
+def task_jacobian(arm, block, first, count):
+    """Fill the m·n rows of J from ``first`` on, row by row, at the poses whose :func:`tip` is in
+    the ``block``. Velocities are axis × (tip − point), or the axis of a prismatic joint.
     """
     n = len(arm.sliding)
     for r in range(len(arm.rows)):
@@ -100,15 +89,15 @@ def task_jacobian(arm: ArmConstants, block: np.ndarray, first: int, count: int) 
 
 
 @inner
-def cholesky(block, jacobian, lower, inverse, m: int, n: int, shift: float, count: int) -> None:
-    """Rows from ``lower`` on (m·m) = L of JJᵀ − ``shift``·I = LLᵀ, from ``inverse`` on 1/L_rr; NaN
-    where that matrix is not positive definite. Solutions lose digits by κ(J)²: at the least
-    singular value of a regular pose, a thousandth of the greatest, J⁺ is exact to 1e-10.
+def cholesky(block, jacobian, lower, inverse, m, n, shift, count):
+    """Fill L of JJᵀ − ``shift``·I = LLᵀ from row ``lower`` on (m·m) and 1/L_rr from ``inverse`` on,
+    NaN without a factor. The relative error of J⁺ is at most 1e-10 at a regular pose.
     """
     for r in range(m):
         for s in range(r + 1):
             entry = lower + r * m + s
-            dot(block, entry, jacobian + r * n, jacobian + s * n, n, count)
+            fill(block, entry, 0.0, count)
+            add_dot(block, entry, 1.0, jacobian + r * n, jacobian + s * n, n, count)
             add_dot(block, entry, -1.0, lower + r * m, lower + s * m, s, count)
             if s < r:
                 scale(block, entry, inverse + s, count)
@@ -120,13 +109,11 @@ def cholesky(block, jacobian, lower, inverse, m: int, n: int, shift: float, coun
 
 
 @inner
-def mark_singular(block, arm: ArmConstants, jacobian, lower, spare, out, count: int) -> None:
-    """Row ``out`` = 1 where the least singular value of J is below the arm's, else 0; L of J from
-    ``lower`` on, m·m + m rows of scratch from ``spare`` on.
-
-    JJᵀ − least²·I is positive definite where no singular value is below. Blocks far from singular
-    need no factor of it: (det L)² is at most the least squared singular value times the (m − 1)th
-    power of the others' mean.
+def mark_singular(block, arm, jacobian, lower, spare, out, count):
+    """Set row ``out`` to 1 where a singular value of J is below ``arm.least``, i.e. JJᵀ − least²·I
+    has no factor, else to 0; m·m + m rows from ``spare`` on are scratch. Most blocks skip that
+    factor: (det L)² is at most the least squared singular value times the (m − 1)th power of the
+    mean of the others.
     """
     m, n, least = len(arm.rows), len(arm.sliding), arm.least
     fill(block, out, 1.0, count)
@@ -150,16 +137,16 @@ def mark_singular(block, arm: ArmConstants, jacobian, lower, spare, out, count: 
 
 
 @inner
-def solve_lower(block: np.ndarray, lower: int, inverse: int, m: int, x: int, count: int) -> None:
-    """The m rows x = L⁻¹x, by L and 1/L_rr of :func:`cholesky`."""
+def solve_lower(block, lower, inverse, m, x, count):
+    """Replace the m rows x by L⁻¹x, with L and 1/L_rr of :func:`cholesky`."""
     for r in range(m):
         add_dot(block, x + r, -1.0, lower + r * m, x, r, count)
         scale(block, x + r, inverse + r, count)
 
 
 @inner
-def solve_upper(block: np.ndarray, lower: int, inverse: int, m: int, x: int, count: int) -> None:
-    """The m rows x = L⁻ᵀx, likewise."""
+def solve_upper(block, lower, inverse, m, x, count):
+    """Replace the m rows x by L⁻ᵀx."""
     for r in range(m - 1, -1, -1):
         at = lower + (r + 1) * m + r
         add_dot(block, x + r, -1.0, at, x + r + 1, m - r - 1, count, m)
@@ -167,12 +154,9 @@ def solve_upper(block: np.ndarray, lower: int, inverse: int, m: int, x: int, cou
 
 
 @inner
-def add_displacement(
-    arm: ArmConstants, target: np.ndarray, block: np.ndarray, out: int, share: float, count: int
-) -> None:
-    """Add to the m rows from ``out`` on ``share`` times the task's rows of the displacement
-    from the poses whose :func:`tip` the ``block`` holds to ``target`` (12,): the way in m and the
-    rotation vector of R_target·Rᵀ times the unit of angular rows, in the base's axes.
+def add_displacement(arm, target, block, out, share, count):
+    """Add ``share`` times the displacement to ``target`` (12,), in task rows, to the m rows from
+    ``out`` on, at the poses whose :func:`tip` is in the ``block``.
     """
     if np.any(arm.rows > 2):
         rotation_vectors(target, block.reshape(-1), count)
@@ -185,10 +169,9 @@ def add_displacement(
 
 
 @inner
-def rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
-    """Fill the rows TURN with the rotation vector of R = R_target·Rᵀ by the unit quaternion, whose
-    real part is (1 + tr R)/4 by its square, half angles and a series. The error is 1e-15/(π −
-    angle), 1e-12 a thousandth of a radian below half a turn.
+def rotation_vectors(target, flat, count):
+    """Fill the rows TURN with the rotation vector in rad of R_target·Rᵀ, by the unit quaternion,
+    half angles and a series. The error is 1e-15/(π − angle).
     """
     ax, ay, az = target[3:6], target[6:9], target[9:12]
     for i in range(count):
@@ -206,7 +189,7 @@ def rotation_vectors(target: np.ndarray, flat: np.ndarray, count: int) -> None:
         z = ay[0] * bxx + ay[1] * bxy + ay[2] * bxz - (ax[0] * byx + ax[1] * byy + ax[2] * byz)
         over = 1.0 / np.sqrt(w * w + x * x + y * y + z * z)
         w, x, y, z = over * w, over * x, over * y, over * z
-        # tan of a quarter, an eighth and a sixteenth of the angle over sin of its half
+        # tan of a quarter, an eighth and a sixteenth of the angle, divided by sin of its half
         quarter = 1.0 / (1.0 + w)
         square = x * x + y * y + z * z
         eighth = quarter / (1.0 + np.sqrt(1.0 + square * quarter * quarter))

@@ -1,10 +1,9 @@
-"""Closed-form kinematics of a planar chain of three joints in compiled code, in blocks of WIDTH
-poses (:mod:`pipeline.arm.rows`): of rows a constant apart LLVM sees that they do not overlap.
+"""Compiled closed-form kinematics of a planar chain of three joints, in blocks of WIDTH poses
+(:mod:`pipeline.arm.rows`). Loops index the flat block: LLVM sees that its rows do not overlap.
 """
 
-import numpy as np
+from numpy import ndarray
 
-from pipeline.arm.interface import ArmConstants
 from pipeline.arm.rows import WIDTH, block_rows
 from pipeline.core.compiled import inlined, inner, sine_cosine
 
@@ -12,27 +11,24 @@ PLANAR = block_rows(3, 3)
 
 
 @inlined
-def turned(x: float, z: float, heading: float) -> tuple[float, float]:
-    """x and z in m of a link that ``heading`` in rad turns, at zero ``x`` and ``z``."""
+def rotate_link(x: float, z: float, heading: float) -> tuple[float, float]:
+    """Coordinates x and z in m of a link (``x``, ``z``) rotated by ``heading`` in rad."""
     sine, cosine = sine_cosine(heading)
     return cosine * x + sine * z, cosine * z - sine * x
 
 
 @inner
-def planar_jacobian(
-    arm: ArmConstants, q: np.ndarray, start: int, count: int, block: np.ndarray
-) -> None:
-    """Fill J, without the signs of the joints, of ``count`` poses of ``q`` (3, P) in rad from
-    ``start`` on: column j is the vector from joint j to the tip, turned by a right angle, (z, −x,
-    1). One loop a link, as one for all has too few registers.
+def planar_jacobian(arm, q, start, count, block):
+    """Fill J, without the signs of the joints, at ``count`` poses of ``q`` (3, P) in rad from
+    ``start`` on. Column j is (z, −x, 1) for the vector (x, z) in m from joint j to the tip.
     """
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     flat, first = block.reshape(-1), PLANAR.jacobian * WIDTH
     stop = start + count
     q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
     lx, lz = arm.plane[4], arm.plane[5]
-    for i in range(count):
-        x, z = turned(lx, lz, s1 * q1[i] + s2 * q2[i] + s3 * q3[i])
+    for i in range(count):  # one loop per link, as a single loop needs too many registers
+        x, z = rotate_link(lx, lz, s1 * q1[i] + s2 * q2[i] + s3 * q3[i])
         flat[first + 2 * WIDTH + i] = z
         flat[first + 5 * WIDTH + i] = -x
         flat[first + 6 * WIDTH + i] = 1.0
@@ -40,21 +36,20 @@ def planar_jacobian(
         flat[first + 8 * WIDTH + i] = 1.0
     lx, lz = arm.plane[2], arm.plane[3]
     for i in range(count):
-        x, z = turned(lx, lz, s1 * q1[i] + s2 * q2[i])
+        x, z = rotate_link(lx, lz, s1 * q1[i] + s2 * q2[i])
         flat[first + WIDTH + i] = flat[first + 2 * WIDTH + i] + z
         flat[first + 4 * WIDTH + i] = flat[first + 5 * WIDTH + i] - x
     lx, lz = arm.plane[0], arm.plane[1]
     for i in range(count):
-        x, z = turned(lx, lz, s1 * q1[i])
+        x, z = rotate_link(lx, lz, s1 * q1[i])
         flat[first + i] = flat[first + WIDTH + i] + z
         flat[first + 3 * WIDTH + i] = flat[first + 4 * WIDTH + i] - x
 
 
 @inlined
-def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
-    """J⁻¹v but for the signs of the joints, of pose ``i`` of the flat block, for the task step
-    (``vx``, ``vz``, ``phi``): the first two joints give the wrist O3 its velocity v − φk×(EE − O3),
-    the third takes up the rest of φ.
+def joint_step(flat: ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
+    """J⁻¹v without the signs of the joints, at pose ``i`` of the task step v = (``vx``, ``vz``,
+    ``phi``), as :meth:`pipeline.arm.chain.PlanarChain.inverse_jacobian`.
     """
     first = PLANAR.jacobian * WIDTH
     x3, z3 = flat[first + 2 * WIDTH + i], flat[first + 5 * WIDTH + i]
@@ -67,8 +62,8 @@ def joint_step(flat: np.ndarray, i: int, vx: float, vz: float, phi: float) -> tu
 
 
 @inner
-def planar_steps(arm: ArmConstants, block: np.ndarray, count: int) -> None:
-    """The joints' step = J⁻¹x of the task step x."""
+def planar_steps(arm, block, count):
+    """Set the joints' step to J⁻¹x of the task step x."""
     flat, x, y = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.joints * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     for i in range(count):
@@ -80,8 +75,8 @@ def planar_steps(arm: ArmConstants, block: np.ndarray, count: int) -> None:
 
 
 @inner
-def planar_inverse_square(block: np.ndarray, count: int) -> None:
-    """The first row of scratch = ‖J⁻¹‖_F²."""
+def planar_inverse_square(block, count):
+    """Set the first row of scratch to ‖J⁻¹‖_F²."""
     flat, out = block.reshape(-1), PLANAR.spare * WIDTH
     for i in range(count):
         x1, x2, x3 = joint_step(flat, i, 1.0, 0.0, 0.0)
@@ -92,10 +87,8 @@ def planar_inverse_square(block: np.ndarray, count: int) -> None:
 
 
 @inner
-def add_planar_displacement(
-    arm: ArmConstants, target: np.ndarray, q: np.ndarray, start, count, share: float, block
-) -> None:
-    """Add ``share``·(``target`` − x(q)) to the task step; φ is taken in whole turns too."""
+def add_planar_displacement(arm, target, q, start, count, share, block):
+    """Add ``share``·(``target`` − x(q)) to the task step; φ keeps its whole turns."""
     flat, task, jacobian = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.jacobian * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     stop = start + count

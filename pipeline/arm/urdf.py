@@ -1,4 +1,4 @@
-"""Tree of links and joints in a URDF, and the joints of it that are the arm of the options."""
+"""Tree of links and joints in a URDF, and the arm of the options within it."""
 
 import math
 from collections.abc import Iterator
@@ -13,10 +13,8 @@ from pipeline.core.options.dataset import Robot
 LIMITED = ("revolute", "prismatic")  # kinds of joints with one coordinate and limits
 SINGLE = (*LIMITED, "continuous")  # with one coordinate
 XACRO = "a xacro: expand it with xacro {} > arm.urdf"
-NO_LIMITS = (
-    "the joint {} has no limits; give it <limit lower upper velocity effort>, or the type "
-    "continuous"
-)
+NO_LIMITS = "the joint {} has no limits; give it <limit lower upper velocity effort>, or the type "
+NO_LIMITS += "continuous"
 
 
 class Joint(NamedTuple):
@@ -26,17 +24,12 @@ class Joint(NamedTuple):
     kind: str
     parent: str
     child: str
-    limits: dict[str, float]  # lower, upper (rad or m), velocity, effort
-    follows: str | None = None  # the joint that it is coupled to (mimic): multiplier·q + offset
+    lower: float  # rad or m; infinite for a continuous joint
+    upper: float
+    limits: dict[str, float]  # as in the URDF: lower, upper (rad or m), velocity, effort
+    follows: str | None = None  # joint to which it is coupled (mimic): multiplier·q + offset
     multiplier: float = 1.0
     offset: float = 0.0
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """The least and the greatest coordinate, rad or m: infinite of a continuous joint."""
-        if self.kind == "continuous":
-            return -math.inf, math.inf
-        return self.limits.get("lower", 0.0), self.limits.get("upper", 0.0)
 
 
 class Tree(NamedTuple):
@@ -49,12 +42,12 @@ class Tree(NamedTuple):
 
     @property
     def ends(self) -> list[str]:
-        """The links that no other follows."""
+        """Links without a joint beyond them."""
         followed = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in followed]
 
     def above(self, link: str) -> list[Joint]:
-        """The joints from the root to ``link``."""
+        """Joints from the root to ``link``."""
         by_child = {joint.child: joint for joint in self.joints.values()}
         result: list[Joint] = []
         while link in by_child and len(result) < len(self.joints):  # links may form a loop
@@ -63,14 +56,14 @@ class Tree(NamedTuple):
         return result[::-1]
 
     def link(self, name: str, key: str) -> str:
-        """The link ``name``, or the one that this joint moves; else ConfigError for ``key``."""
+        """Link ``name``, or the link that a joint ``name`` moves; else ConfigError for ``key``."""
         if name not in self.links and name not in self.joints:
             raise ConfigError(f"{key}: no frame {name!r} in the URDF", file=self.file)
         return name if name in self.links else self.joints[name].child
 
 
 def read_urdf(file: Path) -> Tree:
-    """Return the tree that ``file`` describes; ConfigError for a file that is no URDF."""
+    """Return the tree in ``file``; raises ConfigError for a file that is no URDF."""
     file, line = Path(file), None
     try:
         root = ElementTree.fromstring(read_whole(file))
@@ -82,14 +75,12 @@ def read_urdf(file: Path) -> Tree:
             links = [link.get("name", "") for link in root.findall("link")]
             return Tree(file, root, links, joints)
         message = XACRO.format(file.name)
-    except FileNotFoundError:
-        message = "no such file; name one from the project's root"
     except OSError as error:
-        message = f"the file cannot be read ({error.strerror})"
+        message = f"the file cannot be read ({error.strerror}); name it from the project's root"
     except ElementTree.ParseError as error:
         message, line = f"this is no URDF ({error.msg})", error.position[0]
         message = XACRO.format(file.name) if "unbound prefix" in error.msg else message
-    except (LookupError, ValueError) as error:  # an encoding; a number
+    except (LookupError, ValueError) as error:  # of an encoding or a number
         message = f"this is no URDF ({error})"
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
@@ -104,10 +95,13 @@ def _joint(element: ElementTree.Element) -> Joint:
     except ValueError as error:
         raise ValueError(f"limit or mimic of the joint {name}: {error}") from None
     ends = [parts.get(end, {}).get("link", "") for end in ("parent", "child")]
-    follows = mimic["joint"] if kind in SINGLE else None  # some fixed joints have it
+    follows = mimic["joint"] if kind in SINGLE else None  # some fixed joints have a mimic element
     if kind in LIMITED and not {"velocity", "effort"} <= {*limits}:
         raise ValueError(NO_LIMITS.format(name))
-    return Joint(name, kind, *ends, limits, follows, *coupling)
+    lower, upper = limits.get("lower", 0.0), limits.get("upper", 0.0)
+    if kind == "continuous":
+        lower, upper = -math.inf, math.inf
+    return Joint(name, kind, *ends, lower, upper, limits, follows, *coupling)
 
 
 class Description(NamedTuple):
@@ -117,67 +111,55 @@ class Description(NamedTuple):
     joints: list[Joint]  # base to tip
     base: str | None  # link; None for the root
     tip: str  # link
-    held: dict[str, float]  # rad or m, of the other joints; 0 where not named
+    held: dict[str, float]  # coordinates of other joints, rad or m; 0 where not named
 
 
 def describe(robot: Robot) -> Description:
-    """Return the arm of the section ``dataset.robot``; coupled joints (mimic) that are not of the
-    arm are held where the joints that they follow hold them.
-
-    Raises ConfigError for names that the URDF does not have, and for joints, tip and base that are
-    no chain of joints of one coordinate each.
+    """Return the arm of the options ``dataset.robot``. Coupled joints (mimic) outside the arm are
+    held by their coupling. Raises ConfigError for names that the URDF does not have, and for
+    joints, tip and base that do not form a chain of joints of one coordinate each.
     """
-    tree, locked = read_urdf(Path(robot.urdf)), dict(robot.locked)
-    names, joints = robot.joints, tree.joints
-    for key, name in [("joints", name) for name in names] + [("locked", name) for name in locked]:
-        if name not in joints or joints[name].kind not in SINGLE:
-            movable = sorted(name for name, joint in joints.items() if joint.kind in SINGLE)
-            message = f"robot.{key}: no joint {name!r} of one coordinate in the URDF"
+    tree, locked, last = read_urdf(Path(robot.urdf)), robot.locked, robot.joints[-1]
+    joints = tree.joints
+    movable = sorted(name for name, joint in joints.items() if joint.kind in SINGLE)
+    for key, names in {"joints": robot.joints, "locked": locked}.items():
+        if unknown := [name for name in names if name not in movable]:
+            message = f"robot.{key}: no joint {unknown[0]!r} of one coordinate in the URDF"
             raise ConfigError(f"{message}; it has {movable}", file=tree.file)
-    if robot.tool is not None:
-        tip = tree.link(robot.tool, "robot.tool")
-    else:
-        ends = [end for end in tree.ends if joints[names[-1]] in tree.above(end)]
-        if len(ends) != 1:
-            message = f"the URDF ends in more than one link beyond {names[-1]}; name one of {ends}"
-            raise ConfigError(f"robot.tool: {message}", file=tree.file)
-        tip = ends[0]
+    ends = [end for end in tree.ends if joints[last] in tree.above(end)]
+    if robot.tool is None and len(ends) != 1:
+        message = f"the URDF ends in more than one link beyond {last}; name one of {ends}"
+        raise ConfigError(f"robot.tool: {message}", file=tree.file)
+    tip = ends[0] if robot.tool is None else tree.link(robot.tool, "robot.tool")
     base = None if robot.base is None else tree.link(robot.base, "robot.base")
     if (fault := next(_arm_faults(tree, robot, base, tip), None)) is not None:
         raise ConfigError(f"robot.{fault}", file=tree.file)
-    followers = (joint for joint in joints.values() if joint.follows is not None)
     held = {
         joint.name: joint.multiplier * locked.get(joint.follows, 0.0) + joint.offset
-        for joint in followers
+        for joint in joints.values()
+        if joint.follows is not None
     }
-    return Description(tree, [joints[name] for name in names], base, tip, held | locked)
+    return Description(tree, [joints[name] for name in robot.joints], base, tip, held | locked)
 
 
 def _arm_faults(tree: Tree, robot: Robot, base: str | None, tip: str) -> Iterator[str]:
-    """Faults of the way from the base to the tip."""
-    joints, below_base = robot.joints, tree.above(base) if base else []
-    above = tree.above(tip)
+    """Yield the faults of the joints between the base and the tip."""
+    joints, above, below_base = robot.joints, tree.above(tip), tree.above(base) if base else []
     on = [joint.name for joint in above if joint.name in joints]
     if both := sorted({*joints} & {*robot.locked}):
-        yield f"locked: {', '.join(both)} cannot be locked, being of robot.joints"
+        yield f"locked: {', '.join(both)} cannot be locked, as robot.joints names it"
     if joints != on:
-        yield (
-            f"joints: {joints} must be the joints of one chain from base to tip; those that move "
-            f"{tip!r} are {on}: name them in this order, or another robot.tool"
-        )
+        fault = f"joints: {joints} must be one chain from base to tip; the joints that move {tip!r}"
+        yield f"{fault} are {on}: name them in this order, or another robot.tool"
     if moving := [joint.name for joint in below_base if joint.name in joints]:
         yield f"base: {robot.base!r} moves with {moving[-1]}; name a link before the arm"
     for joint in (joint for joint in above if joint not in below_base):
-        lower, upper = joint.range
         if joint.kind not in (*SINGLE, "fixed"):
-            yield (
-                f"joints: the joint {joint.name} before the tip is {joint.kind}; name a link "
-                "beyond it as robot.base, or put joints of one coordinate in its place"
-            )
+            fault = f"joints: the joint {joint.name} before the tip is {joint.kind}; name a link"
+            yield f"{fault} beyond it as robot.base, or replace it by joints of one coordinate"
         if joint.follows is not None and {joint.name, joint.follows} & {*joints}:
-            yield (
-                f"joints: {joint.name} is coupled to {joint.follows} (mimic), and the tip moves "
-                "with it; an arm of joints that move by themselves is needed"
-            )
-        if joint.name in joints and joint.kind in LIMITED and not 0 < upper - lower < math.inf:
+            fault = f"joints: {joint.name} is coupled to {joint.follows} (mimic) and moves the tip"
+            yield f"{fault}; the joints of an arm must move independently"
+        finite = 0 < joint.upper - joint.lower < math.inf
+        if joint.name in joints and joint.kind in LIMITED and not finite:
             yield f"urdf: {NO_LIMITS.format(joint.name)}"

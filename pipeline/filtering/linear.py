@@ -1,30 +1,31 @@
-"""The linear filter of minimum variance of deviations whose second moments over time are known.
+"""Linear minimum-variance filter of deviations whose covariance over time is known.
 
-It is the exact posterior of normal deviations and noise: of a Markov law the Kalman filter
-(Anderson & Moore, Optimal Filtering, 1979), of all frames at once the regression of a Gaussian
-process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec. 2.2).
+For normal deviations and noise it is the exact posterior, by Gaussian process regression
+(Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec. 2.2), and the Kalman
+filter for a Markov law (Anderson & Moore, Optimal Filtering, 1979).
 
-The path has the prior N(q̄, P). Frame j shows the deviation at its point p between the two poses
-of its step times the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). A pose of the tip
-is displaced from the pose at p̄_j by J(p̄_j)A(p_j − p̄_j) + b_j + N(0, R_j), to first order. So
-H_j is A, or JA, times the weights of the two poses; with the frames in the order of time and S =
-H P Hᵀ + R = L Lᵀ one factorisation holds the posterior of every step given the frames so far,
+The path has the prior N(q̄, P). Frame j measures the pose p_j between the ends of its step with the
+response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). To first order a pose of the tip is
+displaced from the pose at p̄_j by J(p̄_j)A(p_j − p̄_j) + N(0, R_j). So H_j is A, or JA, times
+the weights of the two ends. With the frames in order of time and S = H P Hᵀ + R = L Lᵀ one
+factorisation gives the posterior at every step given the frames so far,
 
     E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄).
 
-The baselines of every motion model know the training takes alone: their mean and covariance at each
-step (NONE of :mod:`pipeline.core.filters`), and those with one autocorrelation over time (MEMORY),
+Two baselines use the training takes alone: their mean and covariance at each step (NONE of
+:mod:`pipeline.core.filters`), and also one autocorrelation over time (MEMORY),
 
     Cov(e_k, e_l) = S_k^½ r(|k − l|) S_l^½,    r(l) = Σ e_kᵀe_{k+l} / Σ e_kᵀe_k,
 
-e_k the deviations from the mean, S_k their covariance at step k, both sums over takes, joints and
-steps, each less the part of the measurement.
+with the deviations e_k from the mean, their covariance S_k at step k, and sums over takes, joints
+and steps, each without the noise of the measurement.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Chain
 from pipeline.core.columns import SPACE
@@ -36,19 +37,17 @@ from pipeline.statistics.takes import takes_moments
 
 
 def linear_filter(
-    path: np.ndarray,
-    covariance: np.ndarray,
+    path: ndarray,
+    covariance: ndarray,
     takes: Sequence[Measurements],
     dt: float,
     chain: Chain,
-    response: np.ndarray | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the pose of each of
-    the T ``takes`` at each step given the frames up to it.
-
-    ``path`` (M+1, n) rad is the prior mean q̄ on the motion grid of step ``dt`` (s), ``covariance``
-    (M+1, n, M+1, n) rad² is P, and ``response`` (n, n) A, by default the identity: an error
-    independent of the pose. Raises ModelDomainError for a ``covariance`` or R that is none.
+    response: ndarray | None = None,
+) -> tuple[ndarray, ndarray]:
+    """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the poses of the T
+    ``takes`` at each step given the frames up to it. ``path`` (M+1, n) rad is q̄ at steps of ``dt``
+    (s), ``covariance`` (M+1, n, M+1, n) rad² is P, ``response`` (n, n) is A (default identity).
+    Raises ModelDomainError where P or R has a negative eigenvalue.
     """
     posteriors = [_posterior(path, covariance, take, dt, chain, response) for take in takes]
     means, covariances = zip(*posteriors, strict=True)
@@ -66,18 +65,18 @@ def _posterior(path, covariance, measurements, dt, chain, response):
     share = share[:, :, None, None]
     # (F, d, M+1, n) covariances of each frame with each pose
     across = (1 - share) * covariance[before] + share * covariance[after]
-    if frames.tip:  # seen through the whole pose, in metres and radians, whatever the task
+    if frames.tip:  # the whole pose, in metres and radians, whatever the task
         whole = replace(chain, task=SPACE, length=1.0)
         residual = whole.displacement(whole.pose(point), frames.unbiased)
-        shown = whole.jacobian(point)
+        observation = whole.jacobian(point)
     else:
-        shown, residual = np.tile(np.eye(n), (len(point), 1, 1)), frames.unbiased - point
-    shown = shown if response is None else shown @ response
+        observation, residual = np.tile(np.eye(n), (len(point), 1, 1)), frames.unbiased - point
+    observation = observation if response is None else observation @ response
     d = residual.shape[-1]
-    across = (shown @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
+    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
     among = np.moveaxis(across, 2, 0)
     among = (1 - share) * among[before] + share * among[after]
-    total = np.moveaxis(among @ shown.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
+    total = np.moveaxis(among @ observation.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
     each = np.arange(len(after))
     unwhitened = np.linalg.inv(frames.whitening)
     total[each, :, each] += unwhitened @ unwhitened.swapaxes(-1, -2)
@@ -96,14 +95,12 @@ def _posterior(path, covariance, measurements, dt, chain, response):
 
 
 def baseline_predictions(
-    training: np.ndarray, poses: np.ndarray, measurement: np.ndarray
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return by baseline the errors (..., K − 1, n) in rad of the predicted poses, measured minus
-    predicted, and their predicted covariances (K − 1, n, n) in rad².
-
-    The second is given the pose y_k = e_k + N(0, Σ) that was measured a step before:
-    E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k. ``training`` (takes, K, n) and ``poses``
-    (..., K, n) rad are the training takes and the predicted ones, ``measurement`` (n, n) rad² Σ.
+    training: ndarray, poses: ndarray, measurement: ndarray
+) -> dict[str, tuple[ndarray, ndarray]]:
+    """Return by baseline the errors (..., K − 1, n) in rad of the predicted ``poses`` (..., K, n),
+    and their predicted covariances (K − 1, n, n) in rad². MEMORY uses the pose y_k = e_k + N(0, Σ)
+    measured one step before: E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k. ``training``
+    (takes, K, n) rad are the training takes, ``measurement`` (n, n) rad² is Σ.
     """
     mean, covariance = takes_moments(training)
     off = poses - mean
@@ -120,46 +117,37 @@ def baseline_predictions(
 
 
 def autocorrelated_filter(
-    poses: np.ndarray,
-    measurement: np.ndarray,
-    takes: Sequence[Measurements],
-    dt: float,
-    chain: Chain,
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return means (T, K, n) in rad and covariances (T, K, n, n) in rad² of the poses of the T
-    ``takes`` at each step given the frames up to it, by :func:`linear_filter`; and the number of
-    axes, over all steps, along which S_k is set to zero.
-
-    ``poses`` (takes, K, n) rad are those of the training takes, ``measurement`` (n, n) rad² the
-    noise of one, ``dt`` s the step of the motion grid.
+    poses: ndarray, measurement: ndarray, takes: Sequence[Measurements], dt: float, chain: Chain
+) -> tuple[ndarray, ndarray, int]:
+    """Return the result of :func:`linear_filter` with the law of the training takes, and the number
+    of axes, over all steps, along which S_k is set to zero. ``poses`` (takes, K, n) rad are of the
+    training takes, ``measurement`` (n, n) rad² is the covariance of their noise.
     """
     roots, without = deviation_roots(poses, measurement)
     prior = path_covariance(roots, autocorrelation(poses, measurement))
     return *linear_filter(poses.mean(axis=0), prior, takes, dt, chain), without
 
 
-def deviation_roots(poses: np.ndarray, measurement: np.ndarray) -> tuple[np.ndarray, int]:
-    """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), and the number of zero axes."""
+def deviation_roots(poses: ndarray, measurement: ndarray) -> tuple[ndarray, int]:
+    """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), and the number of zeroed axes."""
     left = [without_measurement(each, measurement) for each in takes_moments(poses)[1]]
     return np.stack([root(each) for each, _ in left]), sum(without for _, without in left)
 
 
-def autocorrelation(poses: np.ndarray, measurement: np.ndarray) -> np.ndarray:
-    """Return r (K,) of ``poses`` (takes, K, n); white noise's where they hold measurement alone.
-
-    The measurement is white, as high at every frequency; where the takes' spectrum is lower, by
-    chance, it is set to zero, so that r is a positive semidefinite sequence.
+def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
+    """Return r (K,) of ``poses`` (takes, K, n), of white noise without any deviations. Where the
+    measurement's white spectrum exceeds the takes' spectrum, by chance, the difference is set to
+    zero: r is a positive semidefinite sequence.
     """
-    deviation = poses - poses.mean(axis=0)
-    takes, steps, _ = deviation.shape
+    deviation, (takes, steps, _) = poses - poses.mean(axis=0), poses.shape
     power = np.sum(np.abs(np.fft.rfft(deviation, 2 * steps, axis=1)) ** 2, axis=(0, 2))
     noise = (takes - 1) * steps * np.trace(measurement)
     products = np.fft.irfft(np.maximum(power - noise, 0.0), 2 * steps)[:steps]
     return products / products[0] if products[0] > 0 else np.eye(1, steps)[0]
 
 
-def path_covariance(roots: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Return (K, n, K, n) rad², Cov(e_k, e_l) of ``roots`` (K, n, n) and ``correlation`` (K,)."""
+def path_covariance(roots: ndarray, correlation: ndarray) -> ndarray:
+    """Return Cov(e_k, e_l) (K, n, K, n) in rad² of S_k^½ ``roots`` and r ``correlation``."""
     steps = np.arange(len(correlation))
     apart = correlation[np.abs(steps[:, None] - steps)]
     return np.einsum("kia,lja,kl->kilj", roots, roots, apart)

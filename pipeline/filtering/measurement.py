@@ -1,63 +1,65 @@
 """Measurements of an arm during one take, with a bias and a covariance per frame: of the joints,
 y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at
-q(t_j) is b_j + N(0, R_j).
+q(t_j) is N(0, R_j); and the measurements of a dataset's test takes.
 
-The paper does not say how frames at 30 Hz meet a motion grid of 100 Hz. A model's velocity is
-constant within a step: its path is the polygon through the q_k, and a frame is compared with the
-particle's polygon at the frame's time, when the step is done: the exact likelihood of that path.
+The paper does not say how frames at 30 Hz meet steps at 100 Hz. The velocity of a motion model is
+constant within a step. So a frame is compared with the pose at its time, interpolated between the
+two ends of its step, which is the exact likelihood of that path.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 
-from pipeline.core.columns import matrices, members, values
-from pipeline.core.errors import ModelDomainError
+from pipeline.arm.serial import rigid_motion
+from pipeline.arm.urdf import describe
+from pipeline.core import contracts
+from pipeline.core.columns import columns, matrices, members, values
+from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.core.options.dataset import Dataset, Mocap
 
-# shares of a step are rounded, so that 0.03 s / 0.01 s is step 3 and not just past it
-SHARE_DIGITS = 6
-# ratio of the least to the greatest variance of R below which rounding decides its sign
-SINGULAR_VARIANCE = 1e-12
+MOTION, TRACK, ARTICULATE = Path("data/ingest/motion"), Path("data/track"), Path("data/articulate")
+SHARE_DIGITS = 6  # of times in steps, so that 0.03 s / 0.01 s is step 3 and not later
+SINGULAR_VARIANCE = 1e-12  # ratio of the least to the greatest variance of R lost in rounding
 
 
 class Frames(NamedTuple):
-    """The F measurements in the order in which they enter: frames first[k] to first[k+1] when step
-    k is done.
-
-    The density of y at the pose q is exp(log_norm − ‖whitening·e‖²/2), e being y − bias − q or the
-    displacement of the tip from its pose at q, and q the pose at ``share`` of the step.
+    """The F measurements in order of their steps; frames first[k] to first[k+1] are in step k. The
+    density of y is exp(log_norm − ‖whitening·e‖²/2) at the pose q at ``share`` of the step, e being
+    y − bias − q, or the displacement of the tip from its pose at q.
     """
 
-    first: np.ndarray  # (M+2,)
-    share: np.ndarray  # (F,)
-    unbiased: np.ndarray  # (F, n) joint angles, rad, or (F, 12) poses of the tip, without bias
-    whitening: np.ndarray  # (F, d, d) lower triangular, 1/rad or 1/m
-    log_norm: np.ndarray  # (F,)
+    first: ndarray  # (M+2,)
+    share: ndarray  # (F,)
+    unbiased: ndarray  # (F, n) joint angles without bias, rad, or (F, 12) poses of the tip
+    whitening: ndarray  # (F, d, d) lower triangular, 1/rad or 1/m
+    log_norm: ndarray  # (F,)
     tip: bool  # true for poses of the tip
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """The F ≥ 0 frames of one take.
-
-    A pose of the tip is its position and its rotation, row by row, displaced by d = 6 numbers, a
-    way and a rotation vector, in m and rad in the base's axes. Of n joint angles d is n.
+    """The F ≥ 0 frames of one take, with noise of dimension d. A frame is n joint angles, d = n, or
+    a pose of the tip, position and rotation row by row. The noise of a pose is a displacement, d =
+    6: a vector in m and a rotation vector in rad, in the base's axes.
     """
 
     take: str
-    t: np.ndarray  # (F,) times on the motion clock, s, in any order
-    y: np.ndarray  # (F, n) measured joint angles, rad, or (F, 12) poses of the tip
-    bias: np.ndarray  # (F, d) mean of the noise
-    covariance: np.ndarray  # (F, d, d) covariance R of the noise
+    t: ndarray  # (F,) times on the motion clock, s, in any order
+    y: ndarray  # (F, n) measured joint angles, rad, or (F, 12) poses of the tip
+    bias: ndarray  # (F, d) mean of the noise of joint angles
+    covariance: ndarray  # (F, d, d) covariance R of the noise
     tip: bool = False  # true for poses of the tip
 
-    def schedule(self, steps: int, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return frames, steps k and shares of the step (F',) of the frames within ``steps`` steps
-        of ``dt`` (s), in the order in which they enter: a frame at t_k has share 1 of the step that
-        ends there, one at the start of the motion share 1 of k = 0.
+    def schedule(self, steps: int, dt: float) -> tuple[ndarray, ndarray, ndarray]:
+        """Return indices, steps k and shares of the step (F',) of the frames within ``steps`` steps
+        of ``dt`` (s), in order of k. A frame at t_k has share 1 of the step that ends there; a
+        frame at the start of the motion has share 1 of k = 0.
         """
         position = np.round(self.t / dt, SHARE_DIGITS)
         frame = np.flatnonzero((position >= 0) & (position <= steps))
@@ -66,25 +68,15 @@ class Measurements:
         return frame, step, position[frame] - step + 1
 
     def frames(self, steps: int, dt: float) -> Frames:
-        """Return the frames of :meth:`schedule`; raises ModelDomainError like :attr:`whitening`."""
-        chosen, step, share = self.schedule(steps, dt)
+        """Return the frames of :meth:`schedule`; raises ModelDomainError as :attr:`whitening`."""
+        frame, step, share = self.schedule(steps, dt)
         whitening, log_norm = self.whitening
-        first, unbiased = np.searchsorted(step, np.arange(steps + 2)), self.unbiased[chosen]
-        return Frames(first, share, unbiased, whitening[chosen], log_norm[chosen], self.tip)
+        first = np.searchsorted(step, np.arange(steps + 2))
+        unbiased = self.y[frame] if self.tip else self.y[frame] - self.bias[frame]
+        return Frames(first, share, unbiased, whitening[frame], log_norm[frame], self.tip)
 
     @cached_property
-    def unbiased(self) -> np.ndarray:
-        """(F, n) or (F, 12): ``y`` without its bias."""
-        if not self.tip:
-            return self.y - self.bias
-        from scipy.spatial.transform import Rotation
-
-        back = Rotation.from_rotvec(-self.bias[:, 3:]).as_matrix()
-        turn = back @ self.y[:, 3:].reshape(-1, 3, 3)
-        return np.hstack([self.y[:, :3] - self.bias[:, :3], turn.reshape(-1, 9)])
-
-    @cached_property
-    def whitening(self) -> tuple[np.ndarray, np.ndarray]:
+    def whitening(self) -> tuple[ndarray, ndarray]:
         """(F, d, d) lower triangular inverses of the Cholesky factors of R, and (F,) logarithms of
         the normal density's constant. Raises ModelDomainError where R is not positive definite.
         """
@@ -100,15 +92,134 @@ class Measurements:
 
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
-    """Return the depth camera's measurements of every take, each with the noise estimated without
-    that take, from the tables ``angles`` and ``kinect_noise``.
+    """Return the depth camera's measurements of every take from the tables ``angles`` and
+    ``kinect_noise``; the noise of each is estimated without that take.
     """
     names, takes = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         others = noise[noise["take"] == take].set_index("frame")
-        # a frame at which no other take has one has no noise estimate
+        # no noise is estimated at a frame that no other take has
         rows = rows[rows["frame"].isin(others.index)]
         others = others.loc[rows["frame"]]
         t, q, bias = rows["t"].to_numpy(), values(rows, "q"), values(others, "b")
         takes.append(Measurements(str(take), t, q, bias, matrices(others, "r", names)))
     return takes
+
+
+def measured_takes(dataset: Dataset) -> list[Measurements]:
+    """Return the measurements of every test take by the instrument ``dataset.measurement``; none if
+    it is a depth camera which the dataset lacks. Raises ConfigError for another missing instrument.
+    """
+    if dataset.measurement == "depth":
+        if not contracts.exists("angles", ARTICULATE):
+            return []
+        return measurements(*(contracts.read(n, ARTICULATE) for n in ("angles", "kinect_noise")))
+    joints = contracts.read("joints", TRACK)
+    if dataset.measurement == "encoders":
+        return _encoder_takes(dataset, joints)
+    if dataset.robot.plane:
+        message = "the pose of the tip is measured of an arm in space, not of one in a plane"
+        raise ConfigError(message, key="dataset.measurement")
+    rows = _rows_of("markers", joints, "test", "dataset.mocap.deviation", dataset.mocap)
+    tool = describe(dataset.robot).tip
+    return [tip_poses(take, each, dataset.mocap, tool) for take, each in rows]
+
+
+def _rows_of(
+    name: str, joints: pd.DataFrame, part: str, key: str, instrument: object
+) -> list[tuple]:
+    """Return (take, rows) of the table ``name`` for the takes of ``joints`` in the ``part``."""
+    if instrument is None:
+        raise ConfigError("the filter needs measurements that the dataset does not have", key=key)
+    takes, table = joints.loc[joints["part"] == part, "take"], contracts.read(name, MOTION)
+    if absent := sorted(set(takes) - set(table["take"])):
+        raise ConfigError(f"there are no measurements of the takes {', '.join(absent)}", key=key)
+    return list(table[table["take"].isin(takes)].groupby("take"))
+
+
+class EncoderNoise(NamedTuple):
+    """Noise of n encoders at the K steps of the motion, ``dt`` (s) apart."""
+
+    bias: ndarray  # (K, n) rad
+    covariance: ndarray  # (K, n, n) rad², of one reading
+    lasts: float  # s, correlation time of an error
+    dt: float
+
+    def of_readings(self, t: ndarray) -> tuple[ndarray, ndarray]:
+        """Return bias (F, n) in rad and covariance (F, n, n) in rad² of readings at the sorted
+        times ``t`` (F,) in s, as independent readings with equal information: the covariance of one
+        is multiplied by the number of readings within :attr:`lasts`, as for the mean of a
+        correlated sequence (Priestley, Spectral Analysis and Time Series, 1981).
+        """
+        steps = np.arange(len(self.bias))
+        place = np.clip(t / self.dt, 0, steps[-1])
+        bias = np.stack([np.interp(place, steps, b) for b in self.bias.T], axis=-1)
+        together = max(1.0, self.lasts / float(np.median(np.diff(t)))) if len(t) > 1 else 1.0
+        return bias, together * self.covariance[np.round(place).astype(int)]
+
+
+def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
+    """Estimate the noise from ``errors`` (takes, K, n), rad, reading minus truth every ``dt`` s.
+    The correlation time is the sum of correlations over all lags, one value for all joints. The
+    covariance of a step is pooled over that time on either side, about the mean of each step.
+    """
+    (takes, steps, n), bias = errors.shape, errors.mean(axis=0)
+    off = errors - bias
+    squares = np.sum(off**2)
+    lasting = np.sum(off.sum(axis=1) ** 2) / squares if squares > 0 else 1.0
+    total, window = np.zeros((steps + 1, n, n)), round(lasting)
+    total[1:] = np.cumsum(np.einsum("tki,tkj->kij", off, off), axis=0)
+    first = np.maximum(np.arange(steps) - window, 0)
+    last = np.minimum(np.arange(steps) + window + 1, steps)
+    freedom = (takes - 1) * (last - first)[:, None, None]
+    covariance = (total[last] - total[first]) / freedom
+    return EncoderNoise(bias, covariance, lasting * dt, dt)
+
+
+def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]:
+    """Return one reading per step of the motion, as the errors within a step are equal, with the
+    noise of the training takes against the motion capture.
+    """
+    rate, errors, takes = dataset.motion.rate, [], []
+    training, test = (
+        _rows_of("encoders", joints, part, "dataset.encoders", dataset.encoders)
+        for part in ("training", "test")
+    )
+    for take, read in training:
+        tracked = joints[joints["take"] == take]
+        at_steps = [np.interp(tracked["t"], read["t"], y) for y in values(read, "q").T]
+        errors.append(np.stack(at_steps, axis=-1) - values(tracked, "q"))
+    noise = encoder_noise(np.stack(errors), 1 / rate)
+    for take, rows in test:
+        read = rows[:: max(1, round(1 / rows["t"].diff().median() / rate))]
+        t, y = read["t"].to_numpy(), read[columns("q", dataset.robot.joints)].to_numpy()
+        takes.append(Measurements(str(take), t, y, *noise.of_readings(t)))
+    return takes
+
+
+def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measurements:
+    """Return the poses of the link ``tool`` in the base's axes, at the frames that show three of
+    its points, from the ``rows`` of a take in the table ``markers``, with white noise of
+    ``mocap.deviation`` in each coordinate. Raises ConfigError if either is missing.
+    """
+    if tool not in mocap.markers or mocap.deviation is None:
+        needed = f"its markers or body, dataset.mocap.markers.{tool}, and the deviation of a marker"
+        raise ConfigError(f"the pose of {tool!r} needs {needed}", key="dataset.mocap.deviation")
+    number = list(mocap.markers).index(tool) + 1
+    seen = rows[rows["link"] == number].sort_values(["marker", "k"], kind="stable")
+    places = np.array(list(mocap.markers[tool].values()), dtype=float)
+    points = seen[["x", "y", "z"]].to_numpy().reshape(len(places), -1, 3).transpose(1, 0, 2)
+    rotation, position = rigid_motion(places, points)
+    known = np.isfinite(position).all(axis=1)
+    t, present = seen["t"].to_numpy()[: len(points)], np.isfinite(points).all(axis=-1)
+    t, present, rotation, position = (each[known] for each in (t, present, rotation, position))
+    # a displacement (δ, θ) of the tip moves the point at lever r by δ + θ × r
+    lever = np.einsum("fab,pb->fpa", rotation, places)
+    moves = np.zeros((*lever.shape, 6))
+    moves[..., :3] = np.eye(3)
+    moves[..., 3:] = np.cross(np.eye(3), lever[..., None, :]).swapaxes(-1, -2)
+    moves *= present[..., None, None]
+    information = np.einsum("fpai,fpaj->fij", moves, moves)
+    y = np.hstack([position, rotation.reshape(-1, 9)])
+    covariance = mocap.deviation**2 * np.linalg.inv(information)
+    return Measurements(str(take), t, y, np.zeros((len(y), 6)), covariance, tip=True)

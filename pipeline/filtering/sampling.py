@@ -1,8 +1,10 @@
-"""Sequential importance sampling with resampling, compiled. Joint angles are kept as (n, P), so
-that neighbours in memory are the same joint of neighbouring particles.
-"""
+"""Compiled sequential importance sampling, and the resampling schemes of the particle filter (Douc,
+Cappé & Moulines 2005). Joint angles are (n, P): neighbours in memory are neighbouring particles.
 
-from typing import NamedTuple
+A scheme takes weights (P,), non-negative and of sum 1, and a generator, and fills ``chosen`` (P,)
+with the indices of the particles that continue; ``scratch`` has at least (2, P) floats. Particle i
+is chosen P·w_i times on average, and never where w_i = 0.
+"""
 
 import numpy as np
 
@@ -12,22 +14,125 @@ from pipeline.core.compiled import (
     compiled,
     exponential,
     greatest,
-    inlined,
     inner,
     inner_product,
     total,
 )
-from pipeline.filtering.resampling import resample
 from pipeline.models.kernel import move
 
 ROWS = 6  # of a displacement of the tip
+ROUNDING = 1e-9  # of P·w: what rounding may take from a whole number of copies
+# "none" is sequential importance sampling without resampling, in which the weights degenerate
+SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
+
+
+@inner
+def cumulate(weights, cumulative):
+    """Fill ``cumulative`` with the cumulative sums of the ``weights``, scaled to end at 1."""
+    total = 0.0
+    for i in range(len(weights)):
+        total += weights[i]
+        cumulative[i] = total
+    for i in range(len(weights)):
+        cumulative[i] /= total
+
+
+@inner
+def repeat(below, chosen):
+    """Fill ``chosen`` (P,) from ``below``[i − 1] to ``below``[i] with i. No branch depends on the
+    weights: each particle is written where its copies begin, and copied up to the next.
+    """
+    count, first, last = len(chosen), 0, 0
+    chosen[:] = 0
+    for i in range(count):
+        if first < count:
+            chosen[first] = i
+        first = int(below[i])
+    for j in range(count):
+        last = chosen[j] if chosen[j] > last else last
+        chosen[j] = last
+
+
+@inner
+def systematic(weights, chosen, scratch, rng):
+    """Shift P equidistant points by one uniform: counts ⌊P·w_i⌋ or ⌈P·w_i⌉ (Kitagawa 1996)."""
+    below, count, shift = scratch[0], len(weights), rng.random()
+    cumulate(weights, below)
+    for i in range(count):
+        below[i] = np.ceil(count * below[i] - shift)
+    repeat(below, chosen)
+
+
+@inner
+def stratified(weights, chosen, scratch, rng):
+    """Draw one uniform in each of P strata of equal width (Kitagawa 1996)."""
+    points, below, count = scratch[0], scratch[1], len(weights)
+    for j in range(count):
+        points[j] = j + rng.random()
+    cumulate(weights, below)
+    for i in range(count):
+        place = count * below[i]
+        stratum = min(int(place), count - 1)
+        # all strata before this one, and this one if its point is below
+        below[i] = stratum + (points[stratum] < place)
+    repeat(below, chosen)
+
+
+@inner
+def independent(weights, chosen, points, cumulative, rng):
+    """Fill ``chosen`` with sorted independent draws under ``weights`` (P,) of any sum."""
+    count, arrival = len(chosen), 0.0
+    # sorted uniforms: arrivals of a Poisson process divided by the next arrival
+    for j in range(count):
+        arrival += rng.standard_exponential()
+        points[j] = arrival
+    end = arrival + rng.standard_exponential()
+    cumulate(weights, cumulative)
+    # the last particle with weight, as rounding may raise a point to 1
+    last, i = len(weights) - 1, 0
+    while last > 0 and not cumulative[last - 1] < 1.0:
+        last -= 1
+    for j in range(count):
+        point = points[j] / end
+        while i < last and cumulative[i] <= point:
+            i += 1
+        chosen[j] = i
+
+
+@inner
+def residual(weights, chosen, scratch, rng):
+    """Keep ⌊P·w_i⌋ copies and draw the others under the remaining weights (Liu & Chen 1998)."""
+    count, kept = len(weights), 0
+    left = scratch[0][:count]
+    for i in range(count):
+        expected = count * weights[i]
+        certain = np.floor(expected + ROUNDING)
+        left[i] = expected - certain if expected > certain else 0.0
+        for _ in range(int(certain)):
+            chosen[kept] = i
+            kept += 1
+    if kept < count:
+        independent(left, chosen[kept:], scratch[1], left, rng)
+
+
+@inner
+def resample(scheme, weights, chosen, scratch, rng):
+    """Fill ``chosen`` by SCHEMES[``scheme``]; multinomial: Gordon et al. (1993)."""
+    if scheme == 0:
+        systematic(weights, chosen, scratch, rng)
+    elif scheme == 1:
+        stratified(weights, chosen, scratch, rng)
+    elif scheme == 2:
+        residual(weights, chosen, scratch, rng)
+    else:
+        independent(weights, chosen, scratch[0], scratch[1], rng)
 
 
 @inner
 def weigh(arm, space, frames, frame, before, q, log_weights, block, scratch):
-    """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the way from
-    ``before`` to ``q`` (n, P); ``scratch`` has (n + ROWS + 2, WIDTH) floats or more, ``block`` the
-    rows of the arm's kinematics. Poses of the tip need an arm in space, ``space`` not None.
+    """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the step from
+    ``before`` to ``q`` (n, P); ``scratch`` has at least (n + ROWS + 2, WIDTH) floats. Poses of the
+    tip need an arm in space, ``space`` not None.
     """
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
@@ -41,51 +146,37 @@ def weigh(arm, space, frames, frame, before, q, log_weights, block, scratch):
             here, there, pose = before[j, start:stop], q[j, start:stop], scratch[j]
             for i in range(count):
                 pose[i] = here[i] + share * (there[i] - here[i])
-        if not frames.tip:
-            for j in range(n):
-                y, pose = measured[j], scratch[j]
+            if not frames.tip:
+                y = measured[j]
                 for i in range(count):
                     pose[i] = y - pose[i]
-        if space is not None:  # else its kinematics are not compiled
+        if space is not None:  # else numba does not compile the kinematics
             if frames.tip:
-                displacement(arm, measured, scratch, rest, block, count)
+                tip(arm, scratch, 0, count, block)
+                rotation_vectors(measured, block.reshape(-1), count)
+                for k in range(3):
+                    way, turn = rest[k], rest[3 + k]
+                    for i in range(count):
+                        way[i] = measured[k] - block[POSITION + k, i]
+                        turn[i] = block[TURN + k, i]
         square[:count] = 0.0
         for j in range(len(white)):
-            add_square(white, j, rest, whitened, square, count)
+            whitened[:count] = 0.0
+            for k in range(j + 1):
+                w, other = white[j, k], rest[k]
+                for i in range(count):
+                    whitened[i] += w * other[i]
+            for i in range(count):
+                square[i] += whitened[i] * whitened[i]
         own = log_weights[start:stop]
         for i in range(count):
             own[i] += log_norm - 0.5 * square[i]
 
 
 @inner
-def displacement(arm, measured, poses, rest, block, count):
-    """Fill ``rest`` (6, count) with the displacements of ``measured`` from the tip, m and rad."""
-    tip(arm, poses, 0, count, block)
-    rotation_vectors(measured, block.reshape(-1), count)
-    for k in range(3):
-        way, turn = rest[k], rest[3 + k]
-        for i in range(count):
-            way[i] = measured[k] - block[POSITION + k, i]
-            turn[i] = block[TURN + k, i]
-
-
-@inlined
-def add_square(white, j, rest, whitened, square, count):
-    """Add to ``square`` the square of row ``j`` of ``white`` times ``rest``, by ``whitened``."""
-    for i in range(count):
-        whitened[i] = 0.0
-    for k in range(j + 1):
-        w, other = white[j, k], rest[k]
-        for i in range(count):
-            whitened[i] += w * other[i]
-    for i in range(count):
-        square[i] += whitened[i] * whitened[i]
-
-
-@inner
 def normalise(log_weights, weights):
     """Normalise ``log_weights`` (P,) and fill ``weights``; return the effective sample size 1/Σw²
-    (Kong, Liu & Wong 1994) and the log of the former sum, not finite where all have vanished.
+    (Kong, Liu & Wong 1994) and the log of the earlier sum, not finite if no particle has weight.
     """
     peak = greatest(log_weights)
     if not np.isfinite(peak):
@@ -102,8 +193,8 @@ def normalise(log_weights, weights):
 
 @inner
 def weighted_moments(weights, q, mean, covariance, scratch):
-    """Fill ``mean`` (n,) and, about that mean, ``covariance`` (n, n) of particles ``q`` (n, P)
-    under normalised ``weights`` (P,); ``scratch`` has (n + 1, WIDTH) floats or more.
+    """Fill ``mean`` (n,) and ``covariance`` (n, n) of the particles ``q`` (n, P) under normalised
+    ``weights`` (P,); ``scratch`` has at least (n + 1, WIDTH) floats.
     """
     n = len(q)
     for j in range(n):
@@ -125,30 +216,21 @@ def weighted_moments(weights, q, mean, covariance, scratch):
             covariance[k, j] = covariance[j, k]
 
 
-class Domain(NamedTuple):
-    """D_q: the joint limits and, of a planar chain's second joint, the angle at which the first two
-    links are in line and the least distance from it. Any other arm has no such angle: its law makes
-    no step from a singular pose, so that a particle leaves D_q with its next step.
-    """
-
-    lower: np.ndarray  # (n,) rad
-    upper: np.ndarray  # (n,) rad
-    straight: float  # rad, up to half turns
-    clearance: float  # rad; zero where there is no such angle
-
-
 @inner
 def keep_inside(domain, before, q, log_weights, outside):
-    """Take the weight of the particles of ``q`` (n, P) that left D_q, put them back to ``before``,
-    and return the number of those with any weight; ``outside`` (P,) is overwritten.
+    """Set the weight of the particles of ``q`` (n, P) outside D_q to zero, move them back to
+    ``before``, and return how many had weight; ``outside`` (P,) is scratch. The ``domain`` holds
+    the joint limits, the singular angle of a planar chain's second joint (rad, up to half turns)
+    and the least distance from it, 0 for a serial chain, whose steps from singular poses are NaN.
     """
+    lower, upper, straight, clearance = domain
     second, lost = q[1 if len(q) > 1 else 0], 0
     for i in range(len(second)):
-        half_turns = (second[i] - domain.straight) * (1 / np.pi)
-        bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= domain.clearance
+        half_turns = (second[i] - straight) * (1 / np.pi)
+        bent = np.pi * abs(half_turns - np.floor(half_turns + 0.5)) >= clearance
         outside[i] = 0.0 if bent else 1.0
     for j in range(len(q)):
-        angle, low, high = q[j], domain.lower[j], domain.upper[j]
+        angle, low, high = q[j], lower[j], upper[j]
         for i in range(len(angle)):
             within = (low <= angle[i]) & (angle[i] <= high)
             outside[i] = outside[i] if within else 1.0
@@ -165,10 +247,10 @@ def keep_inside(domain, before, q, log_weights, outside):
 def sequential_importance_sampling(
     law, arm, space, block, domain, commands, frames, scheme, threshold, poses, rng
 ):
-    """Return the course of :class:`~pipeline.filtering.particle_filter.Posterior`, the log-evidence
-    and the step at which all weights vanished or −1. ``law`` moves the particles from their first
-    ``poses`` (n, P) in rad, which are overwritten, and ``frames`` weigh them. Below a sample size
-    of ``threshold``·P the ``scheme`` resamples.
+    """Return the first fields of :class:`~pipeline.filtering.particle_filter.Posterior`, the
+    log-evidence, and the step at which all weights vanished, or −1. ``law`` moves the particles
+    from their first ``poses`` (n, P) in rad, which are overwritten, and ``frames`` weigh them.
+    SCHEMES[``scheme``] resamples where the effective sample size is below ``threshold``·P.
     """
     (n, count), grid = poses.shape, len(commands.v) + 1
     mean, covariance = np.empty((grid, n)), np.empty((grid, n, n))
@@ -192,7 +274,6 @@ def sequential_importance_sampling(
                 vanished = k
                 break
             log_evidence += log_total
-        # moments are formed before resampling
         weighted_moments(weights, q, mean[k], covariance[k], scratch)
         ess[k] = effective
         if effective < threshold * count:
@@ -200,7 +281,7 @@ def sequential_importance_sampling(
             for j in range(n):
                 here, there = q[j], before[j]
                 for i in range(count):
-                    there[i] = here[np.uint64(chosen[i])]  # unsigned, as no index is below zero
+                    there[i] = here[np.uint64(chosen[i])]  # unsigned: no index is negative
             before, q = q, before
             weights[:], log_weights[:] = 1.0 / count, -np.log(count)
             effective, resampled[k] = float(count), True

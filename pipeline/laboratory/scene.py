@@ -8,8 +8,7 @@ exactly rounded operations decide which face is met, on every processor alike.
 
 import numpy as np
 
-from pipeline.arm.chain import PlanarChain
-from pipeline.arm.frames import segment_frames
+from pipeline.arm.chain import PlanarChain, segment_frames
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import SceneOptions

@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.commanded import trajectory_table
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, trajectory_table
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import TrajectoryOptions
 

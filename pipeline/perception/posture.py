@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arm.frames import segment_frames
+from pipeline.arm.chain import segment_frames
 from pipeline.arm.model import Arm, chain_of, link_chains
 from pipeline.arm.serial import SerialChain
 from pipeline.core.columns import SPACE

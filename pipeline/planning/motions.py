@@ -1,57 +1,54 @@
 """Motions of the joints along a task path: least uncertain, best conditioned, of least norm; the
-cheapest way through a grid of poses by dynamic programming (Bellman, 1957).
+cheapest path through a grid of poses by dynamic programming (Bellman, 1957).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle
-from pipeline.planning.refine import refined
-from pipeline.planning.self_motion import ROUNDS, grid, spacing_of, stages
+from pipeline.planning.self_motion import NEWTON_STEPS, grid, refine, spacing_of, stages
 
-POINTS = 200  # of the grid, at a step
-WAYS, APART = 3, 0.5  # through a grid that are refined, and the rad that sets two of them apart
+POINTS = 200  # of the grid at a step
+REFINED_PATHS = 3  # greatest number of paths through the grid that are refined
+LEAST_DISTANCE = 0.5  # rad, between their ends
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
     """A motion that keeps the path, the limits and the margin."""
 
-    joints: np.ndarray  # (M+1, n) rad
-    cost: np.ndarray  # (M,) of each step, what the motion was chosen by
-    objective: float  # Σ cost + smoothness·Σ‖w‖², w the steps in the null space, rad
-    clearance: np.ndarray  # (M+1,) least singular value of J, m
+    joints: ndarray  # (M+1, n) rad
+    cost: ndarray  # (M,) minimised cost of each step
+    objective: float  # Σ cost + smoothness·Σ‖w‖², w the null-space steps in rad
+    clearance: ndarray  # (M+1,) least singular value of J, m
 
 
 def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
-    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step:
-    Eq. (least-uncertain-path), of the trace of its sum or another number, with the self-motion free
-    that its constraint leaves out.
+    """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step
+    k: Eq. (least-uncertain-path) for the trace or another function of the covariance, with the
+    self-motion, which the equation's constraint excludes. Dynamic programming over ``points`` poses
+    at a step gives the global optimum on that grid; its best paths that are apart are refined.
 
-    By dynamic programming over a grid of ``points`` at a step, globally optimal to the grid; then
-    locally (:mod:`.refine`), from the best ways through the grid that are apart. With m = n the
-    grid is the whole set of motions. Raises InfeasibleError with the first step at which no motion
-    keeps the path, the limits and the margin, ConfigError for an arm of more joints to spare, and
-    what the ``cost`` raises.
+    Raises InfeasibleError with the first step at which no motion keeps the path, the limits and the
+    margin, ConfigError for n > m + 1, and the errors of the ``cost``.
     """
     if points < 1:
         raise ConfigError(f"the number of grid points must be > 0, got {points}", key="points")
     if problem.spare > 1:
-        raise ConfigError(
-            f"the arm has {problem.spare} joints more than the task has rows; plan with one more "
-            "at most: name more rows in dataset.robot.task",
-            key="dataset.robot.task",
-        )
+        message = f"the arm has {problem.spare} joints more than the task has rows, at most one is "
+        message += "allowed; name more rows in dataset.robot.task"
+        raise ConfigError(message, key="dataset.robot.task")
     spacing = spacing_of(problem, points)
     steps = stages(problem, spacing)
-    ways = on_stages(problem, cost, steps, grid(problem, steps, spacing))
+    ways = cheapest_paths(problem, cost, steps, grid(problem, steps, spacing))
     planned, failed = [], []
     for way, _ in ways if problem.spare > 0 else ways[:1]:
         try:
-            planned.append(_filled_in(problem, cost, way, steps))
+            planned.append(_refined_motion(problem, cost, way, steps))
         except InfeasibleError as error:
             failed.append(error)
     if not planned:
@@ -60,27 +57,26 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
 
 
 def best_conditioned(problem: Problem, points: int = POINTS) -> Planned:
-    """The motion of greatest Σ ln w, w = sqrt(det JJᵀ) Yoshikawa's manipulability, less smoothness;
-    as :func:`least_uncertain` with −ln w as the cost.
+    """Return the motion of :func:`least_uncertain` with the cost −ln w, w = sqrt(det JJᵀ) being
+    Yoshikawa's manipulability.
     """
 
-    def cost(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def cost(q: ndarray, v: ndarray) -> ndarray:
         jacobian = problem.chain.jacobian(q)
         return -np.linalg.slogdet(jacobian @ np.swapaxes(jacobian, -1, -2))[1] / 2
 
     return least_uncertain(problem, cost, points)
 
 
-def minimum_norm(problem: Problem, start: np.ndarray) -> Planned:
-    """The motion from ``start`` (n,) in rad by J⁺v alone, brought back to the path at every step,
-    as resolved-rate control does (Whitney, 1969). Its cost is the square of each step in rad².
-
-    Raises InfeasibleError with the first step at which it leaves the limits or the margin.
+def minimum_norm(problem: Problem, start: ndarray) -> Planned:
+    """Return the motion from ``start`` (n,) in rad by J⁺v alone, corrected to the path at every
+    step, as by resolved-rate control (Whitney, 1969). Its cost is each squared step in rad². Raises
+    InfeasibleError with the first step at which it leaves the path, a limit or the margin.
     """
     chain, joints = problem.chain, np.empty((len(problem.path), len(start)))
     guess = np.asarray(start, dtype=float)[None]
     for k, target in enumerate(problem.path):
-        q, reached = settle(chain, guess, target[None], ROUNDS)
+        q, reached = settle(chain, guess, target[None], NEWTON_STEPS)
         if not reached[0] or chain.singular(q)[0]:
             raise InfeasibleError("the least-norm motion does not reach the path", step=k)
         joints[k] = q[0]
@@ -92,14 +88,13 @@ def minimum_norm(problem: Problem, start: np.ndarray) -> Planned:
     return Planned(joints, cost, cost.sum(), chain.least_singular_value(joints))
 
 
-def on_stages(
-    problem: Problem, cost: Cost, steps: np.ndarray, grid: list[np.ndarray]
-) -> list[tuple[np.ndarray, float]]:
-    """The cheapest way through the ``grid`` of poses (G, n) at each of ``steps`` (S,), (S, n) in
-    rad, and what it costs; behind it the cheapest others that end apart from each other. Eq.
-    (least-uncertain-path) to the grid. A step has its cost at the pose of the nearest stage.
-
-    Raises InfeasibleError with the first step to which none leads, and what ``cost`` does.
+def cheapest_paths(
+    problem: Problem, cost: Cost, steps: ndarray, grid: list[ndarray]
+) -> list[tuple[ndarray, float]]:
+    """Return the cheapest path (S, n) in rad through the ``grid`` of poses (G, n) at each of
+    ``steps`` (S,) and its objective, Eq. (least-uncertain-path) on the grid; then the cheapest
+    other paths whose ends are apart. A step has its cost at the pose of the nearest stage. Raises
+    InfeasibleError with the first step that no path reaches, and the errors of ``cost``.
     """
     chain, counts = problem.chain, np.array([len(q) for q in grid])
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
@@ -116,29 +111,30 @@ def on_stages(
     for s, part in zip(stage, np.split(each, np.cumsum(counts[stage])[:-1]), strict=True):
         own[s, : len(part)] += part
     reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
-    before, total = cheapest(poses, counts, own, nominal, reach, weight, problem.turning)
+    before, total = search_stages(poses, counts, own, nominal, reach, weight, problem.turning)
     if (lost := ~np.isfinite(total).any(axis=1)).any():
-        reached = int(lost.argmax())
+        first = int(lost.argmax())
         why = "the model has no covariance at any pose of the path, or none with a ln det"
-        if np.isfinite(own[reached]).any():
-            why = "no pose of the path can be reached from those before within the joints' speeds; "
-            why += "give the path more time"
-        after = int(steps[reached - 1]) if reached else None
-        raise InfeasibleError(why, step=int(steps[reached]), after=after)
-    ways: list[tuple[np.ndarray, float]] = []
+        if np.isfinite(own[first]).any():
+            why = "no pose is within reach at the joints' speed limits; give the path more time"
+        after = int(steps[first - 1]) if first else None
+        raise InfeasibleError(why, step=int(steps[first]), after=after)
+    ways: list[tuple[ndarray, float]] = []
     for last in np.argsort(total[-1], kind="stable"):
-        if len(ways) == WAYS or not np.isfinite(total[-1, last]):
+        if len(ways) == REFINED_PATHS or not np.isfinite(total[-1, last]):
             break
         ends = (problem.less_turns(poses[-1, last] - way[-1]) for way, _ in ways)
-        if all(np.abs(end).max() > APART for end in ends):
-            way = poses[np.arange(len(steps)), way_to(last, before)]
-            ways.append((way, float(total[-1, last])))
+        if all(np.abs(end).max() > LEAST_DISTANCE for end in ends):
+            places = [last]
+            for row in before[:0:-1]:
+                places.append(row[places[-1]])
+            ways.append((poses[np.arange(len(steps)), places[::-1]], float(total[-1, last])))
     return ways
 
 
-def _filled_in(problem: Problem, cost: Cost, way: np.ndarray, steps: np.ndarray) -> Planned:
-    """The motion through ``way`` (S, n) in rad at the ``steps`` (S,), without jumps of whole turns
-    and within the limits where some turns fit, refined.
+def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) -> Planned:
+    """Refine the motion through ``way`` (S, n) in rad at the ``steps`` (S,), first shifted by whole
+    turns: without jumps, and within the limits if possible.
     """
     chain, turning, every = problem.chain, problem.turning, np.arange(len(problem.path))
     jumps = np.diff(way, axis=0, prepend=0.0)
@@ -148,14 +144,12 @@ def _filled_in(problem: Problem, cost: Cost, way: np.ndarray, steps: np.ndarray)
     under = np.where(turning, np.maximum(chain.lower - way.min(axis=0), 0.0), 0.0)
     way = way + TURN * (np.ceil(under / TURN) - np.ceil(over / TURN))
     between = np.stack([np.interp(every, steps, column) for column in way.T], axis=-1)
-    joints, reached = settle(chain, between, problem.path, ROUNDS)
+    joints, reached = settle(chain, between, problem.path, NEWTON_STEPS)
     if not reached.all():
-        raise InfeasibleError(
-            "no motion connects two points of the grid; increase the number of grid points",
-            step=int((~reached).argmax()),
-        )
+        why = "no motion connects two points of the grid; increase the number of grid points"
+        raise InfeasibleError(why, step=int((~reached).argmax()))
     if problem.spare > 0:
-        joints = refined(problem, cost, joints)
+        joints = refine(problem, cost, joints)
     if failure := problem.failure(joints):
         raise failure
     each, clearance = cost(joints[:-1], problem.steps), chain.least_singular_value(joints)
@@ -163,28 +157,19 @@ def _filled_in(problem: Problem, cost: Cost, way: np.ndarray, steps: np.ndarray)
 
 
 @compiled
-def cheapest(
-    poses: np.ndarray,
-    counts: np.ndarray,
-    cost: np.ndarray,
-    nominal: np.ndarray,
-    reach: np.ndarray,
-    weight: np.ndarray,
-    turning: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (S, G) the pose before on the way of least Σ cost + Σ weight·‖q_{s+1} − q_s −
-    nominal_s‖² to each pose, and (S, G) the cost of that way, infinite where none leads, no joint
-    beyond its reach.
+def search_stages(poses, counts, cost, nominal, reach, weight, turning):
+    """Return (S, G) the previous pose on the path of least Σ cost + Σ weight·‖q_{s+1} − q_s −
+    nominal_s‖² to each pose, and (S, G) the objective of that path, infinite where none leads.
 
-    ``poses`` (S, G, n) in rad, ``counts`` (S,) of them at a stage; ``cost`` (S, G), infinite where
-    a pose is not to be taken; ``nominal`` (S-1, G, n) step without weight from each pose and
-    ``reach`` (S-1, n) greatest step, in rad; ``weight`` (S-1,) of a squared step beyond the nominal
-    one; ``turning`` (n,) joints whose steps are taken up to whole turns. Poses before are tried by
-    their cost, as long as they can win: nothing is left out.
+    ``poses`` (S, G, n) in rad, ``counts`` (S,) of them at a stage; ``cost`` (S, G), infinite at a
+    forbidden pose; ``nominal`` (S-1, G, n) step from each pose without weight and ``reach`` (S-1,
+    n) greatest step, in rad; ``weight`` (S-1,) of a squared deviation from the nominal step;
+    ``turning`` (n,) joints whose steps are taken up to whole turns.
     """
     before, total = np.zeros(cost.shape, dtype=np.int64), np.full(cost.shape, np.inf)
     total[0, : counts[0]] = cost[0, : counts[0]]
     for s in range(1, len(counts)):
+        # previous poses in order of their cost, up to the first that alone costs too much
         order = np.argsort(total[s - 1, : counts[s - 1]], kind="mergesort")
         for j in range(counts[s]):
             least = np.inf
@@ -205,11 +190,3 @@ def cheapest(
                     least, before[s, j] = value, place
             total[s, j] = least + cost[s, j]
     return before, total
-
-
-def way_to(last: int, before: np.ndarray) -> np.ndarray:
-    """(S,) poses on the way to the pose ``last`` of the last stage, by ``before`` (S, G)."""
-    way = [last]
-    for row in before[:0:-1]:
-        way.append(int(row[way[-1]]))
-    return np.array(way[::-1])

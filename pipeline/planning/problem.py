@@ -1,5 +1,5 @@
-"""A task path that the tip follows step by step, the limits that its joints keep, and the cost of a
-step: its uncertainty under a motion model. Newton's method brings poses to the path.
+"""Planning problem: a task path, the limits of the joints, and the cost of a step, which is its
+uncertainty under a motion model; Newton's method for poses on the path.
 """
 
 from collections.abc import Callable
@@ -7,41 +7,40 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.interface import Chain
-from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.errors import ConfigError, PipelineError, SingularJacobianError
 from pipeline.models.model import MotionModel
 
-REACHED = 1e-9  # of a displacement from the path, in m: beyond it a pose is not on it
-CLOSE = REACHED / 100  # likewise, at which Newton's method ends
-ROUND = 1e-9  # of the poses a turn apart, in m and rad: within it they are one
-STRIDE = 0.5  # rad, of the longest step of Newton's method
+PATH_TOLERANCE = 1e-9  # m, greatest displacement from the path of a pose on it
+TOLERANCE = PATH_TOLERANCE / 100  # m, displacement at which Newton's method ends
+TURN_TOLERANCE = 1e-9  # m and rad, greatest change of the tip by a turn of a joint that comes round
+LONGEST_STEP = 0.5  # rad, longest step of Newton's method
 OBJECTIVES = ("trace", "log_det")
-BLOCK = 1024  # poses whose matrices stay in the processor's cache
-NONE = 1e-12  # of the greatest variance: below it a covariance has none along an axis
+BATCH_POSES = 1024  # poses whose matrices fit the processor's cache
+ZERO_VARIANCE = 1e-12  # share of the greatest variance below which a variance counts as zero
 TURN = 2 * np.pi
 
-# the cost (N,) of the steps ``v`` (N, m) of the task at the poses ``q`` (N, n) in rad, infinite at
-# a pose that no motion may take
-Cost = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# cost (N,) of task steps ``v`` (N, m) at poses ``q`` (N, n) in rad, infinite at a forbidden pose
+Cost = Callable[[ndarray, ndarray], ndarray]
 
 
 class InfeasibleError(PipelineError):
-    """A path that no motion follows within the limits; ``step`` is the first at which it fails."""
+    """Error: no motion follows the path within the limits; ``step`` is the first that fails."""
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits.
-
-    Raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
+    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits;
+    raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
     """
 
     chain: Chain
-    path: np.ndarray  # (M+1, p) poses x_k, as ``chain.pose`` gives them
-    rate: float  # steps a second
+    path: ndarray  # (M+1, p) poses x_k, as returned by ``chain.pose``
+    rate: float  # steps per second
     margin: float  # least value in m of ``chain.least_singular_value``
-    smoothness: float  # weight of a squared null-space step, in units of the cost for a rad²
+    smoothness: float  # weight of a squared null-space step, in units of the cost per rad²
 
     def __post_init__(self) -> None:
         if np.ndim(self.path) != 2 or len(self.path) < 2 or not np.isfinite(self.path).all():
@@ -52,112 +51,114 @@ class Problem:
                 raise ConfigError(f"{key} must be finite and {sign}, not {value}", key=key)
 
     @cached_property
-    def steps(self) -> np.ndarray:
-        """(M, m) the task steps v_k from x_k to x_{k+1}."""
+    def steps(self) -> ndarray:
+        """(M, m) task steps v_k from x_k to x_{k+1}."""
         return self.chain.displacement(self.path[:-1], self.path[1:])
 
-    def nominal(self, q: np.ndarray) -> np.ndarray:
+    def nominal(self, q: ndarray) -> ndarray:
         """(M, n) J⁺v_k in rad at the poses ``q`` (M, n)."""
         return np.matvec(self.chain.inverse_jacobian(q), self.steps)
 
-    def objective(self, each: np.ndarray, joints: np.ndarray) -> float:
-        """Σ cost + smoothness·Σ‖w_k‖² of ``joints`` (M+1, n); w_k is a step's null-space part."""
+    def objective(self, each: ndarray, joints: ndarray) -> float:
+        """Σ cost + smoothness·Σ‖w_k‖² of ``joints`` (M+1, n), w_k a step's null-space part."""
         w = np.diff(joints, axis=0) - self.nominal(joints[:-1])
         return float(each.sum() + self.smoothness * np.sum(w**2))
 
     @property
-    def reach(self) -> np.ndarray:
-        """(n,) greatest step of each joint in rad, by its greatest speed."""
+    def reach(self) -> ndarray:
+        """(n,) greatest step of each joint in rad at its speed limit."""
         return self.chain.max_speed / self.rate
 
     @property
     def spare(self) -> int:
-        """The redundant degrees n − m."""
+        """Redundant degrees of freedom n − m."""
         return len(self.chain.lower) - len(self.chain.task)
 
     @cached_property
-    def comes_round(self) -> np.ndarray:
-        """(n,) True of a joint whose whole turn leaves the pose of the tip as it is."""
+    def comes_round(self) -> ndarray:
+        """(n,) True of a joint whose whole turn does not change the pose of the tip."""
         pose, turns = self.chain.pose, TURN * np.eye(len(self.chain.lower))
-        return np.all(np.abs(pose(turns) - pose(0 * turns)) < ROUND, axis=-1)
+        return np.all(np.abs(pose(turns) - pose(0 * turns)) < TURN_TOLERANCE, axis=-1)
 
     @property
-    def turning(self) -> np.ndarray:
+    def turning(self) -> ndarray:
         """(n,) True of a joint that comes round within its limits."""
         return self.comes_round & (self.chain.upper - self.chain.lower > TURN)
 
-    def nearest_turns(self, q: np.ndarray) -> np.ndarray:
-        """``q`` (..., n) in rad less the turns that take it from the middle of its limits."""
+    def nearest_turns(self, q: ndarray) -> ndarray:
+        """``q`` (..., n) in rad, a joint that comes round within half a turn of mid-range."""
         lower, upper = self.chain.lower, self.chain.upper
         middle = np.where(np.isfinite(upper - lower), (lower + upper) / 2, 0.0)
         return middle + self.less_turns(q - middle)
 
-    def less_turns(self, step: np.ndarray) -> np.ndarray:
-        """The ``step`` (..., n) in rad, of half a turn at most where a joint comes round."""
+    def less_turns(self, step: ndarray) -> ndarray:
+        """``step`` (..., n) in rad without the whole turns of joints that come round."""
         return step - TURN * np.round(step / TURN) * self.comes_round
 
-    def clear(self, q: np.ndarray) -> np.ndarray:
-        """(P,) True of those of ``q`` (P, n) that keep the margin."""
+    def clear(self, q: ndarray) -> ndarray:
+        """(P,) True of the poses ``q`` (P, n) that keep the margin."""
         return ~self.chain.singular(q) & (self.chain.least_singular_value(q) >= self.margin)
 
-    def failure(self, joints: np.ndarray) -> InfeasibleError | None:
-        """First step at which the motion ``joints`` (M+1, n) in rad fails, and how, else None."""
+    def failure(self, joints: ndarray) -> InfeasibleError | None:
+        """First fault of the motion ``joints`` (M+1, n) in rad with its step, else None."""
         chain = self.chain
         off = chain.displacement(chain.pose(joints), self.path)
         speeding = np.any(np.abs(np.diff(joints, axis=0)) > self.reach * (1 + 1e-9), axis=-1)
         faults = {
-            "the motion leaves the path": length_of(off) > REACHED,
+            "the motion leaves the path": length_of(off) > PATH_TOLERANCE,
             "the motion leaves the joint limits": ~chain.within_limits(joints),
-            "the motion comes nearer to a singular pose than the margin": ~self.clear(joints),
-            "the motion is faster than the joints can be": np.r_[speeding, False],
+            "the least singular value of the motion is below the margin": ~self.clear(joints),
+            "the motion exceeds the joints' speed limits": np.r_[speeding, False],
         }
         first = [(int(bad.argmax()), why) for why, bad in faults.items() if bad.any()]
         return InfeasibleError(min(first)[1], step=min(first)[0]) if first else None
 
 
-def settle(
-    chain: Chain, q: np.ndarray, target: np.ndarray, rounds: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """(P, n) in rad the poses that the steps J⁺(target − x) lead to from ``q`` (P, n), and (P,)
-    True where they reach the poses ``target`` (P, p); a lane that meets a singular pose does not.
+def settle(chain: Chain, q: ndarray, target: ndarray, rounds: int) -> tuple[ndarray, ndarray]:
+    """Poses (P, n) in rad to which at most ``rounds`` Newton steps J⁺(target − x) lead from ``q``
+    (P, n), and (P,) True where they reach ``target`` (P, p); no step leaves a singular pose.
     """
     q, reached = np.array(q, dtype=float), np.zeros(len(q), dtype=bool)
     lanes = np.arange(len(q))
     for left in range(rounds, -1, -1):
         off = chain.displacement(chain.pose(q[lanes]), target[lanes])
-        far = ~(length_of(off) <= CLOSE)
+        far = ~(length_of(off) <= TOLERANCE)
         reached[lanes] = ~far
         lanes, off = lanes[far], off[far]
         if left == 0 or len(lanes) == 0:
             break
-        regular = ~chain.singular(q[lanes])
-        lanes = lanes[regular]
-        step = np.matvec(chain.inverse_jacobian(q[lanes]), off[regular])
-        q[lanes] += step * (STRIDE / np.maximum(length_of(step), STRIDE))[:, None]
+        try:
+            inverse = chain.inverse_jacobian(q[lanes])
+        except SingularJacobianError:
+            regular = ~chain.singular(q[lanes])
+            lanes, off = lanes[regular], off[regular]
+            inverse = chain.inverse_jacobian(q[lanes])
+        step = np.matvec(inverse, off)
+        q[lanes] += step * (LONGEST_STEP / np.maximum(length_of(step), LONGEST_STEP))[:, None]
     return q, reached
 
 
-def length_of(steps: np.ndarray) -> np.ndarray:
+def length_of(steps: ndarray) -> ndarray:
     """(...,) norms of ``steps`` (..., n)."""
     return np.sqrt(np.vecdot(steps, steps))
 
 
 def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
-    """tr Cov(q_{k+1} | q_k) in rad², or its ln det, of a step under ``model``; infinite at a
-    singular pose, and where a step that moves has no ln det, as it has no variance along an axis.
+    """Cost function tr Cov(q_{k+1} | q_k) in rad², or ln det Cov, of a step under ``model``; raises
+    ModelDomainError as ``model.covariance``. It is infinite at a singular pose, ln det also where a
+    moving step has no variance along an axis. A zero command without noise costs 0.
 
     Where the covariance has the rank m of the task, as under a matrix model with more joints than
-    rows, ln det is taken of the m variances in the row space of J; else of all n. A step that
-    commands nothing and has no noise costs nothing. Noise that the scaled model gives to a step in
-    the null space of J is left out. The cost raises what ``model.covariance`` does.
+    rows, ln det is of the m variances in the row space of J, else of all n. Noise of steps in the
+    null space of J (scaled model) is not included.
     """
 
-    def of_regular(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def of_regular(q: ndarray, v: ndarray) -> ndarray:
         covariance = model.covariance(chain, q, v)
         if objective == "trace":
             return np.trace(covariance, axis1=-2, axis2=-1)
         variances, n = np.linalg.eigvalsh(covariance), covariance.shape[-1]
-        present = variances > NONE * variances[:, -1:]
+        present = variances > ZERO_VARIANCE * variances[:, -1:]
         rank = np.where(present.all(axis=-1), n, len(chain.task))
         counted = np.arange(n) >= n - rank[:, None]
         still = ~np.any(v, axis=-1) & ~present[:, -1]
@@ -166,10 +167,10 @@ def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
         logs = np.log(variances, out=np.zeros_like(variances), where=counted).sum(axis=-1)
         return np.where(lost, np.inf, logs)
 
-    def cost(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def cost(q: ndarray, v: ndarray) -> ndarray:
         result, regular = np.full(len(q), np.inf), np.flatnonzero(~chain.singular(q))
-        for first in range(0, len(regular), BLOCK):
-            part = regular[first : first + BLOCK]
+        for first in range(0, len(regular), BATCH_POSES):
+            part = regular[first : first + BATCH_POSES]
             result[part] = of_regular(q[part], v[part])
         return result
 

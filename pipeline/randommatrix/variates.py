@@ -1,4 +1,4 @@
-"""χ² and normal variates in compiled code, those that NumPy's Generator draws bit for bit."""
+"""χ² and normal variates in compiled code, bit for bit the draws of NumPy's Generator."""
 
 import numpy as np
 
@@ -6,20 +6,10 @@ from pipeline.core.compiled import inner
 
 
 @inner
-def draw_variates(
-    degrees: np.ndarray,
-    sets: int,
-    each: int,
-    block: np.ndarray,
-    chi_square: int,
-    normal: int,
-    start: int,
-    stop: int,
-    rng: np.random.Generator,
-) -> None:
-    """Fill rows of the poses from ``start`` to ``stop`` of the ``block``: from ``chi_square`` on a
-    row for each of the ``degrees`` of freedom, from ``normal`` on ``sets``·``each`` rows, those of
-    one pose and set drawn one after the other.
+def draw_variates(degrees, sets, each, block, chi_square, normal, start, stop, rng):
+    """Draw variates of the poses from ``start`` to ``stop`` of the ``block`` (rows, poses): χ² of
+    each of the ``degrees`` of freedom from row ``chi_square`` on, and normals in ``sets``·``each``
+    rows from ``normal`` on. The ``each`` normals of one pose and set are drawn consecutively.
     """
     for k in range(len(degrees)):
         shape = 0.5 * degrees[k]
@@ -38,8 +28,8 @@ def draw_variates(
 
 
 @inner
-def _gamma(rng: np.random.Generator, scale: float, slope: float) -> float:
-    """A gamma variate of shape above 1 as NumPy draws it (Marsaglia & Tsang 2000)."""
+def _gamma(rng, scale, slope):
+    """Gamma variate of shape above 1 as NumPy draws it (Marsaglia & Tsang 2000)."""
     while True:
         x = rng.standard_normal()
         v = 1.0 + slope * x

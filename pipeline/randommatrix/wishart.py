@@ -1,73 +1,85 @@
-"""The Wishart law W_n(d, Σ) of real degrees of freedom, and the MaxEnt law of matrices of mean I.
-
-Definition 2, Theorems 3 and 4, Eqs. (NormStd) and (Thetaa).
+"""Matrix-variate normal law N_{p,q}(M, Σ⊗Ψ) (Definition 1, Theorems 1, 2, 5), Wishart law W_n(d, Σ)
+of real degrees of freedom (Definition 2, Theorems 3, 4), and MaxEnt law of matrices of mean I.
 """
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.randommatrix.normal import cholesky
 
 
-def _require_density(d: float, n: int) -> None:
-    # the paper asks for d ≥ n; real degrees of freedom have a density down to n − 1
-    if not d > n - 1:
-        raise ModelDomainError(
-            f"a Wishart matrix of size {n} has a density only for d > {n - 1}", d=d
-        )
+def sample_matrix_normal(
+    mean: ndarray, rows: ndarray, columns: ndarray, size: tuple[int, ...], rng: Generator
+) -> ndarray:
+    """(*size, p, q) draws of X ~ N_{p,q}(M, Σ⊗Ψ), M (p, q), as M + L_Σ Z L_Ψᵀ, Z of independent
+    standard normals: Definition 1. vec(Xᵀ), Eq. (vec-of-a-matrix), has the covariance Σ⊗Ψ, Eq.
+    (Kron), of ``rows`` Σ (p, p) and ``columns`` Ψ (q, q). By Theorem 2 XXᵀ > 0 for M = 0, Ψ = I and
+    q ≥ p. It serves tests alone.
+    """
+    noise = rng.standard_normal((*size, *mean.shape))
+    return mean + np.linalg.cholesky(rows) @ noise @ np.linalg.cholesky(columns).T
 
 
-def sample(
-    d: float, sigma: np.ndarray, size: tuple[int, ...], rng: np.random.Generator
-) -> np.ndarray:
+def matrix_normal_log_density(
+    x: ndarray, mean: ndarray, rows: ndarray, columns: ndarray
+) -> ndarray:
+    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q), as of Xᵀ with Σ and Ψ exchanged:
+    Theorem 1. It serves tests alone.
+    """
+    p, q = mean.shape
+    left, right = np.linalg.cholesky(rows), np.linalg.cholesky(columns)
+    # tr{Σ⁻¹(X−M)Ψ⁻¹(X−M)ᵀ} = ‖L_Σ⁻¹(X−M)L_Ψ⁻ᵀ‖_F²
+    half = np.linalg.solve(left, x - mean)
+    white = np.linalg.solve(right, np.swapaxes(half, -1, -2))
+    log_determinants = q * np.log(np.diag(left)).sum() + p * np.log(np.diag(right)).sum()
+    return -0.5 * (white**2).sum(axis=(-1, -2)) - log_determinants - 0.5 * p * q * np.log(2 * np.pi)
+
+
+def expected_quadratic(mean: ndarray, rows: ndarray, columns: ndarray, a: ndarray) -> ndarray:
+    """(..., p, p) E[XAXᵀ] = tr{AᵀΨ}Σ + MAMᵀ of X ~ N_{p,q}(M, Σ⊗Ψ) for a constant A (..., q, q):
+    Theorem 5. It serves tests alone.
+    """
+    trace = np.einsum("...ij,...ij->...", a, columns)
+    return trace[..., None, None] * rows + mean @ a @ np.swapaxes(mean, -1, -2)
+
+
+def sample(d: float, sigma: ndarray, size: tuple[int, ...], rng: Generator) -> ndarray:
     """(*size, n, n) draws of S ~ W_n(d, Σ), ``sigma`` Σ (n, n), by Bartlett's decomposition S =
     (LT)(LT)ᵀ, T lower triangular with independent entries: T_ii² ~ χ²(d − i + 1) for i = 1 … n,
-    standard normals below. For whole d that is the law of Theorem 3, and d need not be an integer.
-    Raises ModelDomainError for d ≤ n − 1 or Σ not positive definite. It serves tests alone: the
-    models draw what B does to one vector.
+    standard normals below. For whole d it is the law of Theorem 3. The paper requires d ≥ n; here d
+    > n − 1 is enough. It serves tests alone.
     """
     n = len(sigma)
-    _require_density(d, n)
     triangle = np.tril(rng.standard_normal((*size, n, n)), -1)
     triangle[..., np.arange(n), np.arange(n)] = np.sqrt(rng.chisquare(d - np.arange(n), (*size, n)))
-    factor = cholesky(np.asarray(sigma, dtype=float), what="Σ") @ triangle
+    factor = np.linalg.cholesky(sigma) @ triangle
     return factor @ np.swapaxes(factor, -1, -2)
 
 
-def log_density(s: np.ndarray, d: float, sigma: np.ndarray) -> np.ndarray:
-    """(...,) log density of ``s`` (..., n, n): Definition 2, Eq. (Wishart). Raises ModelDomainError
-    outside its domain. It serves tests alone.
+def log_density(s: ndarray, d: float, sigma: ndarray) -> ndarray:
+    """(...,) log density of ``s`` (..., n, n), d > n − 1: Definition 2, Eq. (Wishart). It serves
+    tests alone.
     """
-    from scipy.special import multigammaln  # here, as what loads a model does without SciPy
+    from scipy.special import multigammaln  # a model is loaded without SciPy
 
-    n = len(sigma)
-    _require_density(d, n)
-    log_det_s = 2 * np.log(
-        np.diagonal(cholesky(s, what="a Wishart matrix"), axis1=-2, axis2=-1)
-    ).sum(axis=-1)
-    log_det_sigma = 2 * np.log(np.diag(cholesky(sigma, what="Σ"))).sum()
+    n, diagonal = len(sigma), np.diagonal(np.linalg.cholesky(s), axis1=-2, axis2=-1)
+    log_det_s = 2 * np.log(diagonal).sum(axis=-1)
     trace = np.trace(np.linalg.solve(sigma, s), axis1=-2, axis2=-1)
-    return (
-        (d - n - 1) / 2 * log_det_s
-        - trace / 2
-        - d * n / 2 * np.log(2)
-        - d / 2 * log_det_sigma
-        - multigammaln(d / 2, n)
-    )
+    constant = n * np.log(2) + np.linalg.slogdet(sigma)[1]
+    return ((d - n - 1) * log_det_s - trace - d * constant) / 2 - multigammaln(d / 2, n)
 
 
-def mean(d: float, sigma: np.ndarray) -> np.ndarray:
+def mean(d: float, sigma: ndarray) -> ndarray:
     """(n, n) E[S] = dΣ of S ~ W_n(d, Σ): Theorem 4. It serves tests alone."""
     return d * sigma
 
 
 def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
-    """Supremum of σ_B for which B ~ W_n(d, I/d) has a density and B⁻¹ ``inverse_moments`` moments.
-
-    They exist for d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance): Eq. (invmomnt).
-    A matrix of one number has a density for every σ_B.
+    """Supremum of σ_B for which B ~ W_n(d, I/d) has a density and B⁻¹ ``inverse_moments`` moments:
+    d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance), Eq. (invmomnt).
     """
-    least = n - 1 + 2 * inverse_moments  # of a number no dispersion is too large
+    least = n - 1 + 2 * inverse_moments  # 0 for n = 1, where every dispersion has a density
     return float(np.sqrt((n + 1) / least)) if least else np.inf
 
 
@@ -78,24 +90,19 @@ def maxent_theta(sigma_b: float, n: int) -> float:
 
 def degrees_of_freedom(sigma_b: float, n: int) -> float:
     """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) of mean I_n and dispersion ``sigma_b``, which
-    solves Eqs. (Maxenmeas)–(invmomnt). Raises ModelDomainError where σ_B is not positive or so
-    large that B has no density.
+    solves Eqs. (Maxenmeas)–(invmomnt). Raises ModelDomainError for σ_B ≤ 0 and where B has no
+    density.
     """
     limit = largest_dispersion(n)
     if not 0 < sigma_b < limit:
-        raise ModelDomainError(
-            f"sigma_B must lie between 0 and {limit:.4g}, where B has a density",
-            sigma_B=sigma_b,
-            n=n,
-        )
+        message = f"sigma_B must lie between 0 and {limit:.4g}, where B has a density"
+        raise ModelDomainError(message, sigma_B=sigma_b, n=n)
     return maxent_theta(sigma_b, n) + n + 1
 
 
-def normalized_std(samples: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """(...,) normalised standard deviation, Eq. (NormStd), of ``samples`` (N, ..., n, n).
-
-    sqrt(mean ‖B − E[B]‖_F² / ‖E[B]‖_F²) with a given ``expected`` E[B] (n, n): no degree of freedom
-    is spent on a sample mean.
+def normalized_std(samples: ndarray, expected: ndarray) -> ndarray:
+    """(...,) normalised standard deviation sqrt(mean ‖B − E[B]‖_F² / ‖E[B]‖_F²), Eq. (NormStd), of
+    ``samples`` B (N, ..., n, n) about the given ``expected`` E[B] (n, n).
     """
     squared = ((samples - expected) ** 2).sum(axis=(-1, -2)).mean(axis=0)
     return np.sqrt(squared / (expected**2).sum())

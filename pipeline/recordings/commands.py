@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.commanded import task_coordinates
 from pipeline.arm.interface import Chain
 from pipeline.arm.urdf import Joint, read_urdf
 from pipeline.core.angles import whole_turns
@@ -55,7 +54,7 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
-    shares = missed(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
+    shares = missed(chain.coordinates(chain.pose(q)), values(trajectory, "x"))
     fault = "the tip that the motion capture tracked is not on the commanded path"
     suspects = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"
     suspects += " base (dataset.mocap.base)"

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.commanded import trajectory_table
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, trajectory_table
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.interface import trajectory_table
 from pipeline.arm.model import chain_of
 from pipeline.core.columns import columns, members
 from pipeline.core.errors import ConfigError, RecordingError

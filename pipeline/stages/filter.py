@@ -9,8 +9,7 @@ import pandas as pd
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
-from pipeline.filtering.instruments import measured_takes
-from pipeline.filtering.measurement import Measurements
+from pipeline.filtering.measurement import Measurements, measured_takes
 from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
 from pipeline.models.kinds import fitted_models

@@ -11,8 +11,8 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.columns import columns, matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, closed
-from pipeline.filtering.instruments import measured_takes
 from pipeline.filtering.linear import autocorrelated_filter
+from pipeline.filtering.measurement import measured_takes
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
 from pipeline.models.noise import recorded_deviation

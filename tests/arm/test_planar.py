@@ -177,7 +177,7 @@ def test_jacobians_inverses_and_steps_of_the_serial_chain_are_the_same(both):
     ("joints", "tool", "words"),
     [
         (["shoulder", "telescope", "elbow"], "flange", "three revolute joints with limits"),
-        (["turret", "shoulder", "elbow"], "flange", "not parallel.*turret is shoulder, elbow"),
+        (["turret", "shoulder", "elbow"], "flange", "shoulder, elbow are not parallel to turret"),
         (["shoulder", "elbow", "wrist"], "hand", "lie on one axis"),
     ],
 )

@@ -12,8 +12,7 @@ import space_arms
 from compiled_calls import from_python
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.commanded import trajectory_table
-from pipeline.arm.interface import ArmConstants
+from pipeline.arm.interface import ArmConstants, trajectory_table
 from pipeline.arm.kinematics import (
     WIDTH,
     add_displacement,

@@ -16,7 +16,7 @@ from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
-from pipeline.filtering.resampling import SCHEMES
+from pipeline.filtering.sampling import SCHEMES
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.draws import draw_steps
 from pipeline.models.model import Commands, open_loop
@@ -191,12 +191,11 @@ def displaced(q: np.ndarray, by: np.ndarray) -> np.ndarray:
     return np.concatenate([position + by[:3], (pin.exp3(by[3:]) @ rotation).ravel()])
 
 
-def by_tip(t, y, noise, command=None, prior=None, bias=None, count: int = 100) -> Posterior:
+def by_tip(t, y, noise, command=None, prior=None, count: int = 100) -> Posterior:
     """From ``POSE``, by default exactly and without a motion, by one pose of the tip."""
     command = np.zeros((1, 13)) if command is None else command
     start = Start(POSE, np.zeros((7, 7)) if prior is None else prior)
-    bias = np.zeros(6) if bias is None else bias
-    take = Measurements("t", np.array([t]), y[None], bias[None], noise[None], tip=True)
+    take = Measurements("t", np.array([t]), y[None], np.zeros((1, 6)), noise[None], tip=True)
     still, options = ScaledModel(1e-20 * np.eye(7)), FilterOptions(count, "none")
     rng = np.random.default_rng(5)
     return particle_filter(still, LWR, open_loop(command), DT, start, take, options, rng)

@@ -12,8 +12,15 @@ from pipeline.core import contracts
 from pipeline.core.columns import pairs, spread
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.core.options.dataset import Dataset, Encoders, Mocap, Motion, Pose
-from pipeline.filtering.instruments import MOTION, TRACK, encoder_noise, measured_takes, tip_poses
-from pipeline.filtering.measurement import Measurements, measurements
+from pipeline.filtering.measurement import (
+    MOTION,
+    TRACK,
+    Measurements,
+    encoder_noise,
+    measured_takes,
+    measurements,
+    tip_poses,
+)
 
 
 def measurements_at(t, **changed) -> Measurements:

@@ -21,7 +21,7 @@ from pipeline.filtering.particle_filter import (
     Start,
     particle_filter,
 )
-from pipeline.filtering.resampling import SCHEMES
+from pipeline.filtering.sampling import SCHEMES
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, open_loop
 from pipeline.models.scaled.law import ScaledModel

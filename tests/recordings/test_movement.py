@@ -11,7 +11,7 @@ from joint_files import log, read_movement, table
 from made_options import made
 from written_logs import write_joint_log
 
-from pipeline.arm.commanded import trajectory_table
+from pipeline.arm.interface import trajectory_table
 from pipeline.arm.model import load_arm
 from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError

@@ -22,7 +22,7 @@ from pipeline.models.noise import process_noise
 from pipeline.models.wishart.decomposition import COMPUTED, Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.perception.articulation import fit_sequence
-from pipeline.planning.motions import best_conditioned, least_uncertain, on_stages
+from pipeline.planning.motions import best_conditioned, cheapest_paths, least_uncertain
 from pipeline.planning.problem import Problem
 from pipeline.planning.self_motion import grid, spacing_of
 from pipeline.statistics.takes import lag_one_correlation
@@ -200,7 +200,9 @@ def test_the_least_uncertain_motion_of_the_gaussian_model_goes_where_the_arm_is_
     gaussian = law_cost("gaussian", problem.chain)
     steps = np.arange(0, 25, 3)
     poses = grid(problem, steps, spacing_of(problem, 30))
-    ways = [on_stages(problem, cost, steps, poses)[0][0] for cost in (gaussian, worst_conditioned)]
+    ways = [
+        cheapest_paths(problem, cost, steps, poses)[0][0] for cost in (gaussian, worst_conditioned)
+    ]
     np.testing.assert_array_equal(*ways)
     uncertain = least_uncertain(problem, gaussian, 30)
     dexterous = best_conditioned(problem, 30)

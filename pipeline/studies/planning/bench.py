@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.arm.commanded import trajectory_table
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, trajectory_table
 from pipeline.arm.model import chain_of
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot

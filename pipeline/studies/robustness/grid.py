@@ -17,7 +17,7 @@ from pipeline.cases.readings import claim_verdicts, readings
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.options.analysis import Wrench
-from pipeline.filtering.resampling import SCHEMES
+from pipeline.filtering.sampling import SCHEMES
 from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
