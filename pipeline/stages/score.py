@@ -24,7 +24,7 @@ from pipeline.recordings import quality
 from pipeline.recordings.commands import commanded_steps, constant_speed
 from pipeline.recordings.steps import held_against, training_steps, truth_of
 from pipeline.statistics import curves
-from pipeline.statistics.filters import (
+from pipeline.statistics.scores import (
     Filtered,
     filter_metrics,
     filter_tables,
