@@ -30,10 +30,9 @@ from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.models.prediction import modelled_noise
 from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
-from pipeline.statistics import filters as scoring
+from pipeline.statistics import scores as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
-from pipeline.statistics.filters import Filtered
-from pipeline.statistics.scores import compared
+from pipeline.statistics.scores import Filtered, compared
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
 Loop = tuple[MotionModel, Commands]  # a fitted model and its commands

@@ -1,6 +1,6 @@
 """Figures of the paper: functions of this package, found by the YAML file beside their module that
-holds their captions and tables. A figure gets its tables, and of the options ``models``,
-``joints``, ``mode`` and ``configurations`` those that it names.
+has their captions and tables. A figure gets its tables, and of the options ``models``, ``joints``,
+``mode`` and ``configurations`` those in its signature.
 """
 
 import json
@@ -20,7 +20,7 @@ from pipeline.figures.style import save
 
 class Drawing(NamedTuple):
     """A figure: its function, title, caption, tables by the folders of the stages that write them,
-    and the part that a dataset ``needs`` for these.
+    and the part of a dataset that these need.
     """
 
     draw: Callable
@@ -42,7 +42,7 @@ def figures_in() -> dict[str, Drawing]:
 
 def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
     """Draw every figure whose tables exist, and ``captions.json``, into ``out``: all or none."""
-    wanted = []
+    drawn = []
     for name, figure in figures_in().items():
         places = figure.tables.items()
         absent = [table for table, place in places if not contracts.exists(table, Path(place))]
@@ -50,16 +50,16 @@ def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
             lacking = figure.needs or f"table {absent[0]}"
             print(f"figures: {name} left out: the dataset has no {lacking}")
         else:
-            wanted.append(name)
+            drawn.append(name)
     with contracts.replacing(out) as folder:
         trial = partial(_draw, options=options, folder=folder.resolve())
-        written = dict(run_trials(trial, wanted, compute=compute, label="figures"))
-        text = json.dumps(written, indent=2, ensure_ascii=False) + "\n"
+        captions = dict(run_trials(trial, drawn, compute=compute, label="figures"))
+        text = json.dumps(captions, indent=2, ensure_ascii=False) + "\n"
         contracts.write_text(text, folder / "captions.json")
 
 
 def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dict]:
-    """Draw one figure; return its name and caption with the files that it shows."""
+    """Draw one figure; return its name and its entry of ``captions.json``."""
     draw, title, caption, tables, _ = figures_in()[name]
     # a table comes before an option of its name
     named = options | {table: contracts.read(table, Path(place)) for table, place in tables.items()}

@@ -1,5 +1,6 @@
 """Motion of the arm (Sec. 4.1.2): recordings, models and their parameters."""
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -10,7 +11,7 @@ QUANTITIES = {
     "one_step": "std of the process noise (rad)",
     "free_running": "std of the joint angle (rad)",
 }
-OUTLYING = 3  # times the greatest of the other lines
+OUTLYING = 3  # a line this many times as high as all others does not scale its panels
 RIDGE_SHAPES = (
     ("alpha", r"$\alpha$", "--"),
     ("level", r"$\alpha\sqrt{u^2-\langle\Vert J^{-1}\Vert^2\rangle}$", "-"),
@@ -30,13 +31,13 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
     """Fig. (JointRealzFig): one panel per joint, of the training part of ``joints``."""
     training, names = joints[joints["part"] == "training"], members(joints, "q")
     std = process_noise.groupby("t")[columns("w", names)].std()
-    q = training[columns("q", names)]
-    span = 0.54 * (q.max() - q.min()).max()
+    span = 0.54 * np.ptp(training[columns("q", names)], axis=0).max()
     few = len(names) <= style.BESIDE
     across, width = (1, style.ONE_COLUMN) if few else (2, style.TWO_COLUMNS)
     figure, (row,) = style.joint_panels(len(names), across, (width, 1.2, 0.8))
-    # pixels, not paths: a hundred lines on top of each other would weigh megabytes
+    # pixels, as paths of a hundred lines on top of each other take megabytes
     thin = {"color": style.RECORDED["color"], "linewidth": 0.4, "rasterized": True}
+    green = {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
     for (joint, line), axes in zip(style.joint_lines(names).items(), row, strict=True):
         angles = training.pivot(index="t", columns="take", values=column("q", joint))
         lines = axes.plot(angles.index, angles.to_numpy(), **thin)
@@ -44,12 +45,11 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
         middle = (angles.min().min() + angles.max().max()) / 2
         axes.set(ylabel=f"{line['label']} (rad)", ylim=(middle - span, middle + span))
         axes.set_xlim(0, angles.index[-1])
-        right, green = axes.twinx(), {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
+        right = axes.twinx()
         (noise,) = right.plot(std[column("w", joint)], **green)
-        right.set(ylabel="noise std (rad)", ylim=(0, 1.6 * std.max().max()))
-        right.spines["right"].set_visible(True)
-        for part in (right.yaxis.label, right.spines["right"]):
-            part.set_color(style.GREEN)
+        right.set(ylim=(0, 1.6 * std.max().max()))
+        right.set_ylabel("noise std (rad)", color=style.GREEN)
+        right.spines["right"].set(visible=True, color=style.GREEN)
         right.tick_params(axis="y", colors=style.GREEN)
     labels = ("realisations", "mean", "std of the process noise (right)")
     above = {"loc": "outside upper center", "ncols": 3, "columnspacing": 1.2}
@@ -62,16 +62,14 @@ def joint_std(deviation: pd.DataFrame, models: list[str], joints: list[str], mod
     across, size = style.beside(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
     lines = {"recorded": style.RECORDED} | style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
-    shown = deviation[deviation["source"].isin(lines)]
-    tops = shown.groupby("source")[columns("s", joints)].max().max(axis=1)
-    tops = tops.sort_values().to_list()
+    shown = deviation.set_index(["source", "t"])[columns("s", joints)].loc[[*lines]]
+    tops = sorted(shown.groupby("source").max().max(axis=1))
     while len(tops) > 1 and tops[-1] > OUTLYING * tops[-2]:
         tops.pop()
-    for (joint, name), axes in zip(style.joint_lines(joints).items(), row, strict=True):
+    for joint, axes in zip(joints, row, strict=True):
         for source, line in lines.items():
-            rows = deviation[deviation["source"] == source]
-            axes.plot(rows["t"], rows[column("s", joint)], **line)
-        axes.set(title=name["label"], xlim=(0, deviation["t"].max()))
+            axes.plot(shown.loc[source, column("s", joint)], **line)
+        axes.set(title=joint.replace("_", " "), xlim=(0, deviation["t"].max()))
     row[0].set_ylim(0, 1.05 * tops[-1])
     for first in row[::across]:
         first.set_ylabel(QUANTITIES[mode])
@@ -90,16 +88,14 @@ def ridge(ridges: pd.DataFrame, models: list[str]) -> Figure:
         best = rows.loc[rows["excess"].idxmin()]
         excess.plot(rows["excess"], color=line["color"])
         excess.plot(best.name, best["excess"], **dot, clip_on=False)
-        label = f"{line['label']}\nexcess objective (unit: caption)"
-        excess.set(ylabel=label, ylim=(0, None))
+        excess.set(ylabel=f"{line['label']}\nexcess objective (unit: caption)", ylim=(0, None))
         for name, label, dashes in RIDGE_SHAPES:
             look = {"color": line["color"], "linestyle": dashes, "label": label}
             shape.plot(rows[name] / best[name], **look)
         shape.plot(best.name, 1.0, **dot, label="best of the bounds tried")
-        shape.set(ylabel="over its value at the best (1)", ylim=(0, None))
+        shape.set(ylabel="ratio to the best bound (1)", ylim=(0, None))
     grid[0, 1].legend(loc="upper right")
-    for axes, name in zip(grid[0], "ab", strict=True):
-        style.letter(axes, name, y=1.1)  # above the exponent of (a)
+    style.letters(grid[0], y=1.1)  # above the exponent of (a)
     for axes in grid[-1]:
         axes.set_xlabel(r"bound $u$ (1/m and 1 mixed)")
     return figure
@@ -110,21 +106,22 @@ def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Fig
     named = list(sigma_b_weights["model"].unique())
     height = 1.0 + 2.2 * len(named)
     figure, grid = style.panels(style.ONE_COLUMN, height, rows=len(named), sharex=True)
-    lines, orange = style.model_lines(dict.fromkeys([*models, *named])), style.VERMILLION
+    lines = style.model_lines(dict.fromkeys([*models, *named]))
+    dashed = {"ls": "--", "lw": 0.8, "color": style.VERMILLION, "label": "moment estimate"}
+    mark = {"ms": 3, "color": style.VERMILLION, "label": "weight returning the estimate"}
+    at_rest = {"lw": 0.8, "color": style.GREY, "label": "weight by the noise at rest"}
     for (axes,), model in zip(grid, named, strict=True):
         rows = sigma_b_weights[sigma_b_weights["model"] == model]
-        points = {name: rows[rows["point"] == name] for name in ("curve", "moments", "used")}
-        for source, curve in points["curve"].groupby("source", sort=False):
+        curves, moments, used = (
+            rows[rows["point"] == name] for name in ("curve", "moments", "used")
+        )
+        for source, curve in curves.groupby("source", sort=False):
             look = SOURCES[source] | {"color": lines[model]["color"]}
             axes.plot(curve["ratio"], curve["sigma_b"], **look)
-        ratio, level = (points["moments"][name] for name in ("ratio", "sigma_b"))
-        if len(level):
-            dashed = {"color": orange, "linewidth": 0.8, "linestyle": "--"}
-            axes.axhline(level.iloc[0], **dashed, label="moment estimate")
-            mark = {"color": orange, "markersize": 3, "label": "weight that returns it"}
-            axes.plot(ratio, level, "o", **mark)
-        used = {"color": style.GREY, "linewidth": 0.8, "label": "weight by the noise at rest"}
-        axes.axvline(points["used"]["ratio"].iloc[0], **used)
+        if len(moments):
+            axes.axhline(moments["sigma_b"].iloc[0], **dashed)
+            axes.plot(moments["ratio"], moments["sigma_b"], "o", **mark)
+        axes.axvline(used["ratio"].iloc[0], **at_rest)
         axes.set(xscale="log", ylim=(0, None), ylabel=r"$\hat\sigma_B$ (1)")
         if len(named) > 1:
             axes.set_title(lines[model]["label"])
@@ -135,20 +132,20 @@ def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Fig
 
 def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
     """Draw a panel for each joint, a line for each of three plain models."""
-    joints = list(dict.fromkeys(noise_quantiles["joint"]))
+    joints = list(noise_quantiles["joint"].unique())
     across = style.beside(len(joints))
-    lines = -(-len(joints) // across)
-    figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.6 * lines, lines, across)
-    for axes in grid.flat[len(joints) :]:
-        axes.remove()
+    size = style.TWO_COLUMNS, 1.6, 0.6
+    figure, (row,) = style.joint_panels(len(joints), across, size)
     ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()
-    for joint, axes in zip(joints, grid.flat, strict=False):
+    for joint, axes in zip(joints, row, strict=True):
         axes.plot(ends, ends, color=style.LIGHT_GREY, label="normal law")
         for model, line in PLAIN.items():
             chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
             axes.plot(*noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line)
-        axes.set(title=joint.replace("_", " "), xlabel="normal quantile (std)")
-    for axes in grid[:, 0]:
+        axes.set_title(joint.replace("_", " "))
+    for axes in row[-across:]:
+        axes.set_xlabel("normal quantile (std)")
+    for axes in row[::across]:
         axes.set_ylabel("noise (predicted std)")
     style.legend(figure)
     return figure

@@ -10,8 +10,7 @@ from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.figures import style
 
 LABEL_DISTANCE = 13  # pt from the node, on the outer side of the bend
-# measure of the table: what stands beside its strip, and how many of that unit are one of the
-# table's
+# measure of the table: label of its strip, and factor from the table's unit to the label's
 STRIPS = {
     "missing_share": ("missing\nsamples (%)", 100),
     "longest_gap": ("longest gap\n(frames)", 1),
@@ -20,30 +19,30 @@ STRIPS = {
     "residual_rms": ("rigid-body\nresidual (mm)", 1000),
     "dropped_share": ("dropped depth\nframes (%)", 100),
     "clock_offset": ("clock offset\n(ms)", 1000),
-    "clock_offset_standard_error": ("its standard\nerror (ms)", 1000),
+    "clock_offset_standard_error": ("offset's std\nerror (ms)", 1000),
     "clock_drift": ("clock drift\n(ms/s)", 1000),
     "lag_behind_command": ("lag behind\ncommand (ms)", 1000),
     "greatest_residual": ("greatest\nresidual (mrad)", 1000),
     "residual_beside_others": ("residual beside\nothers (mrad)", 1000),
     "disturbance": ("disturbance\n(robust std)", 1),
 }
-SIGNED = ("clock_drift", "lag_behind_command")  # with a limit on either side
+SIGNED = ("clock_drift", "lag_behind_command")  # with limits of either sign
 KEPT = {"marker": ".", "ms": 3, "color": style.BLUE, "ls": "none", "label": "take"}
 LEFT_OUT = {"marker": "x", "ms": 4, "color": style.VERMILLION, "ls": "none", "label": "left out"}
 
 
 def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
     """Fig. (KinOptFig): one panel per view, both on the same scale."""
-    extent = cloud[["x", "z"]].max() - cloud[["x", "z"]].min()
-    height = 1.6 + 2 * (style.ONE_COLUMN - 0.6) * extent["z"] / extent["x"]
+    width, depth = np.ptp(cloud[["x", "z"]].to_numpy(), axis=0)
+    height = 1.6 + 2 * (style.ONE_COLUMN - 0.6) * depth / width
     figure, grid = style.panels(style.ONE_COLUMN, height, rows=2, sharex=True, sharey=True)
-    for axes, (name, view) in zip(grid[:, 0], (("a", "initial"), ("b", "extended")), strict=True):
+    dots = {"color": style.SKY, "markersize": 1.8, "markeredgewidth": 0, "rasterized": True}
+    rings = {"color": style.VERMILLION, "markersize": 3.5, "markerfacecolor": "white"}
+    for axes, view in zip(grid[:, 0], ("initial", "extended"), strict=True):
         points, nodes = (
             table.loc[table["view"] == view, ["x", "z"]].to_numpy() for table in (cloud, skeleton)
         )
-        dots = {"color": style.SKY, "markersize": 1.8, "markeredgewidth": 0, "rasterized": True}
         axes.plot(*points.T, ".", label="point cloud", **dots)
-        rings = {"color": style.VERMILLION, "markersize": 3.5, "markerfacecolor": "white"}
         axes.plot(*nodes.T, "o-", label="fitted segments", **rings)
         before, after = np.roll(nodes, 1, axis=0), np.roll(nodes, -1, axis=0)
         before[0], after[-1] = nodes[1], nodes[-2]
@@ -55,7 +54,7 @@ def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
             axes.annotate(text, node, **place, ha="center", va="center")
         axes.set(ylabel="z (m)", aspect="equal")
         axes.margins(0.12, 0.2)
-        style.letter(axes, name)
+    style.letters(grid[:, 0])
     grid[-1, 0].set_xlabel("x (m)")
     style.legend(figure, ncols=2).legend_handles[0].set_markersize(4)
     return figure
@@ -69,11 +68,10 @@ def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
         row[0].plot(rows[column("b", joint)], **line)
         row[1].plot(np.sqrt(rows[column("r", joint, joint)]), **line)
     row[0].axhline(0, color=style.GREY, linewidth=0.5, zorder=0)
-    labels = ("mean (rad)", "standard deviation (rad)")
-    for axes, name, label in zip(row, "ab", labels, strict=True):
+    for axes, label in zip(row, ("mean (rad)", "standard deviation (rad)"), strict=True):
         axes.set(xlabel="time (s)", ylabel=label)
         axes.xaxis.set_major_locator(MultipleLocator(1))
-        style.letter(axes, name)
+    style.letters(row)
     row[1].set_ylim(bottom=0)
     figure.get_layout_engine().set(wspace=0.1)
     style.legend(figure, ncols=3)
@@ -85,15 +83,10 @@ def filter_errors(filter_error: pd.DataFrame, models: list[str], joints: list[st
     figure, grid = style.model_panels(models, joints, "error (rad)")
     shown = filter_error["take"].iloc[0]
     mean = filter_error[filter_error["model"] == NONE].groupby("t")
-    thin = {"color": style.LIGHT_GREY, "linewidth": 0.25, "rasterized": True, "zorder": 1}
-    blue, orange, black = (
-        {"color": color, "lw": width, "label": label}
-        for color, width, label in (
-            (style.BLUE, 0.8, f"error of {shown}"),
-            (style.VERMILLION, 0.8, f"±1σ bound of {shown}"),
-            (style.BLACK, 0.5, "rms error of the training mean"),
-        )
-    )
+    grey = {"color": style.LIGHT_GREY, "linewidth": 0.25, "rasterized": True, "zorder": 1}
+    blue = {"color": style.BLUE, "lw": 0.8, "label": f"error of {shown}"}
+    orange = {"color": style.VERMILLION, "lw": 0.8, "label": f"±1σ bound of {shown}"}
+    black = {"color": style.BLACK, "lw": 0.5, "label": "rms error of the training mean"}
     for row, model in zip(grid, models, strict=True):
         rows = filter_error[filter_error["model"] == model]
         take, others = rows[rows["take"] == shown].set_index("t"), rows[rows["take"] != shown]
@@ -105,8 +98,8 @@ def filter_errors(filter_error: pd.DataFrame, models: list[str], joints: list[st
                 axes.plot(sign * std, **orange)
                 axes.plot(sign * rms, **black)
             errors = others.pivot(index="t", columns="take", values=error)
-            if grey := axes.plot(errors.index, errors.to_numpy(), **thin):
-                grey[0].set_label("errors of the other takes")
+            if lines := axes.plot(errors.index, errors.to_numpy(), **grey):
+                lines[0].set_label("errors of the other takes")
     grid[0, 0].set_xlim(0, filter_error["t"].max())
     style.legend(figure)
     return figure
@@ -116,18 +109,18 @@ def filter_closed_loop(filter_error: pd.DataFrame, models: list[str], joints: li
     """Draw rows of panels in the order of ``models``, the panels of a joint on one scale."""
     figure, grid = style.model_panels(models, joints, "rms error (rad)")
     squares = filter_error[columns("e", joints)] ** 2
-    running = np.sqrt(squares.groupby([filter_error["model"], filter_error["t"]]).mean())
+    rms = np.sqrt(squares.groupby([filter_error["model"], filter_error["t"]]).mean())
     for row, model in zip(grid, models, strict=True):
-        shown = {
-            "training mean": (NONE, {"color": style.GREY, "lw": 1.6}),
-            "open loop": (model, {"color": style.BLUE, "lw": 0.8}),
-            "closed loop": (closed(model), {"color": style.GREEN, "lw": 0.8, "ls": "--"}),
-            "linear, autocorrelation": (MEMORY, {"color": style.BLACK, "lw": 0.8}),
+        looks = {
+            NONE: {"label": "training mean", "color": style.GREY, "lw": 1.6},
+            model: {"label": "open loop", "color": style.BLUE, "lw": 0.8},
+            closed(model): {"label": "closed loop", "color": style.GREEN, "lw": 0.8, "ls": "--"},
+            MEMORY: {"label": "linear filter", "color": style.BLACK, "lw": 0.8},
         }
         for joint, axes in zip(joints, row, strict=True):
-            for label, (name, look) in shown.items():
-                if name in running.index:
-                    axes.plot(running.loc[name, column("e", joint)], label=label, **look)
+            for name, look in looks.items():
+                if name in rms.index:
+                    axes.plot(rms.loc[name, column("e", joint)], **look)
     grid[0, 0].set(xlim=(0, filter_error["t"].max()), ylim=(0, None))
     style.legend(figure)
     return figure
@@ -142,6 +135,9 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
     height = 0.62 * len(shown) + 0.9
     figure, grid = style.panels(style.TWO_COLUMNS, height, rows=len(shown), sharex=True)
     dashed = {"color": style.BLACK, "lw": 0.8, "ls": (0, (4, 3)), "label": "limit", "zorder": 1}
+    between = {"color": style.LIGHT_GREY, "lw": 0.8, "label": "training | test", "zorder": 0}
+    bars = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5, "label": "± 2 standard errors"}
+    boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
     for axes, measure in zip(grid[:, 0], shown, strict=True):
         (label, unit), rows = STRIPS[measure], by_measure[measure].set_index("take")
         for mark, of in ((KEPT, rows[~rows["left_out"]]), (LEFT_OUT, rows[rows["left_out"]])):
@@ -149,27 +145,25 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
                 axes.plot(place[of.index], unit * of["value"], **mark, zorder=3)
         if measure == "clock_drift":
             errors = by_measure["clock_drift_standard_error"].set_index("take")["value"]
-            bars = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5}
-            bars["label"] = "± 2 standard errors"
             error = 2 * unit * errors[rows.index]
             axes.errorbar(place[rows.index], unit * rows["value"], yerr=error, **bars)
         if not np.isnan(limit := unit * rows["limit"].iloc[0]):
             for side in (-1, 1) if measure in SIGNED else (1,):
                 axes.axhline(side * limit, **dashed)
         axes.margins(y=0.12)
-        if unit * rows["value"].min() >= 0:  # from zero, and marks at either end whole
-            top = axes.get_ylim()[1]
+        if rows["value"].min() >= 0:  # from zero, with whole marks at either end
+            top = max(axes.get_ylim()[1], 1.0 if unit == 1 else 0.0)  # counts up to 1 at least
             axes.set_ylim(-0.08 * top, 1.08 * top)
-        for boundary in np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5:
-            axes.axvline(boundary, color=style.LIGHT_GREY, linewidth=0.8, zorder=0)
+        for boundary in boundaries:
+            axes.axvline(boundary, **between)
         axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
         axes.locator_params(axis="y", nbins=3)
     figure.align_ylabels(grid[:, 0])
     groups = place.groupby(known["part"].to_numpy(), sort=False).agg(["min", "max"])
     parts = (f"{part} {low} to {high}" for part, (low, high) in groups.iterrows())
     grid[-1, 0].set(xlabel="take: " + ", ".join(parts), xlim=(0, len(known) + 1))
+    above = {"xycoords": ("data", "axes fraction"), "rotation": 30, "fontsize": 7}
     for take in known.loc[known["left_out"], "take"]:
-        above = {"xycoords": ("data", "axes fraction"), "rotation": 30, "fontsize": 7}
         grid[0, 0].annotate(take, (place[take], 1.1), **above, color=style.VERMILLION)
-    style.legend(figure)
+    style.legend(figure, ncols=5)
     return figure

@@ -1,6 +1,6 @@
 """One look for every figure: widths of one and two columns of a journal page, letters of 7 pt or
-more, the colours of Okabe and Ito (jfly.uni-koeln.de/color, 2008), lines that share axes with
-different dashes, and files that keep their bytes.
+more, the colours of Okabe and Ito (jfly.uni-koeln.de/color, 2008), different dashes of lines on the
+same axes, and reproducible bytes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,16 +34,16 @@ MODELS = {
         ("scaled_full", "scaled with speed, full", PURPLE, (0, (8, 2))),
     )
 }
-FURTHER = (  # models of other names take these in turn
+FURTHER = (  # of models of other names, in turn
     {"color": GREEN, "linestyle": (0, (4, 3))},
     {"color": PURPLE, "linestyle": (0, (2, 2, 6, 2))},
     {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
 )
 COLORS = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, BLACK, GREY)  # of joints
 DASHES = "-", "--", "-.", ":", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (8, 1.5, 1, 1.5))
-BESIDE = 4  # joints at most whose panels stand in one line
+BESIDE = 4  # greatest number of joints whose panels are in one line
 
-# from the defaults, so that a matplotlibrc of the user's changes no byte
+# from the defaults: a user's matplotlibrc changes no byte
 mpl.rcdefaults()
 mpl.rcParams.update(
     {
@@ -95,20 +95,20 @@ def joint_panels(
     joints: int, across: int, size: tuple[float, float, float], groups: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (``groups``, ``joints``): of each group a panel for
-    each joint, ``across`` of them in a line, the last line of a group as short as it comes.
+    each joint, ``across`` panels in a line, the last line of a group possibly shorter.
 
-    ``size`` in inches is the width of the figure, the height of a line, and what is above and
-    below; ``layout`` goes to ``Figure.subplots``.
+    ``size`` in inches: width of the figure, height of a line, total of the margins above and below;
+    ``layout`` goes to ``Figure.subplots``.
     """
-    width, line, rest = size
+    width, line, margins = size
     lines = -(-joints // across)
-    height = rest + line * groups * lines
+    height = margins + line * groups * lines
     figure, grid = panels(width, height, groups * lines, across, sharex=True, **layout)
     axes = grid.reshape(groups, lines * across)
     for empty in axes[:, joints:].flat:
         empty.remove()
     for lowest in axes[-1, :joints][-across:]:
-        lowest.tick_params(labelbottom=True)  # also where the panel below was empty
+        lowest.tick_params(labelbottom=True)  # also above a removed panel
         lowest.set_xlabel("time (s)")
     return figure, axes[:, :joints]
 
@@ -117,33 +117,27 @@ def model_panels(
     models: Sequence[str], joints: Sequence[str], quantity: str
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (models, joints) on one scale, a group a model."""
-    across = beside(len(joints))
-    size = TWO_COLUMNS, 1.25, 0.55
+    across, size = beside(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
     figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
     for row, line in zip(grid, model_lines(models).values(), strict=True):
         for first in row[::across]:
             first.set_ylabel(f"{line['label']}\n{quantity}")
-    # where a model has a second line, the joints of the first are not those of the one above
+    # panels of a model's second line are below panels of other joints
     for row in grid if across < len(joints) else grid[:1]:
-        for line, axes in zip(joint_lines(joints).values(), row, strict=True):
-            axes.set_title(line["label"])
+        for joint, axes in zip(joints, row, strict=True):
+            axes.set_title(joint.replace("_", " "))
     return figure, grid
 
 
 def beside(joints: int) -> int:
-    """Return the number of panels in a line over two columns: half of more than ``BESIDE``."""
+    """Return the number of panels in a line over two columns: half of more than BESIDE joints."""
     return joints if joints <= BESIDE else -(-joints // 2)
 
 
-def letter(axes: Axes, name: str, **place: float) -> None:
-    """Name a panel (a), (b), … above its upper left corner, as the paper's captions do."""
-    axes.set_title(f"({name})", loc="left", fontweight="bold", **place)
-
-
-def letters(panels: Iterable[Axes]) -> None:
-    """Name the ``panels`` (a), (b), … in their order."""
+def letters(panels: Iterable[Axes], **place: float) -> None:
+    """Name the ``panels`` (a), (b), … in their order above the upper left corner of each."""
     for axes, name in zip(panels, "abcdefg", strict=False):
-        letter(axes, name)
+        axes.set_title(f"({name})", loc="left", fontweight="bold", **place)
 
 
 def legend(figure: Figure, ncols: int = 4) -> Legend:
@@ -162,17 +156,16 @@ def arrow(axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Write ``name.svg`` and ``name.png`` without date or version: equal bytes every time."""
-    # laid out at the PNG's resolution, at which hinted letters are the wider
+    # laid out at the PNG's resolution, at which hinted letters are wider
     rasterised = figure.dpi
     figure.set_dpi(PNG_RESOLUTION)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     figure.set_dpi(rasterised)
-    # the layout's solver differs in its last bits from run to run, and the names of clip paths in
-    # the SVG are hashes of all bits
+    # the layout's last bits differ from run to run; the SVG names its clip paths by hashes of all
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-    # not savefig, which draws every figure twice: once more for a layout that has been found
+    # savefig would draw every figure twice, once more for the layout
     FigureCanvasSVG(figure).print_svg(
         folder / f"{name}.svg", metadata={"Date": None, "Creator": None}
     )

@@ -1,7 +1,6 @@
 """Wrench of cooperating robots (Secs. 3.2 and 4.2)."""
 
 from collections.abc import Mapping
-from typing import Protocol
 
 import matplotlib as mpl
 import numpy as np
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Polygon
 
+from pipeline.core.options.dataset import Arrangement
 from pipeline.figures import style
 
 # the schematic: lengths without a scale, chosen so that no label meets a line
@@ -33,14 +33,7 @@ LINES = {
     "measured": style.RECORDED | {"label": "measured"},
     "modelled": {"label": "matrix model", "color": style.BLUE, "linestyle": "--"},
 }
-SHOWN = 0.005  # of the greatest density of a panel: where its axis ends
-
-
-class DrawnConfiguration(Protocol):
-    """Mean direction (rad) and mean tension (N) of every cable."""
-
-    direction: list[float]
-    tension: list[float]
+SHOWN = 0.005  # of the greatest density of a panel, to which its axis extends
 
 
 def unit(angle: float) -> np.ndarray:
@@ -72,7 +65,7 @@ def cable_robot() -> Figure:
             style.arrow(axes, tip, tip + 0.12 * along, color)
             size = {"width": 2 * radius, "height": 2 * radius, "theta2": degrees}
             axes.add_patch(Arc(point, **size, color=color, linewidth=0.7))
-            # the label of a long arc stays clear of the platform
+            # clear of the platform for a long arc
             middle = point + (radius + 0.3) * unit(np.radians(min(degrees / 2, 70)))
             for place, name in ((tip + 0.45 * along, "T"), (middle, r"\theta")):
                 axes.text(*place, f"${symbol.format(name, i)}$", color=color, **CENTRED)
@@ -100,18 +93,18 @@ def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
 
 
 def wrench_density(
-    force_density: pd.DataFrame, configurations: Mapping[str, DrawnConfiguration]
+    force_density: pd.DataFrame, configurations: Mapping[str, Arrangement]
 ) -> Figure:
     """Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations`` by name."""
-    height, count = 0.4 + 1.75 * len(configurations), len(configurations)
-    layout = {"rows": count, "columns": 3, "width_ratios": (1.3, 1, 1)}
-    figure, grid = style.panels(style.TWO_COLUMNS, height, **layout)
+    layout = {"rows": len(configurations), "columns": 3, "width_ratios": (1.3, 1, 1)}
+    figure, grid = style.panels(style.TWO_COLUMNS, 0.4 + 1.75 * layout["rows"], **layout)
     tension = max(max(each.tension) for each in configurations.values())
     limits = [(force_density[c].min(), force_density[c].max()) for c in ("fx", "fy")]
     shades = {"cmap": "CMRmap_r", "vmin": 0, "vmax": force_density["density"].max()}
+    cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}
     for row, (name, each) in zip(grid, configurations.items(), strict=True):
         pulls = np.multiply(each.tension, [np.cos(each.direction), np.sin(each.direction)])
-        _robots(row[0], each, pulls, ROBOTS * tension)
+        _draw_robots(row[0], each, pulls, ROBOTS * tension)
         row[0].set_title(name, loc="left", fontweight="bold")
         own = force_density[force_density["configuration"] == name]
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
@@ -119,7 +112,6 @@ def wrench_density(
             density = rows.pivot(index="fy", columns="fx", values="density")
             cells = (density.columns, density.index, density.to_numpy())
             image = axes.pcolormesh(*cells, **shades, rasterized=True)
-            cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}
             axes.plot(*pulls.sum(axis=1), "+", **cross)
             axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="N", ylabel="$F_y$ (N)")
     for axes in grid[-1, 1:]:
@@ -130,13 +122,13 @@ def wrench_density(
     return figure
 
 
-def _robots(axes: Axes, configuration: DrawnConfiguration, pulls: np.ndarray, far: float) -> None:
-    """Draw cables from the platform to the robots, and the forces (2, m) in N they pull with."""
-    cables = zip(configuration.direction, configuration.tension, pulls.T, strict=True)
+def _draw_robots(axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float) -> None:
+    """Draw cables from the platform to the robots, and the robots' forces ``pulls`` (2, m) in N."""
+    circle = {"color": style.GREY, "markersize": 13, "markerfacecolor": "white", "zorder": 2}
+    cables = zip(robots.direction, robots.tension, pulls.T, strict=True)
     for i, (direction, tension, pull) in enumerate(cables, start=1):
         robot = far * unit(direction)
         axes.plot(*np.column_stack([(0, 0), robot]), color=style.GREY, linewidth=0.8, zorder=1)
-        circle = {"color": style.GREY, "markersize": 13, "markerfacecolor": "white", "zorder": 2}
         axes.plot(*robot, "o", **circle)
         axes.text(*robot, str(i), **CENTRED)
         label = rf"$\underline{{T}}_{i}$ = {tension:.2f} N" + "\n"
@@ -151,14 +143,14 @@ def _robots(axes: Axes, configuration: DrawnConfiguration, pulls: np.ndarray, fa
 
 
 def wrench_planes(wrench_planes: pd.DataFrame) -> Figure:
-    """Draw planes across, configurations below each other."""
+    """Draw a row of panels for each configuration, a panel for each plane of two rows."""
     planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
     by_name = list(wrench_planes.groupby("configuration", sort=False))
     layout = {"rows": len(by_name), "columns": len(planes)}
     figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.3 * len(by_name), **layout)
     for row, (name, table) in zip(grid, by_name, strict=True):
         for axes, (x, y) in zip(row, planes, strict=True):
-            _plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
+            _draw_plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
             axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
         row[0].set_title(name, loc="left", fontweight="bold")
     lines = Line2D([], [], color=style.VERMILLION, lw=0.7, label="matrix model")
@@ -167,12 +159,13 @@ def wrench_planes(wrench_planes: pd.DataFrame) -> Figure:
     return figure
 
 
-def _plane(axes: Axes, table: pd.DataFrame) -> None:
+def _draw_plane(axes: Axes, table: pd.DataFrame) -> None:
+    """Draw shades of the measured density and lines of the modelled one at the same levels."""
     measured, modelled = (
         table[table["source"] == source].pivot(index="y", columns="x", values="density")
         for source in ("measured", "modelled")
     )
-    if measured.empty:  # a planar configuration beside others
+    if measured.empty:  # of a planar configuration among configurations in space
         axes.set_axis_off()
         return
     greatest = measured.to_numpy().max()
@@ -183,26 +176,26 @@ def _plane(axes: Axes, table: pd.DataFrame) -> None:
     lines = axes.contour(*cells, modelled.to_numpy(), levels, **look)
     for drawn in (shades, lines):
         drawn.set_rasterized(True)
-    # as far as either density is
-    either = np.maximum(measured.to_numpy(), modelled.to_numpy()) > 0.01 * greatest
+    # limits of the region where either density is visible
+    visible = np.maximum(measured.to_numpy(), modelled.to_numpy()) > 0.01 * greatest
     for across, values, limits in ((0, cells[0], axes.set_xlim), (1, cells[1], axes.set_ylim)):
-        there = np.asarray(values)[either.any(axis=across)]
-        limits(there[0], there[-1])
+        shown = np.asarray(values)[visible.any(axis=across)]
+        limits(shown[0], shown[-1])
     axes.locator_params(nbins=3)
 
 
 def wrench_marginals(wrench_marginals: pd.DataFrame) -> Figure:
-    """Draw rows of the wrench across, configurations below each other."""
+    """Draw a row of panels for each configuration, a panel for each row of the wrench."""
     rows = list(wrench_marginals["row"].unique())
     by_name = list(wrench_marginals.groupby("configuration", sort=False))
     layout = {"rows": len(by_name), "columns": len(rows)}
     figure, grid = style.panels(style.TWO_COLUMNS, 0.5 + 1.15 * len(by_name), **layout)
     for line, (name, table) in zip(grid, by_name, strict=True):
         for axes, row in zip(line, rows, strict=True):
-            own = table[table["row"] == row]
-            shown = own[own["density"] > SHOWN * own["density"].max()]
+            curves = table[table["row"] == row]
+            shown = curves[curves["density"] > SHOWN * curves["density"].max()]
             for source, look in LINES.items():
-                curve = own[own["source"] == source]
+                curve = curves[curves["source"] == source]
                 axes.plot(curve["value"], curve["density"], **look)
             axes.set(xlabel=style.wrench_label(row), ylim=(0, None), yticks=[])
             if len(shown):

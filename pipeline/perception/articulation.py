@@ -1,7 +1,9 @@
 """Joint angles of the arm in a depth camera's points by least squares, Eq. (KinObj), frame by
 frame.
 
-The objective jumps where a point changes its segment, so a compiled Nelder–Mead simplex is used.
+The tool ends at the commanded end-effector, as in the paper, or is fitted to the points: with its
+nominal length, as a free length would grow to its bound, and with an asymmetry of each half. The
+objective jumps where a point changes its segment: the Nelder–Mead simplex needs no derivatives.
 """
 
 from collections.abc import Sequence
@@ -13,33 +15,175 @@ import pandas as pd
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
-from pipeline.core.compiled import compiled, inner
+from pipeline.core.compiled import compiled, inner, sine_cosine
 from pipeline.core.errors import RecordingError, SolverError
 from pipeline.core.options.analysis import ArticulationSection
-from pipeline.perception import articulation_objective as objective
-from pipeline.perception.articulation_objective import INFEASIBLE, Frame, rank
 
+INFEASIBLE = 1e3  # m; above the objective of every pose within the bounds
+STEP = 0.02  # m; first extent of the simplex: motion of a node between frames at 30 Hz
+STRETCH = np.pi / 2 / STEP  # 1/m; a variable that moves by STEP takes a length to its bound
+# first and last extent of each run of the simplex, m; a wider one leaves local minima
+RUNS = {
+    "commanded": ((STEP, 1e-3), (-STEP / 2, 1e-5)),
+    "fitted": ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),
+}
 MAX_STEPS = 2000  # of the simplex
-# rad; how far from the nominal pose the cold starts lie: lag and drift of the arm against its
-# trajectory
-SPREAD = 0.15
-# an objective of more than so many times the least of the take: not the arm; noise alone varies it
-# by less
-LOST = 2.0
-POSES = 24  # directions of the first segment that a lost arm is looked for in
+START_SPREAD = 0.15  # rad; between the starts of a take and the commanded pose
+LOST = 2.0  # least objective of a lost arm, in least objectives of the take
+LOST_HEADINGS = 24  # directions of the first segment at which the search for a lost arm starts
+SIGN = np.int64(-(2**63))  # sign bit of a number
+
+
+class Frame(NamedTuple):
+    """Points, known nodes and options of one frame, and buffers of the compiled functions."""
+
+    points: np.ndarray  # (2, I) x and z, m
+    nodes: np.ndarray  # (4, 2) O1, O2, O3, EE, m: given are O1 and the commanded EE
+    bounds: np.ndarray  # (3, 2) of the segments' lengths, m
+    gamma1: float  # weight of the mean distance
+    gamma2: float  # weight of the asymmetry
+    buffer: np.ndarray  # (5, I) signed squared distances of each piece, m²; last row: distances, m
+    bits: np.ndarray  # (5, I) the memory of ``buffer`` as integers
+
+
+def frame_of(
+    points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
+) -> Frame:
+    """Return the frame with its buffers; ``gammas`` weigh mean distance and asymmetry."""
+    arrays = (np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds))
+    buffer = np.empty((5, points.shape[1]))
+    return Frame(*arrays, *gammas, buffer, buffer.view(np.int64))
+
+
+@inner
+def rank(frame: Frame, v: np.ndarray) -> float:
+    """Eq. (KinObj), m, at v = (O2, O3), m, of the commanded end; outside the bounds on the lengths
+    INFEASIBLE and the excess, so that feasible poses rank first (feasibility rules, Deb 2000).
+
+    Of the fitted end v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
+    two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975). A point
+    nearest to a node belongs to both segments; d_a and d_u are the greatest on either side.
+    """
+    nodes, bounds, excess, pieces = frame.nodes, frame.bounds, 0.0, v.size - 1
+    for j in range(3):
+        if pieces == 4:
+            middle, half = 0.5 * (bounds[j, 0] + bounds[j, 1]), 0.5 * (bounds[j, 1] - bounds[j, 0])
+            stretched, _ = sine_cosine(STRETCH * v[j] if j < 2 else 0.0)
+            sine, cosine = sine_cosine(v[j + 2] / middle)
+            length = middle + half * stretched
+            nodes[j + 1, 0] = nodes[j, 0] + length * sine
+            nodes[j + 1, 1] = nodes[j, 1] + length * cosine
+        else:
+            if j < 2:
+                nodes[j + 1, 0], nodes[j + 1, 1] = v[2 * j], v[2 * j + 1]
+            ux, uz = nodes[j + 1, 0] - nodes[j, 0], nodes[j + 1, 1] - nodes[j, 1]
+            length = np.sqrt(ux**2 + uz**2)
+            excess += max(bounds[j, 0] - length, length - bounds[j, 1], 0.0)
+    if excess > 0.0:
+        return INFEASIBLE + excess
+    x, z, signed = frame.points[0], frame.points[1], frame.buffer
+    _assign(x, z, nodes, signed[0], signed[1], signed[2], signed[4])
+    if pieces == 4:  # points beyond the middle of the tool
+        ax, az, bx, bz = nodes[2, 0], nodes[2, 1], nodes[3, 0], nodes[3, 1]
+        for i in range(x.size):
+            aside = (x[i] - 0.5 * (ax + bx)) * (bx - ax) + (z[i] - 0.5 * (az + bz)) * (bz - az)
+            signed[3, i] = signed[2, i] if aside > 0.0 else 0.0
+            signed[2, i] = 0.0 if aside > 0.0 else signed[2, i]
+    asymmetry = 0.0
+    for j in range(pieces):
+        above, under = _greatest(signed[j], frame.bits[j])
+        asymmetry += abs(np.sqrt(above) - np.sqrt(under))
+    return frame.gamma1 * _sum(signed[4]) / x.size + frame.gamma2 * asymmetry
+
+
+@inner
+def _assign(x, z, nodes, first, second, third, distance):
+    """Write each point's distance to its segment, and its square: positive above the line, negative
+    below, 0 for the other segments. Without branches the loop is vectorised.
+    """
+    o1, o2 = (nodes[0, 0], nodes[0, 1]), (nodes[1, 0], nodes[1, 1])
+    o3, ee = (nodes[2, 0], nodes[2, 1]), (nodes[3, 0], nodes[3, 1])
+    for i in range(x.size):
+        to_first, side_first = _to_segment(x[i], z[i], o1, o2)
+        to_second, side_second = _to_segment(x[i], z[i], o2, o3)
+        to_third, side_third = _to_segment(x[i], z[i], o3, ee)
+        nearest = to_first if to_first < to_second else to_second
+        nearest = nearest if nearest < to_third else to_third
+        distance[i] = np.sqrt(nearest)
+        own = nearest if to_first == nearest else 0.0
+        first[i] = own if side_first > 0.0 else -own
+        own = nearest if to_second == nearest else 0.0
+        second[i] = own if side_second > 0.0 else -own
+        own = nearest if to_third == nearest else 0.0
+        third[i] = own if side_third > 0.0 else -own
+
+
+@inner
+def _to_segment(x, z, start, end):
+    """Squared distance to the segment (beyond an end to the node) and the side of its line."""
+    ux, uz = end[0] - start[0], end[1] - start[1]
+    wx, wz, ex, ez = x - start[0], z - start[1], x - end[0], z - end[1]
+    squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
+    from_start, from_end = wx * wx + wz * wz, ex * ex + ez * ez
+    inside = from_end if along >= squared else side * side * (1.0 / squared)
+    return from_start if along <= 0.0 else inside, side
+
+
+@inner
+def _greatest(signed, bits):
+    """Greatest positive number and size of the least negative one; ``signed`` is overwritten."""
+    above, under = np.int64(0), SIGN
+    for i in range(signed.size):  # vectorised for integers
+        above = bits[i] if bits[i] > above else above
+        under = bits[i] ^ SIGN if bits[i] ^ SIGN > under else under
+    bits[0] = above
+    greatest = signed[0]
+    bits[0] = under ^ SIGN
+    return greatest, (-signed[0] if signed[0] < 0.0 else 0.0)
+
+
+@inner
+def _sum(values):
+    """Sum of four partial sums, which do not wait for each other."""
+    a = b = c = d = 0.0
+    whole = values.size - values.size % 4
+    for i in range(0, whole, 4):
+        a, b, c, d = a + values[i], b + values[i + 1], c + values[i + 2], d + values[i + 3]
+    for i in range(whole, values.size):
+        a += values[i]
+    return (a + b) + (c + d)
+
+
+def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
+    """Return the pose v of :func:`rank` of ``nodes`` (3, 2) O2, O3, EE, m, with the ``end``."""
+    if end == "commanded":
+        return nodes[:2].ravel()
+    x, z = np.diff(np.vstack([frame.nodes[0], nodes]), axis=0).T
+    middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
+    share = np.clip(((np.hypot(x, z) - middle) / half)[:2], -1.0, 1.0)
+    return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
+
+
+def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
+    """Return the nodes (3, 2) O2, O3 and EE, m, of a pose ``v`` of :func:`rank`."""
+    if v.size == 4:
+        return np.vstack([v.reshape(2, 2), frame.nodes[3]])
+    middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
+    psi, lengths = v[2:] / middle, middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
+    steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    return frame.nodes[0] + np.cumsum(steps, axis=0)
 
 
 @compiled
-def _simplex(frame, step, extent, corners, values, scratch):
-    """One run of Nelder and Mead (1965), coefficients 1, 2, ½, ½, until the simplex is smaller than
-    ``extent`` in every variable, from ``corners[0]`` of ``corners`` (n+1, n), where it leaves the
-    best; whether it came to that. Across a jump of the objective values never meet.
+def _simplex(frame, step, extent, corners, values):
+    """Run the simplex of Nelder and Mead (1965), coefficients 1, 2, ½, ½, from ``corners[0]``;
+    return whether its size in every variable came to ``extent``.
 
-    ``values`` (n+1,) and ``scratch`` (3, n) are overwritten. Loops compile in a quarter of the time
-    of NumPy's array expressions.
+    ``corners`` (n+4, n), the best first, three rows for other points last, and ``values`` (n+1,)
+    are overwritten. Loops compile in a quarter of the time of NumPy's array expressions.
     """
     n = values.size - 1
-    middle, reflected, tried = scratch[0], scratch[1], scratch[2]
+    middle, reflected, tried = corners[n + 1], corners[n + 2], corners[n + 3]
     for i in range(1, n + 1):
         _set(corners, i, corners[0])
         corners[i, i - 1] += step
@@ -66,7 +210,7 @@ def _simplex(frame, step, extent, corners, values, scratch):
             values[n] = at_reflected
             _set(corners, n, reflected)
             continue
-        # expanded beyond the best, or contracted from a point that is hardly better than the worst
+        # expansion, or contraction outside or inside
         factor = -2.0 if best else (-0.5 if outside else 0.5)
         for j in range(n):
             tried[j] = middle[j] + factor * (corners[n, j] - middle[j])
@@ -105,13 +249,11 @@ def _sort(corners, values):
 
 def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """(O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2) ended."""
-    first, ended = objective.variables(frame, start, end), False
-    corners, values = np.empty((first.size + 1, first.size)), np.empty(first.size + 1)
-    scratch = np.empty((3, first.size))
-    corners[0] = first
-    for step, extent in objective.RUNS[end]:
-        ended = _simplex(frame, step, extent, corners, values, scratch)
-    return objective.nodes_of(frame, corners[0]), float(values[0]), ended
+    first, ended = variables(frame, start, end), False
+    corners, values = np.tile(first, (first.size + 4, 1)), np.empty(first.size + 1)
+    for step, extent in RUNS[end]:
+        ended = _simplex(frame, step, extent, corners, values)
+    return nodes_of(frame, corners[0]), float(values[0]), ended
 
 
 class FittedSequence(NamedTuple):
@@ -120,7 +262,6 @@ class FittedSequence(NamedTuple):
     nodes: np.ndarray  # (F, 4, 2) O1, O2, O3, EE in the plane, m
     q: np.ndarray  # (F, 3) joint angles from the headings of the fitted segments, rad
     objective: np.ndarray  # (F,) value of Eq. (KinObj), m
-    lost: int  # frames for which the fit before was no start
 
 
 def fit_sequence(
@@ -136,53 +277,45 @@ def fit_sequence(
     """Solve Eq. (KinObj) frame by frame through one take.
 
     ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m as
-    commanded; ``q_start`` (3,) rad. The first fit starts around it, each later one from the fit
-    before carried along with the command, or, where that leads to no arm, from all poses that join
-    O1 and EE. Raises RecordingError (take, frame) for too many frames with few points and for an EE
-    out of reach, SolverError for a search that does not end.
+    commanded; ``q_start`` (3,) rad. The first fit starts around ``q_start``, each later fit from
+    the fit before, moved with the command; a lost arm from all poses that join O1 and EE. Raises
+    RecordingError (take, frame) for too many frames with few points and for an EE out of reach,
+    SolverError for a search that does not end.
     """
     end, gammas = options.end_point, (options.gamma1, options.gamma2)
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
     nodes, values = np.full((len(ee), 4, 2), np.nan), np.full(len(ee), np.nan)
-    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * SPREAD
-    starts, last, gap, least, lost = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf, 0
+    turned = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * START_SPREAD
+    starts, last, gap, least = chain.points(q_start + turned)[:, 1:], 0, 0, np.inf
     for frame, (cloud, goal) in enumerate(zip(clouds, ee, strict=True)):
         where = {"take": take, "frame": frame}
-        gap = gap + 1 if len(cloud) < max(options.minimum_points, 1) else 0
+        gap = gap + 1 if len(cloud) < options.minimum_points else 0
         if gap > options.max_gap:
             message = f"more than {options.max_gap} depth frames in a row have fewer than"
             raise RecordingError(f"{message} {options.minimum_points} points of the arm", **where)
         if gap:
             continue
-        if not (np.isfinite(goal).all() and np.isfinite(cloud).all()):
-            message = "the end-effector's position or a point of the arm is not finite"
-            raise RecordingError(message, **where)
         starts = starts + np.array([[0.0], [1.0], [1.0]]) * (goal - ee[last])
-        problem = objective.frame_of(cloud.T, o1, goal, bounds, gammas)
+        problem = frame_of(cloud.T, o1, goal, bounds, gammas)
         fits = [_fit(problem, end, start) for start in starts]
         if min(fit[1] for fit in fits) > LOST * least:
-            lost += 1
-            poses = _joining_poses(o1, goal, chain.lengths)
-            fits += [_fit(problem, end, start) for start in poses]
+            fits += [_fit(problem, end, s) for s in _joining_poses(o1, goal, chain.lengths)]
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
-            message = "no pose of the arm within the range of lengths joins O1 and EE: check the"
-            where["distance"] = round(float(np.hypot(*(goal - o1))), 4)
-            raise RecordingError(f"{message} trajectory and the clock offset", **where)
+            message = "no arm in length_range joins O1 and EE: check trajectory and clock offset"
+            raise RecordingError(message, **where, distance=f"{np.hypot(*(goal - o1)):.4f} m")
         if not ended:
-            message = "the articulation's simplex search did not end"
-            raise SolverError(message, **where, step=MAX_STEPS)
+            raise SolverError("the articulation's simplex did not end", **where, step=MAX_STEPS)
         nodes[frame], values[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
-    steps = np.diff(nodes, axis=1)
-    q = chain.joints_from_segments(np.arctan2(steps[..., 0], steps[..., 1]))
-    return FittedSequence(nodes, q, values, lost)
+    x, z = np.moveaxis(np.diff(nodes, axis=1), -1, 0)
+    return FittedSequence(nodes, chain.joints_from_segments(np.arctan2(x, z)), values)
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, O3 on either side."""
-    psi = np.arange(POSES) * (2 * np.pi / POSES)
+    psi = np.arange(LOST_HEADINGS) * (2 * np.pi / LOST_HEADINGS)
     o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     reach = np.linalg.norm(ee - o2, axis=1)
     along = (reach**2 + lengths[1] ** 2 - lengths[2] ** 2) / (2 * reach)
@@ -190,10 +323,8 @@ def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.nd
     o2, reach, along = o2[joins], reach[joins, None], along[joins, None]
     towards = (ee - o2) / reach
     aside = np.sqrt(lengths[1] ** 2 - along**2) * np.stack([towards[:, 1], -towards[:, 0]], axis=-1)
-    ends = np.broadcast_to(ee, o2.shape)
-    return np.concatenate(
-        [np.stack([o2, o2 + along * towards + side, ends], axis=1) for side in (aside, -aside)]
-    )
+    ends, middle = np.full_like(o2, ee), o2 + along * towards
+    return np.concatenate([np.stack([o2, middle + s, ends], axis=1) for s in (aside, -aside)])
 
 
 def articulate_rows(
@@ -209,8 +340,8 @@ def articulate_rows(
     ``rows`` of the table ``frames``, the table ``trajectory`` and the first frame's ``start`` (3,).
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
-    given = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
-    fitted = fit_sequence(clouds, *given, take=rows["take"].iloc[0])
+    motion = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start
+    fitted = fit_sequence(clouds, *motion, take=rows["take"].iloc[0])
     names = [f"{axis}{node}" for node in ("2", "3", "e") for axis in "xz"]
     fit = dict(zip(names, fitted.nodes[:, 1:].reshape(-1, 6).T, strict=True))
     fit |= {"points": [len(cloud) for cloud in clouds], "objective": fitted.objective}

@@ -1,8 +1,8 @@
 """Noise of the depth camera in the joint angles: mean and covariance over the time of the motion,
 from other takes, and slope on the state, S of y = q* + (I + S)(q − q*) + noise.
 
-Between samples of the motion capture a line misses short deviations, which makes a slope of its
-own: frames near a sample are counted apart.
+Interpolation between samples of the motion capture misses short deviations and so makes a slope:
+frames near a sample are also counted apart.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.core.columns import columns, members, spread, triangle, values
 from pipeline.core.errors import RecordingError
 
-NEAR = 0.1  # of a step between samples of the motion capture: a frame that is near one
+NEAR = 0.1  # of a step between samples of the motion capture: greatest distance of a near frame
 NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
@@ -34,7 +34,7 @@ def _interpolated(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]
 
 def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
     """Return the table ``kinect_noise``: mean and covariance of the ``errors`` of :func:`errors_of`
-    at each frame without the take that they will be used on, and ('none') of all takes; the
+    at each frame without the take to which they will be applied, and ('none') of all takes; the
     covariance pooled over ``window`` frames on either side. Raises RecordingError for too few
     takes.
     """
@@ -46,17 +46,15 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         mean, time, count = by_frame[components].mean(), by_frame["t"].mean(), by_frame.size()
         centred = others[components].to_numpy() - mean.loc[others["frame"]].to_numpy()
         frames = mean.index.to_numpy()
-        place = pd.Series(np.arange(len(frames)), frames)[others["frame"]].to_numpy()
         scatter = np.zeros((len(frames), n, n))
+        place = np.searchsorted(frames, others["frame"])
         np.add.at(scatter, place, centred[:, :, None] * centred[:, None, :])
         near = np.abs(frames[:, None] - frames[None, :]) <= window
-        # one degree of freedom is spent on each frame's mean
-        freedom = near @ (count.to_numpy() - 1)
-        # a covariance of fewer samples than this is singular
-        if len(frames) == 0 or freedom.min() < n + 1:
+        freedom = near @ (count.to_numpy() - 1)  # each frame's mean takes one degree of freedom
+        samples = int(freedom.min()) if len(frames) else 0
+        if samples < n + 1:  # a covariance of fewer is singular
             message = "too few test takes to estimate the depth camera's noise from the others;"
             message += " record more, or widen articulation.noise_window"
-            samples = int(freedom.min()) if len(frames) else 0
             raise RecordingError(message, take=left_out, samples=samples)
         covariance = np.tensordot(near, scatter, axes=1) / freedom[:, None, None]
         table = {"take": left_out, "frame": frames, "t": time.to_numpy()}
@@ -83,29 +81,28 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
 
 
 def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataFrame:
-    """Slope of each joint's error on its own deviation in the ``table`` of :func:`deviations`:
-    frames, joint, number, slope, standard_error, scatter of both in rad; ``step`` s between
-    samples; ``pose`` (n, n) rad² noise of a measured pose, taken out of both. Standard errors allow
-    for what a take's errors share (Liang and Zeger 1986). A slope of fewer than two takes is a gap.
+    """Tabulate the slope of each joint's error on its own deviation in the ``table`` of
+    :func:`deviations`: frames, joint, slope, standard_error; NaN for fewer than two takes.
+
+    ``step`` s between samples; ``pose`` (n, n) rad² noise of a measured pose, which is subtracted
+    from both. Standard errors allow for errors that a take shares (Liang and Zeger 1986).
     """
     rows, names, share = [], members(table, "e"), np.mod(table["t"].to_numpy() / step, 1.0)
     near = np.minimum(share, 1 - share) <= NEAR
     for frames, inside in ((NEAR_A_SAMPLE, near), (ALL, np.ones_like(near))):
         part, after = table[inside], share[inside]
-        # a line between two samples averages their noise
+        # interpolation averages the noise of two samples
         noise = np.sum((1 - after) ** 2 + after**2) * np.diag(pose)
         errors = values(part, "d").T, values(part, "e").T
         for joint, d, e, own in zip(names, *errors, noise, strict=True):
-            slope, standard_error = _slope(d, e, part["take"], own)
-            row = {"frames": frames, "joint": joint, "number": len(part), "slope": slope}
-            rms = [float(np.sqrt(np.mean(s**2))) if len(s) else np.nan for s in (d, e)]
-            row |= {"standard_error": standard_error, "deviation": rms[0], "scatter": rms[1]}
-            rows.append(row)
-    return pd.DataFrame(rows)
+            rows.append((frames, joint, *_slope(d, e, part["take"], own)))
+    return pd.DataFrame(rows, columns=["frames", "joint", "slope", "standard_error"])
 
 
 def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
-    """The slopes of :func:`error_slopes` over the frames near a sample, by names; no gaps."""
+    """Return the slopes of :func:`error_slopes` over the frames near a sample by names, none that
+    is NaN.
+    """
     rows = slopes[(slopes["frames"] == NEAR_A_SAMPLE) & np.isfinite(slopes["slope"])]
     names = "depth_error_slope_" + rows["joint"]
     scores = dict(zip(names, rows["slope"], strict=True))

@@ -13,13 +13,11 @@ import pandas as pd
 from pipeline.arm.model import arm_of
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Mocap, Robot
-from pipeline.perception.posture import LEAST_LEVER, Carried, points_in_plane, points_in_space
+from pipeline.perception.posture import LEAST_LEVER, MarkedArm, points_in_plane, points_in_space
 
-# solved frames from which a frame's pose is predicted: enough to damp noise, few enough for a
-# straight line
-NEIGHBOURS = 5
-BLOCK = 16  # frames of an arm in space that are solved at once, from the one before them
-OPEN = 0.1  # share of a joint's turn that lies among the motions that no point shows
+NEIGHBOURS = 5  # solved frames from which a frame's pose is predicted along a straight line
+BLOCK = 16  # frames of an arm in space that are solved at once, from the frame before them
+OPEN = 0.1  # share of a joint's turn that lies among the undecided motions
 
 
 class JointTrack(NamedTuple):
@@ -27,12 +25,12 @@ class JointTrack(NamedTuple):
 
     q: np.ndarray  # (N, n) rad, m of prismatic joints, continuous in time
     residual: np.ndarray  # (N,) m, rms distance of the markers to the arm; NaN where filled in
-    counts: dict[str, int]  # losses and repairs, as the tracker names them
-    samples: int  # of markers, of which some are missing
+    counts: dict[str, int]  # losses and repairs, named in :func:`track`
+    samples: int  # number of the markers' samples, missing ones included
 
 
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
-    """Return the function of a take's rows of the table ``markers`` and its name ``take``."""
+    """Return a function of a take's rows of the table ``markers`` and its name ``take``."""
     if robot.plane:
         template = np.array([list(link.values()) for link in mocap.markers.values()])
         points = points_in_plane(arm_of(robot), template, mocap.gate)
@@ -40,24 +38,22 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
         points = points_in_space(robot, mocap)
 
     def follow(rows: pd.DataFrame, *, take: str) -> JointTrack:
-        positions = rows.sort_values(["link", "marker", "k"], kind="stable")
-        frames = positions["k"].nunique()
-        labelled, stray = (
-            part[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
-            for part in (positions[positions["link"] > 0], positions[positions["link"] == 0])
-        )
-        both = np.concatenate([labelled, stray], axis=1)
-        return track(both, points, max_gap=mocap.max_gap, take=take)
+        rows = rows.sort_values(["link", "marker", "k"], kind="stable")
+        frames = rows["k"].nunique()
+        positions = rows[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
+        unlabelled = np.count_nonzero(rows["link"] == 0) // frames  # which come last
+        positions = np.roll(positions, -unlabelled, axis=1)
+        return track(positions, points, max_gap=mocap.max_gap, take=take)
 
     return follow
 
 
-def track(positions: np.ndarray, points: Carried, *, max_gap: int, take: str = "") -> JointTrack:
+def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str = "") -> JointTrack:
     """Return the joint angles of one ``take`` from the ``positions`` (N, P + U, 3) m of its P
-    ``points``, and of U unlabelled ones, in the base frame, NaN where missing.
+    ``points`` and of U unlabelled markers in the base frame, NaN where missing.
 
     Samples beyond the gate are relabelled or left out; runs of at most ``max_gap`` frames are
-    filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from the unlabelled,
+    filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from unlabelled markers,
     ``rejected``; ``two_marker_fits``; frames ``interpolated`` and ``held``. Raises RecordingError
     for longer gaps, for markers that never fit and for points that leave the posture open.
     """
@@ -67,7 +63,7 @@ def track(positions: np.ndarray, points: Carried, *, max_gap: int, take: str = "
     if points.arm is None:
         q, residual = _in_blocks(labelled, points, take)
     else:
-        q, residual = points.fit(labelled, _by_headings(labelled, points))
+        q, residual, *_ = points.solve(labelled, _by_headings(labelled, points))
     missing = np.isnan(labelled[..., 0])
     markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
@@ -78,7 +74,7 @@ def track(positions: np.ndarray, points: Carried, *, max_gap: int, take: str = "
     return JointTrack(q, residual, counts, missing.size)
 
 
-def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
+def _by_headings(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
     """(N, n) rad, joint angles of a planar arm by the turns of each link's markers."""
     frames, psi = np.arange(len(positions)), []
     for mine in points.of_links():
@@ -96,7 +92,7 @@ def _by_headings(positions: np.ndarray, points: Carried) -> np.ndarray:
     return points.arm.chain.joints_from_segments(np.stack(psi, axis=-1))
 
 
-def _in_blocks(positions: np.ndarray, points: Carried, take: str) -> tuple[np.ndarray, np.ndarray]:
+def _in_blocks(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[np.ndarray, ...]:
     """Joint angles (N, n) and residuals (N,) of an arm in space, both ways from one frame."""
     frames = len(positions)
     first, start = _first(positions, points, take)
@@ -106,42 +102,40 @@ def _in_blocks(positions: np.ndarray, points: Carried, take: str) -> tuple[np.nd
         for begin in range(0, len(way), BLOCK):
             block = way[begin : begin + BLOCK]
             starts = np.broadcast_to(last, (len(block), len(start)))
-            q[block], residual[block] = points.fit(positions[block], starts)
+            q[block], residual[block], *_ = points.solve(positions[block], starts)
             last = next((q[k] for k in block[::-1] if np.isfinite(residual[k])), last)
     return q, residual
 
 
-def _first(positions: np.ndarray, points: Carried, take: str) -> tuple[int, np.ndarray]:
-    """The first frame that one posture alone fits, and that posture (n,), or RecordingError."""
-    several, undecided, key = 0, None, "markers"
+def _first(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[int, np.ndarray]:
+    """First frame that one posture alone fits, and that posture (n,), or RecordingError."""
+    key, message = "markers", "no posture of the arm has all markers and bodies of a frame within"
+    message += f" {points.gate:g} m: check their places and mounts, the base, and the gate"
     for k in np.flatnonzero(np.isfinite(positions[..., 0]).any(axis=1)):
         postures = points.postures(positions[k])
-        decided = [one for one in postures if one.decided]
-        if len(decided) == len(postures) == 1:
-            return k, decided[0].q
-        several = max(several, len(decided))
-        undecided = next((one for one in postures if not one.decided), undecided)
-    if undecided is not None:
-        values, vectors = np.linalg.eigh(undecided.normal)
-        share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
-        left = ", ".join(np.array(points.joints)[share > OPEN])
-        message = f"the markers and bodies leave {left} open: follow another link"
-    elif several > 1:
-        key = "posture"
-        message = f"{several} postures of the arm fit the markers and bodies: follow another link,"
-        message += " or say about which one a take starts"
-    else:
-        message = "no posture of the arm has all markers and bodies of a frame within"
-        message += f" {points.gate:g} m: check their places and mounts, the base, and the gate"
+        undecided = [one for one in postures if not one.decided]
+        if len(postures) == 1 and not undecided:
+            return k, postures[0].q
+        if undecided:
+            values, vectors = np.linalg.eigh(undecided[0].normal)
+            share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
+            left = ", ".join(np.array(points.joints)[share > OPEN])
+            key, message = "markers", f"the markers and bodies leave {left} open"
+            message += ": follow another link"
+        elif postures:
+            key, message = "posture", f"{len(postures)} postures of the arm fit the markers and"
+            message += " bodies: follow another link, or state the posture at a take's start"
     raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
 def _correct_labels(
-    positions: np.ndarray, q: np.ndarray, residual: np.ndarray, points: Carried, take: str
+    positions: np.ndarray, q: np.ndarray, residual: np.ndarray, points: MarkedArm, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Markers (N, P, 3) with the right labels, and the counts moved; ``q`` and ``residual`` of the
-    frames that do not fit, or miss samples beside unlabelled ones, are solved anew. There every
-    position goes to the label whose place, predicted from the nearest solved frames, it fits best.
+    """Correctly labelled markers (N, P, 3), and counts of the corrections.
+
+    Frames that do not fit, or miss samples beside unlabelled ones, are solved again in ``q`` and
+    ``residual``. There labels are assigned to positions at the least sum of squared distances from
+    the places that the nearest solved frames predict.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -155,7 +149,7 @@ def _correct_labels(
         message = "no frame has markers that fit the arm: check the template, the labels, the base"
         raise RecordingError(f"{message} frame, the units and the gate", take=take)
     start, most = int(np.argmax(np.isfinite(residual))), points.gate**2
-    # outwards from the first pose that is sure, so that each frame has a solved neighbour
+    # outwards from the first solved frame, so that each frame has a solved neighbour
     for k in [*np.flatnonzero(doubtful[start:]) + start, *np.flatnonzero(doubtful[:start])[::-1]]:
         expected = _predict(q, np.flatnonzero(np.isfinite(residual)), k)[None]
         square = ((points.carry(expected)[0][:, None] - positions[k]) ** 2).sum(axis=-1)
@@ -166,7 +160,7 @@ def _correct_labels(
         own = sample < labels
         markers[k] = np.nan
         markers[k, label] = positions[k, sample]
-        q[k : k + 1], residual[k : k + 1] = points.fit(markers[k : k + 1], expected)
+        q[[k]], residual[[k]], *_ = points.solve(markers[[k]], expected)
         moved["relabelled"] += int((own & (sample != label)).sum())
         moved["adopted"] += int((~own).sum())
         moved["rejected"] += int(there[k, :labels].sum()) - int(own.sum())
@@ -174,7 +168,7 @@ def _correct_labels(
 
 
 def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
-    """Joint angles at frame ``k`` on the straight line through the ``solved`` frames nearest."""
+    """Joint angles at frame ``k`` on the straight line through the nearest ``solved`` frames."""
     frames = solved[np.argsort(np.abs(solved - k), kind="stable")[:NEIGHBOURS]]
     time = frames - frames.mean()
     near = np.unwrap(q[frames], axis=0)
@@ -185,9 +179,9 @@ def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
 def fill_gaps(
     q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return ``q`` (N, n) without whole turns but of ``sliding`` (n,) joints, linear across gaps
-    and held at the ends, and the frames ``interpolated`` and ``held``. Raises RecordingError where
-    more than ``max_gap`` frames in a row are not ``solved`` (N,).
+    """Return ``q`` (N, n) continuous but for ``sliding`` (n,) joints, linear across gaps and held
+    at the ends, and the numbers of frames ``interpolated`` and ``held``. Raises RecordingError
+    where more than ``max_gap`` frames in a row are not ``solved`` (N,).
     """
     frames = np.flatnonzero(solved)
     edges = np.concatenate([[-1], frames, [len(q)]])

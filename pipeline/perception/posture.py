@@ -13,27 +13,25 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Mocap, Robot
 
 STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
-SETTLED = 1e-10  # rad, or m of a prismatic joint: the last step
-# m a radian, or 1: a turn of the joints that moves all points together by less is not decided by
-# them
-LEAST_LEVER = 0.01
-STARTS = 64  # postures from which one that fits is looked for
+SETTLED = 1e-10  # rad, or m of a prismatic joint: greatest last step
+LEAST_LEVER = 0.01  # m/rad, or 1; a turn that moves all points together by less is undecided
+STARTS = 64  # postures from which a fitting one is searched for
 ALIKE = 0.05  # rad, or m: postures no farther apart are one
-MIN_LEVER = 0.01  # m; two markers of a planar arm's link are at least so far apart in its plane
+MIN_LEVER = 0.01  # m; least distance in the plane between two markers of a planar arm's link
 
 
 class Solution(NamedTuple):
-    """Joint angles, and how the points fit them; of a batch each array has the batch first."""
+    """Joint angles and their fit to the points; of a batch each array has the batch first."""
 
     q: np.ndarray  # (n,) rad, or m
-    distances: np.ndarray  # (P,) m, from the points where the arm carries them; 0 of missing ones
-    residual: np.ndarray  # m, rms distance of the points that are not missing
+    residual: np.ndarray  # m, rms of the distances; NaN where undecided or beyond the gate
+    distances: np.ndarray  # (P,) m, of the points from the arm's; 0 of missing points
     normal: np.ndarray  # (n, n) JᵀJ of the points
     decided: np.ndarray  # whether the points decide every joint
 
 
 @dataclass(frozen=True)
-class Carried:
+class MarkedArm:
     """P points on L links of an arm of n joints."""
 
     chains: list[SerialChain]  # (L,) to each link, its task the whole pose in m and rad
@@ -42,7 +40,7 @@ class Carried:
     upper: np.ndarray  # (n,)
     owner: np.ndarray  # (P,) the link of each point
     places: np.ndarray  # (P, 3) m, in the link's frame
-    gate: float  # m, beyond which no point is from its measured place
+    gate: float  # m, greatest distance of a point from its measured place
     posture: np.ndarray | None = None  # (n,) about where a take starts
     joints: tuple[str, ...] = ()  # names of the n joints of an arm in space
     arm: Arm | None = None  # of a planar arm
@@ -52,7 +50,7 @@ class Carried:
         return [self.owner == link for link in range(len(self.chains))]
 
     def carry(self, q: np.ndarray) -> np.ndarray:
-        """Return where the arm at ``q`` (S, n) carries the points, (S, P, 3) m in the base."""
+        """Return the points of the arm at ``q`` (S, n), (S, P, 3) m in the base's frame."""
         result = np.empty((len(q), *self.places.shape))
         for link, mine in enumerate(self.of_links()):
             position, lever = self._levers(link, q)
@@ -65,16 +63,10 @@ class Carried:
         turn = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
         return pose[:, :3], self.places[self.owner == link] @ turn
 
-    def fit(self, measured: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return joint angles (S, n) and residuals (S,), NaN where none is within the gate."""
-        solution = self.solve_all(measured, starts)
-        fits = solution.decided & (solution.distances <= self.gate).all(axis=-1)
-        return solution.q, np.where(fits, solution.residual, np.nan)
-
-    def solve_all(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
+    def solve(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
         """Return the joint angles of least squares near each of the ``starts`` (S, n) for
-        ``measured`` (S, P, 3) by Levenberg and Marquardt, with steps from the eigenvalues of JᵀJ:
-        along directions that the points do not decide the angles stay about where they were.
+        ``measured`` (S, P, 3) m by Levenberg and Marquardt, with steps from the eigenvalues of JᵀJ:
+        angles along undecided directions stay about where they were.
         """
         q = np.array(starts, dtype=float)
         normal, gradient, distances = self._equations(q, measured)
@@ -89,20 +81,21 @@ class Carried:
             if not len(moving):
                 break
             equations = self._equations(q[moving] + step, measured[moving])
-            better = (equations[2] ** 2).sum(axis=1) <= (distances[moving] ** 2).sum(axis=1)
-            taken, now = moving[better], damping[moving]
-            q[taken] += step[better]
+            nearer = (equations[2] ** 2).sum(axis=1) <= (distances[moving] ** 2).sum(axis=1)
+            taken, now = moving[nearer], damping[moving]
+            q[taken] += step[nearer]
             for kept, new in zip((normal, gradient, distances), equations, strict=True):
-                kept[taken] = new[better]
+                kept[taken] = new[nearer]
             less = np.where(now > 1e-9 * greatest, 0.1 * now, 0.0)
-            damping[moving] = np.where(better, less, np.maximum(10.0 * now, 1e-3 * greatest))
+            damping[moving] = np.where(nearer, less, np.maximum(10.0 * now, 1e-3 * greatest))
         decided = np.linalg.eigvalsh(normal)[:, 0] >= LEAST_LEVER**2
         number = np.maximum((~np.isnan(measured[..., 0])).sum(axis=-1), 1)
-        residual = np.sqrt((distances**2).sum(axis=-1) / number)
-        return Solution(q, distances, residual, normal, decided)
+        fits = decided & (distances <= self.gate).all(axis=-1)
+        residual = np.where(fits, np.sqrt((distances**2).sum(axis=-1) / number), np.nan)
+        return Solution(q, residual, distances, normal, decided)
 
     def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
-        """JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m of the ways r to ``measured`` (S, P, 3)."""
+        """JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m, r from the points to ``measured``."""
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
@@ -125,23 +118,22 @@ class Carried:
         return normal, gradient, distances
 
     def postures(self, measured: np.ndarray) -> list[Solution]:
-        """Return the postures within the joint limits at which every point of ``measured`` (P, 3)
-        is within the gate: as far as starts all over the limits find them, or about the stated
-        one; of whole turns the nearest to it or to mid-range.
+        """Return the postures within the joint limits at which every point of ``measured`` (P, 3) m
+        is within the gate, from starts all over the limits or from the stated posture; of whole
+        turns the nearest to that posture or to mid-range.
         """
         from scipy.stats import qmc
 
         finite = np.isfinite(self.upper - self.lower)
-        centre = np.where(finite, np.where(finite, self.lower + self.upper, 0.0) / 2, 0.0)
+        centre = np.where(finite, self.lower + self.upper, 0.0) / 2
         if self.posture is None:
             reach = np.minimum(np.where(finite, self.upper - centre, np.pi), np.pi)
             shares = qmc.Sobol(len(centre), scramble=False).fast_forward(1).random(STARTS)
             starts = centre + (2 * shares - 1) * reach
         else:
-            centre, starts = self.posture, [self.posture]
+            centre, starts = self.posture, self.posture[None]
         points, result = np.broadcast_to(measured, (len(starts), *measured.shape)), []
-        solutions = self.solve_all(points, np.array(starts))
-        for one in (Solution(*each) for each in zip(*solutions, strict=True)):
+        for one in map(Solution._make, zip(*self.solve(points, starts), strict=True)):
             turns = np.round((one.q - centre) / (2 * np.pi))
             q = one.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
             fits = one.distances.max() <= self.gate
@@ -151,36 +143,37 @@ class Carried:
         return result
 
 
-def points_in_space(robot: Robot, mocap: Mocap) -> Carried:
-    """Return the points of ``mocap`` on the links of ``robot``; ConfigError for links that it does
-    not have or move, or without points, and for a posture of another number of joints.
+def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
+    """Return the points of ``mocap`` on the links of ``robot``; raises ConfigError for links
+    without points, or that the arm does not have or move, and for a posture of another size.
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
-    places = [np.array([*own.values()], dtype=float) for own in mocap.markers.values()]
-    for link, own in zip(mocap.markers, places, strict=True):
-        if own.ndim != 2:
-            raise ConfigError(f"{link} needs markers, each with its place x, y, z", key=key)
+    if empty := [link for link, own in mocap.markers.items() if not own]:
+        raise ConfigError(f"{empty[0]} needs markers, each with its place x, y, z", key=key)
     posture = None if mocap.posture is None else np.array(mocap.posture)
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    owner = np.repeat(np.arange(len(places)), [len(own) for own in places])
+    owner = np.repeat(np.arange(len(chains)), [len(own) for own in mocap.markers.values()])
+    places = np.array([place for own in mocap.markers.values() for place in own.values()])
     limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
-    points = owner, np.concatenate(places), mocap.gate, posture, tuple(robot.joints)
-    return Carried([*chains.values()], *limits, *points)
+    joints = tuple(robot.joints)
+    return MarkedArm([*chains.values()], *limits, owner, places, mocap.gate, posture, joints)
 
 
-def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> Carried:
-    """Return points at ``template`` (3, 3, 3) m in the segments' frames; ConfigError for a line."""
+def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
+    """Return points at ``template`` (3, 3, 3) m in the segments' frames; raises ConfigError for
+    another number of points and for points in line.
+    """
     key = "dataset.mocap.markers"
     if np.shape(template) != (3, 3, 3):
         message = "a planar arm needs three markers, each with its place x, y, z, on each of its"
         raise ConfigError(f"{message} three segments", key=key, shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
-        spread = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
+        width = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
         sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
-        if spread < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
+        if width < MIN_LEVER / 2 or sides.min() < MIN_LEVER:
             message = "the markers of a link are in line, or two of them are too close in the plane"
             raise ConfigError(f"{message} of the arm", key=key, link=link)
     chain, links = arm.chain, len(template)
@@ -198,4 +191,4 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> Carried:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))
     owner, places = np.repeat(np.arange(links), 3), template.reshape(-1, 3)
-    return Carried(chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm)
+    return MarkedArm(chains, none, chain.lower, chain.upper, owner, places, gate, arm=arm)

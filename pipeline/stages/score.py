@@ -22,7 +22,7 @@ from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed
 from pipeline.recordings.steps import held_against, training_steps, truth_of
 from pipeline.statistics import curves
-from pipeline.statistics.filters import Filtered, filter_metrics, filter_tables, no_filter
+from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, no_filter
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
 from pipeline.verdicts.run import Run
 

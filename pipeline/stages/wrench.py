@@ -12,8 +12,8 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.dataset import Force
 from pipeline.wrench import measured_force as measuring
-from pipeline.wrench.bounds import configuration_bounds, draw_systems, nominal_system, study_bounds
 from pipeline.wrench.matrix import matrix_model, sample_wrenches
+from pipeline.wrench.parametric import configuration_bounds, draw_systems, nominal_system
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study, sigma_s_rows
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
@@ -23,11 +23,10 @@ def run() -> None:
     """Write the tables of the study, and of the configurations of the dataset's force records."""
     settings = config.sections("wrench")
     options, force = settings.wrench, settings.dataset.force
-    sizes = (options.agents, options.systems, options.test_systems, options.repeats)
     stream = rng.stream(settings.seed, "wrench.study")
     trials = partial(run_trials, compute=settings.compute)
-    study = run_study(study_bounds(options), *sizes, stream, partial(trials, label="wrench: study"))
-    sigma, errors, spread = study
+    each = partial(trials, label="wrench: study")
+    sigma, errors, spread = run_study(options, stream, each)
     tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
     metrics = {}  # of the study, by the number m of cables
     for m, rows in errors.groupby("agents")["error"]:

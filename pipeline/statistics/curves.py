@@ -2,14 +2,14 @@
 
 A test of one joint compares the correlation of both standard deviations over time with a limit: √½,
 where the model explains half of the variation, or, if lower, a quantile of the correlation over
-draws of as many takes from the model itself, as few takes make the recorded curve uncertain. The
-power is the share of draws of constant noise that the limit rejects. Draws have the model's law at
-each step; their ranks follow the recorded first-order autoregression (a Gaussian copula).
+draws of as many takes from the model, as few takes make the recorded curve uncertain. The power is
+the share of draws of constant noise that the limit rejects. Draws have the model's law at each
+step; their ranks follow the recorded first-order autoregression (a Gaussian copula).
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import permutations, product
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,6 @@ from numpy import ndarray
 from numpy.random import Generator
 from scipy.special import ndtr, ndtri
 
-from pipeline.core.errors import ModelDomainError
 from pipeline.statistics.takes import (
     REPLICATES,
     Difference,
@@ -27,10 +26,10 @@ from pipeline.statistics.takes import (
 )
 
 RECOGNISED = 0.95  # share of draws of a true model that pass in all joints
-POWER = 0.8  # least share of draws of constant noise that a test has to reject to be evidence
+POWER = 0.8  # least share of draws of constant noise that a test must reject to be evidence
 HALF_EXPLAINED = 0.5**0.5
 CLOSE_TO_ONE = 0.9999  # greatest correlation of neighbouring steps that is drawn
-NO_NOISE = "no_noise"  # in the place of a model
+NO_NOISE = "no_noise"  # name of the absent noise among the models
 
 
 @dataclass(frozen=True)
@@ -63,14 +62,6 @@ def variation(values: ndarray) -> float:
     return float(values.std() / values.mean()) if np.ptp(values) else 0.0
 
 
-def relative_error(curve: ndarray, recorded: ndarray) -> float:
-    """‖curve − recorded‖ / ‖recorded‖ of (K,) values; ModelDomainError where that is 0."""
-    if (size := np.linalg.norm(recorded)) == 0:
-        message = "an error relative to a curve that is zero throughout does not exist"
-        raise ModelDomainError(message, values=recorded.size)
-    return float(np.linalg.norm(curve - recorded) / size)
-
-
 def std_scores(
     std: Mapping[str, ndarray], error: Mapping[str, ndarray], joints: Sequence[str]
 ) -> dict[str, float]:
@@ -79,25 +70,24 @@ def std_scores(
     it is not finite; ``error`` (M,) in rad by model, ‖mean − recorded mean‖.
     """
     scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
-    for j, joint in enumerate(joints):
-        for model, values in std.items():
-            own, name = values[:, j], f"{model}_std_{joint}"
-            if np.all(np.isfinite(own)):
-                scores[f"{name}_rms_rad"] = root_mean_square(own)
-                scores[f"{name}_variation"] = variation(own)
+    for (j, joint), model in product(enumerate(joints), std):
+        curve = std[model][:, j]
+        if np.all(np.isfinite(curve)):
+            scores[f"{model}_std_{joint}_rms_rad"] = root_mean_square(curve)
+            scores[f"{model}_std_{joint}_variation"] = variation(curve)
     return scores
 
 
 def following_tests(
     modelled: ModelledNoise, noise: ndarray, steady: ndarray, joints: Sequence[str], rng: Generator
 ) -> pd.DataFrame:
-    """Tabulate for each joint over all steps, and over the ``steady`` ones (M,) at constant speed,
+    """Tabulate for each joint over all steps, and over the ``steady`` steps (M,) at constant speed,
     the ``correlation`` of the modelled and the recorded standard deviation, its ``limit`` and the
-    ``power`` at that limit; none for a constant one. ``noise`` (takes, M, n) rad is recorded, takes
-    ≥ 2.
+    ``power`` at that limit; no row for a constant one. ``noise`` (takes, M, n) rad is recorded,
+    takes ≥ 2.
 
     A true model passes in all joints at once in at least RECOGNISED of the draws; the quantiles are
-    normal ones of Fisher's transform of the drawn correlations.
+    those of a normal law of Fisher's transform of the drawn correlations.
     """
     rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
@@ -106,12 +96,12 @@ def following_tests(
         ordered = np.sort(modelled.draws[..., j].T, axis=1)
         ranks = (ndtr(variates) * ordered.shape[1]).astype(np.intp).reshape(len(ordered), -1)
         taken = np.take_along_axis(ordered, ranks, axis=1).reshape(variates.shape)
-        own, constant = taken.std(axis=-1, ddof=1), variates.std(axis=-1, ddof=1)
+        drawn, constant = taken.std(axis=-1, ddof=1), variates.std(axis=-1, ddof=1)
         for name, chosen in {"all": np.full(len(steady), True), "constant_speed": steady}.items():
             curve = std[chosen, j]
             if chosen.sum() < 3 or np.ptp(curve) == 0:
                 continue
-            fisher = np.arctanh(_correlations(curve, own[chosen]))
+            fisher = np.arctanh(_correlations(curve, drawn[chosen]))
             reached = float(np.tanh(fisher.mean() + quantile * fisher.std(ddof=1)))
             limit = min(HALF_EXPLAINED, reached)
             power = float((_correlations(curve, constant[chosen]) < limit).mean())
@@ -120,17 +110,17 @@ def following_tests(
 
 
 def constant_noise_variation(noise: ndarray, rng: Generator) -> ndarray:
-    """(n,) coefficient of variation over time of the standard deviation of so many takes that noise
-    of one law at all steps stays below in RECOGNISED of the draws, in all joints at once; the law
-    of all steps of ``noise`` (takes, M, n) in rad together, correlated from step to step as it is.
+    """(n,) limits of the variation over time of the standard deviation over the takes: noise of one
+    law at all steps is below them in all joints at once in RECOGNISED of the draws. The law is that
+    of all steps of ``noise`` (takes, M, n) in rad together, with the noise's autocorrelation.
     """
-    share, result = RECOGNISED ** (1 / noise.shape[-1]), []
-    for own in np.moveaxis(noise, -1, 0):
-        variates = _autoregression(own, rng)
-        ordered = np.sort((own - own.mean(axis=0)).ravel())
+    share, limits = RECOGNISED ** (1 / noise.shape[-1]), []
+    for of_joint in np.moveaxis(noise, -1, 0):
+        variates = _autoregression(of_joint, rng)
+        ordered = np.sort((of_joint - of_joint.mean(axis=0)).ravel())
         curves = ordered[(ndtr(variates) * len(ordered)).astype(np.intp)].std(axis=-1, ddof=1)
-        result.append(np.quantile(curves.std(axis=0) / curves.mean(axis=0), share))
-    return np.array(result)
+        limits.append(np.quantile(curves.std(axis=0) / curves.mean(axis=0), share))
+    return np.array(limits)
 
 
 def _autoregression(noise: ndarray, rng: Generator) -> ndarray:
@@ -157,8 +147,8 @@ def spread_tables(
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
     """Return the tables ``spread_following``, ``spread_comparison``, ``mean_error_comparison`` by
-    name, none without a model. The model to compare with is the first of ``modelled``;
-    ``following`` holds :func:`following_tests` by model; ``noise`` (takes, M, n) rad, takes ≥ 2.
+    name, none without a model. All are compared to the first of ``modelled``; ``following`` holds
+    :func:`following_tests` by model; ``noise`` (takes, M, n) rad, takes ≥ 2.
     """
     if not modelled:
         return {}
@@ -177,15 +167,15 @@ def spread_comparison(
     model in the same joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model
     in the last joint.
 
-    All models have one level: in every set of takes of ``noise`` (takes, M, n) rad each model's
-    variances have the factor by which their sum with the measurement noise is the one of the takes.
+    All models have one level: in every set of takes of ``noise`` (takes, M, n) rad a factor on each
+    model's variances makes their sum with the measurement noise equal to that of the takes.
     """
     measurement, errors = next(iter(modelled.values())).measurement, {}
     recorded = _variances(jackknife_counts(len(noise)), noise)
     total = recorded.mean(axis=1).sum(axis=-1) - measurement.sum()
-    for model, own in modelled.items():
-        factor = np.maximum(total, 0) / own.motion.mean(axis=0).sum()
-        std = np.sqrt(factor[:, None, None] * own.motion + measurement)
+    for model, each in modelled.items():
+        factor = np.maximum(total, 0) / each.motion.mean(axis=0).sum()
+        std = np.sqrt(factor[:, None, None] * each.motion + measurement)
         distance = np.linalg.norm(std - np.sqrt(recorded), axis=1)
         errors[model] = distance / np.sqrt(recorded.sum(axis=1))  # (1 + takes, n)
     first, last, rows = next(iter(modelled)), len(joints) - 1, []
@@ -208,14 +198,15 @@ def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:
     mean‖ in rad, and its difference to every other model's with the 95 % interval of the jackknife
     over takes; ``error`` (takes, M, n) in rad by model, exact mean minus measured pose.
     """
-    counts, varies = jackknife_counts(len(next(iter(error.values())))), {}
-    weights = counts / counts.sum(axis=1, keepdims=True)
-    for model, own in error.items():
-        means = (weights @ own.reshape(len(own), -1)).reshape(-1, *own.shape[1:])
-        varies[model] = np.linalg.norm(means, axis=-1).std(axis=1)
+    std = {}
+    for model, by_take in error.items():
+        counts = jackknife_counts(len(by_take))
+        weights = counts / counts.sum(axis=1, keepdims=True)
+        means = (weights @ by_take.reshape(len(by_take), -1)).reshape(-1, *by_take.shape[1:])
+        std[model] = np.linalg.norm(means, axis=-1).std(axis=1)
     rows = [
         (model, rival, own[0], other[0], *jackknife_difference(own - other))
-        for (model, own), (rival, other) in permutations(varies.items(), 2)
+        for (model, own), (rival, other) in permutations(std.items(), 2)
     ]
     names = ["model", "rival", "std_over_time_rad", "rival_std_over_time_rad"]
     return pd.DataFrame(rows, columns=[*names, *Difference._fields])

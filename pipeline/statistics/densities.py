@@ -1,8 +1,8 @@
 """Kernel densities with the kernel and bandwidth of MATLAB's ksdensity, which drew the paper's
 force densities; and the energy test of one law (Székely and Rizzo 2004).
 
-Permutations need exchangeable samples, which a record that is correlated in time does not have: it
-is thinned first, to samples that are nearly independent.
+Permutations need exchangeable samples: a record that is correlated in time is first thinned to
+samples that are nearly independent.
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ from pipeline.core.errors import ModelDomainError
 REACH = 8.0  # bandwidths; beyond them a Gaussian kernel is below 2e-14 of its peak
 NODES_PER_BANDWIDTH = 3
 BLOCK = 32  # grid points at a time
-WINDOW = 5  # autocorrelation times that the sum of correlations goes up to (Sokal 1997)
+WINDOW = 5  # autocorrelation times over which correlations are summed (Sokal 1997)
 SPACING = 2  # autocorrelation times between thinned samples: exp(−4) of the correlation is left
-MOST = 300  # samples of a thinned record: the test holds the distances of all pairs
+MOST = 300  # samples of a thinned record: the test stores the distances of all pairs
 PERMUTATIONS = 1999
 
 
@@ -34,8 +34,8 @@ def normal_reference_bandwidth(samples: ndarray) -> ndarray:
 
 
 def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
-    """(g,) Gaussian kernel density of ``samples`` (N,) at ``x`` (g,), per unit; raises what
-    :func:`normal_reference_bandwidth` raises.
+    """(g,) Gaussian kernel density of ``samples`` (N,) at ``x`` (g,), per unit; raises
+    ModelDomainError like :func:`normal_reference_bandwidth`.
     """
     (bandwidth,) = normal_reference_bandwidth(samples[:, None])
     sums = _smoothed(np.ones((len(samples), 1)), x, np.sort(samples), bandwidth)[:, 0]
@@ -69,7 +69,7 @@ def _add_to_nodes(samples, low, step, masses):
     flat = masses.reshape(-1)
     start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
     for i in range(samples.shape[0]):
-        # the nearest node and the one before it, from which the three count
+        # three nodes from the one before the nearest on
         row, column = (samples[i, 0] - start0) * per0 - 0.5, (samples[i, 1] - start1) * per1 - 0.5
         if (0.0 <= row) & (row < rows - 2) & (0.0 <= column) & (column < columns - 3):
             first_row, first_column = np.int64(row), np.int64(column)
@@ -83,7 +83,7 @@ def _add_to_nodes(samples, low, step, masses):
 
 @inlined
 def _shares(t):
-    """Shares of three nodes, ``t`` in [0, 1) between the middles of the first and last two."""
+    """Shares of three nodes of a sample ``t`` in [0, 1) beyond the middle of the first two."""
     return 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
 
 
@@ -102,15 +102,15 @@ def _smoothed(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> n
 
 def autocorrelation_time(record: ndarray) -> float:
     """Integrated autocorrelation time τ = 1 + 2·Σρ_k in samples, at least 1, of the slowest
-    component of ``record`` (N, p): N/τ independent samples have a mean as certain as the record's.
-    The sum ends at the first lag beyond five times itself. Raises ModelDomainError for a component
-    that does not vary.
+    component of ``record`` (N, p): the variance of its mean is that of N/τ independent samples. The
+    sum ends at the first lag beyond five times itself. Raises ModelDomainError for a component that
+    does not vary.
     """
     count = len(record)
     if count < 2 or np.any(np.ptp(record, axis=0) == 0):
         message = "a record whose values are all equal has no autocorrelation time"
         raise ModelDomainError(message, samples=count)
-    # twice as long, so that the circular correlation of the transform does not wrap round
+    # zeros of the record's length keep the circular correlation of the transform from wrapping
     spectrum = np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
     covariance = np.fft.irfft(spectrum, axis=0)[:count]
     sums = 2 * np.cumsum(covariance / covariance[0], axis=0) - 1
@@ -119,7 +119,7 @@ def autocorrelation_time(record: ndarray) -> float:
 
 
 def thinned(record: ndarray) -> ndarray:
-    """(K, p) each ⌈2τ⌉-th of ``record`` (N, p), ``MOST`` at most; ModelDomainError for one."""
+    """(K, p) each ⌈2τ⌉-th of ``record`` (N, p), at most MOST; ModelDomainError for one alone."""
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:
         message = "the record is too short beside its autocorrelation time: record for longer"
@@ -129,8 +129,8 @@ def thinned(record: ndarray) -> ndarray:
 
 def energy_test(a: ndarray, b: ndarray, rng: np.random.Generator) -> tuple[float, float]:
     """Energy distance 2E‖A − B‖ − E‖A − A′‖ − E‖B − B′‖ of independent samples ``a`` (K, p) and
-    ``b`` (L, p), in their unit, and its p-value: the share, among ``PERMUTATIONS`` random divisions
-    of the pooled samples and the true one, of those that lie at least as far apart.
+    ``b`` (L, p), in their unit, and its p-value: the share of divisions with at least this
+    distance, among PERMUTATIONS random divisions of the pooled samples and the true one.
     """
     pooled = np.concatenate([a, b])
     distances = np.sqrt(sum(np.subtract.outer(x, x) ** 2 for x in pooled.T))

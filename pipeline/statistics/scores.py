@@ -1,8 +1,11 @@
 """Log scores (Gneiting & Raftery 2007), calibration and errors of stated laws by take, and their
-paired differences. The last axis holds the n components of an outcome, those before it are cases.
+paired differences; scores of the filters of the test takes, the training mean among them.
+
+The last axis holds the n components of an outcome, the axes before it are cases.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
@@ -10,8 +13,16 @@ import pandas as pd
 from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.statistics.takes import Difference, paired_difference
+from pipeline.core.filters import NONE, models_of
+from pipeline.statistics.curves import correlation, root_mean_square, variation
+from pipeline.statistics.takes import (
+    Difference,
+    paired_difference,
+    resampled_differences,
+    takes_moments,
+)
 
+FOLLOWS = "correlation_of_bound_with_error"
 Scores = dict[str, ndarray]  # score → (takes,) values
 
 
@@ -52,7 +63,7 @@ def posterior_scores(
     error: ndarray, covariance: ndarray, joints: Sequence[str]
 ) -> tuple[Scores, str | None]:
     """Return the scores of a filter's posterior as a normal law of the measured pose, means over
-    the K steps of a take, and why some are missing.
+    the K steps of a take, and the reason where log score and NEES are missing.
 
     ``error`` (takes, K, n) posterior mean minus measured pose in rad, ``covariance`` (takes, K, n,
     n) in rad² of the posterior and the measurement together.
@@ -64,17 +75,17 @@ def posterior_scores(
         refused = str(missing)
     inside = np.abs(error) <= np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     rms, share = np.sqrt(np.mean(error**2, axis=1)).T, inside.mean(axis=1).T
-    scores = {f"rms_error_{joint}_rad": own for joint, own in zip(joints, rms, strict=True)}
+    scores = {f"rms_error_{joint}_rad": x for joint, x in zip(joints, rms, strict=True)}
     scores |= {"log_score": log.mean(axis=1), "nees": squared.mean(axis=1)}
-    scores |= {f"coverage_of_one_sigma_{j}": own for j, own in zip(joints, share, strict=True)}
+    scores |= {f"coverage_of_one_sigma_{joint}": x for joint, x in zip(joints, share, strict=True)}
     return scores, refused
 
 
 def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
     """Tabulate every score of every model and its paired difference to ``rival`` over the takes."""
     rows = []
-    for model, own in scores.items():
-        for name, values in own.items():
+    for model, by_name in scores.items():
+        for name, values in by_name.items():
             row = {"model": model, "score": name, "mean": values.mean()}
             if model != rival:
                 row |= paired_difference(values, scores[rival][name])._asdict()
@@ -86,7 +97,119 @@ def log_score_differences(scores: Mapping[str, Scores]) -> pd.DataFrame:
     """Tabulate the paired difference in log score over the takes between any two models, ``model``
     minus ``rival``, in nats, with its 95 % interval.
     """
-    log = {model: own["log_score"] for model, own in scores.items()}
+    log = {model: by_name["log_score"] for model, by_name in scores.items()}
     pairs = list(permutations(log, 2))
     rows = [(*pair, *paired_difference(*map(log.get, pair))) for pair in pairs]
     return pd.DataFrame(rows, columns=["model", "rival", *Difference._fields])
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """A filter's posterior on the test takes."""
+
+    error: ndarray  # (takes, K, n) rad, mean minus measured pose
+    covariance: ndarray  # (takes, K, n, n) rad², of the pose
+    measurement: ndarray  # (n, n) rad², of the noise of a measured pose
+
+    @property
+    def measured_covariance(self) -> ndarray:
+        """(takes, K, n, n) rad², covariance of the measured pose."""
+        return self.covariance + self.measurement
+
+    @property
+    def bound(self) -> ndarray:
+        """(takes, K, n) rad, standard deviation of the measured pose."""
+        return np.sqrt(np.diagonal(self.measured_covariance, axis1=-2, axis2=-1))
+
+
+def no_filter(training: ndarray, measured: ndarray) -> Filtered:
+    """Mean and covariance of ``training`` (N, K, n) at each step, measurement noise included, for
+    the test takes ``measured`` (takes, K, n), both in rad.
+    """
+    mean, covariance = takes_moments(training)
+    covariances = np.broadcast_to(covariance, (len(measured), *covariance.shape))
+    return Filtered(mean - measured, covariances, np.zeros(covariance.shape[1:]))
+
+
+def filter_tables(
+    filters: Mapping[str, Filtered], joints: Sequence[str], rng: np.random.Generator
+) -> tuple[dict[str, pd.DataFrame], list[str]]:
+    """Return the tables by name, and messages on posteriors that have no log score.
+
+    ``bound_comparison`` of the models' filters, ``filter_comparison`` of all to the first model's,
+    ``filter_against_none`` to the training mean. ``filters`` by the names of
+    :mod:`pipeline.core.filters`, the training mean among them; ``rng`` resamples the takes.
+    """
+    models, laws, refusals = models_of(filters), {}, []
+    bounds = {name: each.bound for name, each in filters.items()}
+    for name, each in filters.items():
+        laws[name], refused = posterior_scores(each.error, each.measured_covariance, joints)
+        if refused:
+            refusals.append(f"the posterior of {name} is not scored as a normal law: {refused}")
+
+    def quantities(model: str, takes: ndarray) -> dict[str, float]:
+        scores = bound_scores(filters[model].error[takes], bounds[model][takes], joints)
+        return {f"{name}_{joint}": x for joint, own in scores.items() for name, x in own.items()}
+
+    return {
+        "bound_comparison": resampled_differences(quantities, models, len(bounds[NONE]), rng),
+        "filter_comparison": compared(laws, models[0]),
+        "filter_against_none": compared(laws, NONE),
+    }, refusals
+
+
+def bound_scores(
+    error: ndarray, bound: ndarray, joints: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """Return by joint the accuracy of a filter, the width of its ±1σ bound and the agreement of the
+    bound with the error over time; ``error`` posterior mean minus truth and ``bound`` standard
+    deviation (takes, K, n) in rad.
+    """
+    scores = {}
+    for j, joint in enumerate(joints):
+        off, wide = error[..., j], bound[..., j]
+        rms, width = np.sqrt(np.mean(off**2, axis=0)), wide.mean(axis=0)
+        scores[joint] = {
+            "rms_error_rad": root_mean_square(off),
+            "mean_bound_rad": wide.mean(),
+            "bound_variation": variation(width),
+            "error_variation": variation(rms),
+            FOLLOWS: correlation(width, rms),
+            "relative_error_of_bound": np.linalg.norm(width - rms) / np.linalg.norm(rms),
+        }
+    return scores
+
+
+def filter_metrics(
+    filters: Mapping[str, Filtered], joints: Sequence[str], steady: ndarray
+) -> dict[str, float]:
+    """Return the :func:`bound_scores` of every filter by names with model, joint and unit, and the
+    correlation of bound and error over the ``steady`` steps (K − 1,) alone, where both follow the
+    pose and not the speed.
+    """
+    metrics = {}
+    for name, each in filters.items():
+        at_speed = (part[:, 1:][:, steady] for part in (each.error, each.bound))
+        at_speed = bound_scores(*at_speed, joints)
+        for joint, own in bound_scores(each.error, each.bound, joints).items():
+            own[f"{FOLLOWS}_at_constant_speed"] = at_speed[joint][FOLLOWS]
+            metrics |= {f"{name}_{joint}_{quantity}": value for quantity, value in own.items()}
+    return metrics
+
+
+def sensor_scores(
+    bias: ndarray, variance: ndarray, takes: int, joints: Sequence[str]
+) -> dict[str, float]:
+    """Return bias and standard deviation of the depth camera's noise in the joint angles, and their
+    variation over time, of ``bias`` (F, n) in rad, the mean over ``takes``, and ``variance`` (F, n)
+    in rad² of each frame. A bias that is zero, or constant, is about 1 standard error.
+    """
+    scores = {}
+    for joint, mean, own in zip(joints, bias.T, variance.T, strict=True):
+        standard_error, name = np.sqrt(own.mean() / takes), f"kinect_bias_{joint}"
+        scores |= {
+            f"{name}_over_standard_error": root_mean_square(mean) / standard_error,
+            f"{name}_variation_over_standard_error": mean.std() / standard_error,
+            f"kinect_std_{joint}_variation": variation(np.sqrt(own)),
+        }
+    return scores

@@ -14,7 +14,7 @@ TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
 REPLICATES = 200  # resamplings of the takes
 
-# model, numbers of the takes → value by quantity
+# model, indices of the takes → value by quantity
 Quantities = Callable[[str, ndarray], dict[str, float]]
 
 
@@ -47,7 +47,7 @@ def lag_one_correlation(values: ndarray) -> float:
 
 def share_between(noise: ndarray, groups: Sequence[str]) -> float:
     """Share of the variance of ``noise`` (takes, M, n) over the takes that lies between the means
-    of their ``groups`` (takes,); 0 for one group, or where every take is a group of its own.
+    of their ``groups`` (takes,); 0 for a single group and for groups of one take each.
     """
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
@@ -60,7 +60,7 @@ def share_between(noise: ndarray, groups: Sequence[str]) -> float:
 
 def percentile_interval(values: ndarray) -> tuple[ndarray, ndarray]:
     """Ends of the interval of ``values`` (N, ...) over the first axis that holds one further value
-    with a probability of 95 %; least and greatest of them for N < 40.
+    with a probability of 95 %; least and greatest value for N < 40.
     """
     low, high = np.quantile(values, TAILS, axis=0, method="weibull")
     return low, high
@@ -76,7 +76,7 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
 
 def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
     """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval
-    over the takes: none for a single take, nothing where a score is not finite.
+    over the takes: no interval for a single take, NaN where a score is not finite.
     """
     if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
         return Difference(np.nan)
@@ -86,13 +86,13 @@ def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
 
 
 def jackknife_counts(takes: int) -> ndarray:
-    """(1 + takes, takes) weights: of all takes in the first row, then of all but one."""
+    """(1 + takes, takes) weights: first of all takes, then of all but one."""
     return np.vstack([np.ones((1, takes)), 1 - np.eye(takes)])
 
 
 def jackknife_difference(values: ndarray) -> Difference:
-    """First of ``values`` (1 + takes,), one for each of :func:`jackknife_counts`, with Student's
-    interval from the others; none below three takes.
+    """First of ``values`` (1 + takes,), one for each row of :func:`jackknife_counts`, with
+    Student's interval from the others; no interval below three takes.
     """
     takes = len(values) - 1
     error = np.sqrt((takes - 1) * np.var(values[1:]))
@@ -100,9 +100,9 @@ def jackknife_difference(values: ndarray) -> Difference:
 
 
 def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
-    """Numbers of the takes of each of REPLICATES resamplings, without those of one take alone."""
+    """Indices of the takes in each of REPLICATES resamplings, without resamplings of one take."""
     drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
-    return [numbers for numbers in drawn if np.ptp(numbers) > 0]
+    return [indices for indices in drawn if np.ptp(indices) > 0]
 
 
 def resampled_differences(
@@ -111,23 +111,24 @@ def resampled_differences(
     """Tabulate every quantity of every model, and its difference to the first model with the 95 %
     percentile interval of the bootstrap over takes, the same takes for all models.
     """
-    drawn, rows = [np.arange(takes), *drawn_takes(takes, rng)], []
-    values = {each: pd.DataFrame([quantities(each, one) for one in drawn]) for each in models}
-    for model, own in values.items():
-        table = pd.DataFrame({"model": model, "quantity": own.columns, "value": own.iloc[0].array})
+    drawn, tables, first = [np.arange(takes), *drawn_takes(takes, rng)], [], None
+    for model in models:
+        values = pd.DataFrame([quantities(model, indices) for indices in drawn])
+        table = pd.DataFrame({"model": model, "quantity": values.columns, "value": values.iloc[0]})
         table = table.assign(**dict.fromkeys(Difference._fields, np.nan))
+        first = values if first is None else first
         if model != models[0]:
-            difference = (own - values[models[0]])[own.columns]
-            table["difference"] = difference.iloc[0].array
+            difference = (values - first)[values.columns]
+            table["difference"] = difference.iloc[0]
             if len(drawn) > 1:
                 table["low"], table["high"] = percentile_interval(difference.iloc[1:])
-        rows.append(table)
-    return pd.concat(rows, ignore_index=True)
+        tables.append(table)
+    return pd.concat(tables, ignore_index=True)
 
 
 def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
-    """Mean and greatest error of the study of the tables ``wrench_errors`` and ``wrench_spread`` by
-    number of cables, and the 95 % interval of the greatest over the repeats.
+    """Mean and greatest error of the tables ``wrench_errors`` and ``wrench_spread`` by number of
+    cables, and the 95 % interval of the greatest error over the repeats.
     """
     summary = errors.groupby("agents")["error"].agg(["mean", "max"])
     maxima = spread.groupby("agents")["maximum"]

@@ -9,44 +9,44 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
-from pipeline.core.errors import ModelDomainError
-from pipeline.wrench.parametric import CableSystem
+from pipeline.wrench.parametric import CableSystem, wrench_covariance
 
 FORMS = ("diagonal", "full")  # of Σ_S, see optimal_sigma_s
 
 
 @dataclass(frozen=True)
 class MatrixModel:
-    """All of the model but Σ_S, for one system or an array of them: n rows of the wrench, m
-    actuators. Rows of moments are in N·m, or in N where a characteristic length divides them.
+    """The model without Σ_S, for one system or an array of them: n rows of the wrench, m actuators.
+    Rows of moments are in N·m, or in N where a characteristic length divides them.
     """
 
-    jacobian: np.ndarray  # S̲ (..., n, m)
-    actuation: np.ndarray  # T̲ (..., m), N
-    actuation_cov: np.ndarray  # Σ_T (..., m, m), N²
-    psi: np.ndarray  # Ψ_S (..., m, m)
+    jacobian: ndarray  # S̲ (..., n, m)
+    actuation: ndarray  # T̲ (..., m), N
+    actuation_cov: ndarray  # Σ_T (..., m, m), N²
+    psi: ndarray  # Ψ_S (..., m, m)
 
-    def spread(self) -> np.ndarray:
+    def sigma_s_factor(self) -> ndarray:
         """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): the factor of Σ_S in Cov(W), Theorem 5 in
         Eq. (TorqCovRHS1), with E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
         noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
         return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
 
-    def actuation_part(self) -> np.ndarray:
+    def actuation_part(self) -> ndarray:
         """S̲Σ_TS̲ᵀ, (..., n, n): the covariance that the actuation alone causes."""
         return self.jacobian @ self.actuation_cov @ np.swapaxes(self.jacobian, -1, -2)
 
-    def mean(self) -> np.ndarray:
+    def mean(self) -> ndarray:
         """E[W] = S̲T̲, (..., n)."""
         return np.einsum("...nm,...m->...n", self.jacobian, self.actuation)
 
-    def covariance(self, sigma_s: np.ndarray) -> np.ndarray:
+    def covariance(self, sigma_s: ndarray) -> ndarray:
         """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ, (..., n, n): Eqs. (TorqCov)–(CovWNonPar);
         ``sigma_s`` Σ_S (..., n, n).
         """
-        return self.spread()[..., None, None] * sigma_s + self.actuation_part()
+        return self.sigma_s_factor()[..., None, None] * sigma_s + self.actuation_part()
 
 
 def matrix_model(system: CableSystem) -> MatrixModel:
@@ -58,18 +58,16 @@ def matrix_model(system: CableSystem) -> MatrixModel:
     return MatrixModel(system.jacobian(), system.tension, covariance, identity)
 
 
-def unbounded_sigma_s(model: MatrixModel, covariance: np.ndarray) -> np.ndarray:
-    """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which Cov(W) is
-    ``covariance`` (..., n, n). Eigenvalues may be negative, as S̲Σ_TS̲ᵀ overstates the variance
-    that the tensions cause along a cable. Raises ModelDomainError for cables without tension.
+def unbounded_sigma_s(system: CableSystem) -> ndarray:
+    """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which the models of a
+    cable system have equal covariances. Eigenvalues may be negative, as S̲Σ_TS̲ᵀ overstates the
+    variance that the tensions cause along a cable.
     """
-    spread = model.spread()
-    if np.any(spread <= 0):
-        raise ModelDomainError("Σ_S does not exist for cables without tension")
-    return (covariance - model.actuation_part()) / spread[..., None, None]
+    model, covariance = matrix_model(system), wrench_covariance(system)
+    return (covariance - model.actuation_part()) / model.sigma_s_factor()[..., None, None]
 
 
-def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.ndarray]:
+def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
     """Return the optimal Σ_S ≥ 0 (..., n, n), and the number of its eigenvalues that the bound sets
     to 0 (...); ``unbounded`` M (..., n, n).
 
@@ -81,14 +79,14 @@ def optimal_sigma_s(unbounded: np.ndarray, form: str) -> tuple[np.ndarray, np.nd
     """
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
-    held = np.sum(values < 0, axis=-1)
+    clipped = np.sum(values < 0, axis=-1)
     projected = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
-    return np.where(held[..., None, None] > 0, projected, target), held
+    return np.where(clipped[..., None, None] > 0, projected, target), clipped
 
 
 def sample_wrenches(
-    model: MatrixModel, sigma_s: np.ndarray, samples: int, rng: np.random.Generator
-) -> np.ndarray:
+    model: MatrixModel, sigma_s: ndarray, samples: int, rng: np.random.Generator
+) -> ndarray:
     """Draw ``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n), by
     S·T given T: N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n), positive semidefinite.
     """
@@ -102,19 +100,17 @@ def sample_wrenches(
 class KroneckerFit(NamedTuple):
     """S ~ N(mean, Σ_S ⊗ Ψ_S) with tr Ψ_S = m."""
 
-    mean: np.ndarray  # (n, m)
-    sigma_s: np.ndarray  # Σ_S (n, n), per cable
-    psi: np.ndarray  # Ψ_S (m, m)
+    mean: ndarray  # (n, m)
+    sigma_s: ndarray  # Σ_S (n, n), per cable
+    psi: ndarray  # Ψ_S (m, m)
 
 
-def moment_fit(jacobians: np.ndarray) -> KroneckerFit:
+def moment_fit(jacobians: ndarray) -> KroneckerFit:
     """Fit the law of recorded ``jacobians`` (N, n, m), rows of one unit, by E[XXᵀ] = tr(Ψ_S)·Σ_S
-    and E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5); raises ModelDomainError without variance.
+    and E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5).
     """
     mean, m = jacobians.mean(axis=0), jacobians.shape[-1]
     x = jacobians - mean
     covariance = np.einsum("kia,kjb->iajb", x, x) / len(x)
     psi = np.einsum("iaib->ab", covariance)
-    if not np.trace(psi) > 0:
-        raise ModelDomainError("all recorded Jacobians are equal; Σ_S and Ψ_S need variance")
     return KroneckerFit(mean, np.einsum("iaja->ij", covariance) / m, psi * m / np.trace(psi))

@@ -5,12 +5,12 @@ n) in N of the ``rows``, moments over a characteristic length. Functions named a
 its rows of one ``configuration``.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
 
 from pipeline.statistics.densities import (
     autocorrelation_time,
@@ -27,7 +27,7 @@ from pipeline.wrench.parametric import CableSystem
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
 GRID_REACH = 4.0  # standard deviations of the wider source that the grid extends beyond the means
 DRAWS = 10  # of the model for every tested sample: they add a tenth to the record's scatter
-Wrenches = Mapping[str, np.ndarray]
+Wrenches = Mapping[str, ndarray]
 
 
 def rows_of(system: CableSystem) -> tuple[str, ...]:
@@ -36,8 +36,8 @@ def rows_of(system: CableSystem) -> tuple[str, ...]:
     return forces if system.attachment is None else forces + moments
 
 
-def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) -> np.ndarray:
-    """(N, n) N the rows of ``record`` that ``system`` has; moments over ``length`` in m."""
+def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) -> ndarray:
+    """(N, n) N, the rows of ``record`` that ``system`` has; moments over ``length`` in m."""
     rows = rows_of(system)
     return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
 
@@ -53,36 +53,25 @@ def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -
     return pd.DataFrame(table)
 
 
-def common_grid(samples: Sequence[np.ndarray], points: int) -> np.ndarray:
+def common_grid(samples: Sequence[ndarray], points: int) -> ndarray:
     """(points, n) values of each row, from 4 standard deviations of the widest of ``samples``
     (N, n) below the least mean to as many above the greatest.
     """
     centres = np.array([sample.mean(axis=0) for sample in samples])
-    spread = GRID_REACH * np.max([sample.std(axis=0) for sample in samples], axis=0)
-    return np.linspace(centres.min(axis=0) - spread, centres.max(axis=0) + spread, points)
-
-
-def _densities(
-    configuration: str, wrenches: Wrenches, columns: dict, density: Callable
-) -> pd.DataFrame:
-    tables = [
-        pd.DataFrame({"configuration": configuration, "source": source} | columns).assign(
-            density=density(sample)
-        )
-        for source, sample in wrenches.items()
-    ]
-    return pd.concat(tables, ignore_index=True)
+    reach = GRID_REACH * np.max([sample.std(axis=0) for sample in samples], axis=0)
+    return np.linspace(centres.min(axis=0) - reach, centres.max(axis=0) + reach, points)
 
 
 def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.DataFrame:
     """Table ``force_density`` of samples (N, 2): every source on ``points`` × ``points``."""
     x, y = common_grid([*wrenches.values()], points).T
     fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
-
-    def density(sample: np.ndarray) -> np.ndarray:
-        return kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel()
-
-    return _densities(configuration, wrenches, {"fx": fx, "fy": fy}, density)
+    tables = []
+    for source, sample in wrenches.items():
+        density = kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel()
+        columns = {"configuration": configuration, "source": source}
+        tables.append(pd.DataFrame(columns | {"fx": fx, "fy": fy, "density": density}))
+    return pd.concat(tables, ignore_index=True)
 
 
 def wrench_planes(
@@ -102,23 +91,24 @@ def wrench_marginals(
     configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
 ) -> pd.DataFrame:
     """Table ``wrench_marginals``: density of each row, every source at the same ``points``."""
-    tables = []
-    for i, grid in enumerate(common_grid([*wrenches.values()], points).T):
-        own = {source: sample[:, i] for source, sample in wrenches.items()}
-        columns = {"row": rows[i], "value": grid}
-        density = partial(marginal_density, x=grid)
-        tables.append(_densities(configuration, own, columns, density))
+    tables, grid = [], common_grid([*wrenches.values()], points)
+    for i, row in enumerate(rows):
+        for source, sample in wrenches.items():
+            density = marginal_density(sample[:, i], grid[:, i])
+            columns = {"configuration": configuration, "source": source, "row": row}
+            tables.append(pd.DataFrame(columns | {"value": grid[:, i], "density": density}))
     return pd.concat(tables, ignore_index=True)
 
 
 def force_test(
-    measured: np.ndarray, system: CableSystem, sigma_s: np.ndarray, rng: np.random.Generator
+    measured: ndarray, system: CableSystem, sigma_s: ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
     """Test the record ``measured`` (N, n) in N for the law of the matrix model at the nominal
-    ``system`` (m,) with ``sigma_s`` (n, n): energy distance (N) and permutation p-value of the
-    record, thinned to independent samples, against ten times as many of the model; effective
-    samples N/τ, τ the autocorrelation time; and the shares of the variances that Σ_S causes, on
-    which the power of the test for Σ_S depends.
+    ``system`` (m,) with ``sigma_s`` (n, n).
+
+    Returns energy distance (N) and permutation p-value of the record, thinned to independent
+    samples, against ten times as many of the model; effective samples N/τ, τ the autocorrelation
+    time; and the shares of the variances that Σ_S causes, on which the power of the test depends.
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))

@@ -1,23 +1,27 @@
 """The parametric wrench model: tensions are normal, cable directions von Mises–Fisher, everything
-independent.
+independent; systems of cables, drawn within bounds or as stated.
 
 Cable i pulls with fᵢ = Tᵢ·eᵢ at rᵢ, Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), eᵢ ~ vMF(e̲ᵢ, κᵢ) on the unit sphere of
 R^p, of density ∝ exp(κ·eᵀe̲) (Mardia & Jupp, Directional Statistics, 2000, ch. 9); for p = 2 it
 is the von Mises law of an angle. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the
 plane, p = 2, and six in space, p = 3. Cables that meet in one point have no moment: G = I, n = p.
-The concentration κ is what the paper writes σ_θ: the larger, the narrower.
+The concentration κ is the paper's σ_θ; directions of a greater κ lie closer together.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
 from scipy.special import ive
 
-from pipeline.core.errors import ModelDomainError
+from pipeline.core.errors import ConfigError, ModelDomainError
+from pipeline.core.options.analysis import Wrench
+from pipeline.core.options.dataset import Arrangement, Force
 
-UNIT = 1e-9  # greatest deviation of a direction's length from 1
-# beyond it the series in 1/κ is exact in double precision, and the Bessel functions fail at 1e9
-LARGE = 1e6
+LIMITS = dict.fromkeys(("tension", "tension_sd", "concentration"), (0.0, np.inf))
+LIMITS["elevation"] = (-np.pi / 2, np.pi / 2)
 
 
 @dataclass(frozen=True)
@@ -25,32 +29,22 @@ class CableSystem:
     """One cable system of m cables, or an array of them; p = 2 in the plane, 3 in space.
 
     Its wrench is that of Eq. (WrenchStatEq), the directions those of Eq. (vMis). Raises
-    ModelDomainError for values without a law.
+    ModelDomainError for a negative σ_T and for κ ≤ 0.
     """
 
-    tension: np.ndarray  # T̲ (..., m), N
-    direction: np.ndarray  # e̲ (..., m, p), unit vectors from the platform along the cable
-    tension_sd: np.ndarray  # σ_T (..., m), N
-    concentration: np.ndarray  # κ (..., m), dimensionless
-    # r (..., m, p), m, in axes parallel to those of the directions; none where the cables meet in
-    # the point that the wrench is taken about
-    attachment: np.ndarray | None = None
+    tension: ndarray  # T̲ (..., m), N
+    direction: ndarray  # e̲ (..., m, p), unit vectors from the platform along the cable
+    tension_sd: ndarray  # σ_T (..., m), N
+    concentration: ndarray  # κ (..., m), dimensionless
+    # r (..., m, p), m, from the point of the moments, in the directions' axes; None: r = 0
+    attachment: ndarray | None = None
 
     def __post_init__(self) -> None:
-        given = {name: values for name, values in vars(self).items() if values is not None}
-        for name, values in given.items():
-            object.__setattr__(self, name, np.asarray(values, dtype=float))
-        cables, places = self.tension.shape, self.direction.shape
-        for name in given:
-            due, own = places if name == "attachment" else cables, getattr(self, name)
-            shape = own.shape[:-1] if name == "direction" else own.shape
-            if shape != due or not np.isfinite(own).all():
-                raise ModelDomainError(f"{name} must be finite, of shape {due}; it has {shape}")
-        sound = np.abs(np.linalg.norm(self.direction, axis=-1) - 1) <= UNIT
-        sound &= (self.tension_sd >= 0) & (self.concentration > 0)
-        if not sound.all() or places[-1] not in (2, 3):
-            required = "directions of length 1 in 2 or 3 coordinates, tension_sd ≥ 0"
-            raise ModelDomainError(f"a cable system needs {required}, concentration > 0")
+        for name, values in vars(self).items():
+            if values is not None:
+                object.__setattr__(self, name, np.asarray(values, dtype=float))
+        if np.any(self.tension_sd < 0) or np.any(self.concentration <= 0):
+            raise ModelDomainError("a cable system needs tension_sd ≥ 0 and concentration > 0")
 
     @property
     def dimension(self) -> int:
@@ -62,30 +56,27 @@ class CableSystem:
         place = self.attachment
         return self if place is None else replace(self, attachment=place / length)
 
-    def maps(self) -> np.ndarray:
+    def maps(self) -> ndarray:
         """Gᵢ (..., m, n, p), which maps the force of a cable to its wrench."""
         if self.attachment is None:
             return np.broadcast_to(np.eye(self.dimension), (*self.direction.shape, self.dimension))
         return wrench_map(self.attachment)
 
-    def jacobian(self) -> np.ndarray:
+    def jacobian(self) -> ndarray:
         """S̲ (..., n, m), its columns Gᵢe̲ᵢ: Eq. (static-jacobian) at the means."""
         return np.einsum("...mnp,...mp->...nm", self.maps(), self.direction)
 
 
-def mean_resultant_length(concentration: np.ndarray, dimension: int) -> np.ndarray:
+def mean_resultant_length(concentration: ndarray, dimension: int) -> ndarray:
     """A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], any shape; ``dimension`` p: I₁/I₀ in the plane,
-    coth κ − 1/κ in space. Without the exponential scaling I₀ overflows beyond κ = 713.
+    coth κ − 1/κ in space. Exponentially scaled, as I₀ overflows beyond κ = 713; up to κ = 1e9.
     """
-    bounded = np.minimum(concentration, LARGE)
-    ratio = ive(dimension / 2, bounded) / ive(dimension / 2 - 1, bounded)
-    x, q = 1 / np.maximum(concentration, LARGE), dimension - 1
-    return np.where(concentration > LARGE, 1 - q * x / 2 + q * (q - 2) * x**2 / 8, ratio)
+    return ive(dimension / 2, concentration) / ive(dimension / 2 - 1, concentration)
 
 
 def sample_directions(
-    mean: np.ndarray, concentration: np.ndarray, samples: int, rng: np.random.Generator
-) -> np.ndarray:
+    mean: ndarray, concentration: ndarray, samples: int, rng: Generator
+) -> ndarray:
     """Draw unit vectors (samples, m, p) of cables with the ``mean`` directions e̲ (m, p) and
     ``concentration`` κ (m,): Eq. (vMis), and its counterpart in space.
     """
@@ -95,7 +86,7 @@ def sample_directions(
     return np.stack([law.rvs(samples, random_state=rng) for law in laws], axis=1)
 
 
-def wrench_map(attachment: np.ndarray) -> np.ndarray:
+def wrench_map(attachment: ndarray) -> ndarray:
     """G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p)."""
     p = attachment.shape[-1]
     place = attachment if p == 3 else np.insert(attachment, 2, 0.0, axis=-1)
@@ -104,13 +95,13 @@ def wrench_map(attachment: np.ndarray) -> np.ndarray:
     return np.concatenate([force, moment if p == 3 else moment[..., 2:, :2]], axis=-2)
 
 
-def wrench_mean(system: CableSystem) -> np.ndarray:
+def wrench_mean(system: CableSystem) -> ndarray:
     """E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ, (..., n) in N and N·m: shorter than the nominal S̲T̲."""
     pull = mean_resultant_length(system.concentration, system.dimension) * system.tension
     return np.einsum("...nm,...m->...n", system.jacobian(), pull)
 
 
-def wrench_covariance(system: CableSystem) -> np.ndarray:
+def wrench_covariance(system: CableSystem) -> ndarray:
     """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m².
 
     Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ, E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia & Jupp
@@ -120,9 +111,104 @@ def wrench_covariance(system: CableSystem) -> np.ndarray:
     p = system.dimension
     length = mean_resultant_length(system.concentration, p)
     second_moment = system.tension**2 + system.tension_sd**2
-    all_round = second_moment * length / system.concentration
-    along = second_moment - (length * system.tension) ** 2 - p * all_round
-    g = system.maps()
-    round_part = np.einsum("...mip,...m,...mjp->...ij", g, all_round, g)
-    columns = system.jacobian()
-    return round_part + (columns * along[..., None, :]) @ np.swapaxes(columns, -1, -2)
+    isotropic = second_moment * length / system.concentration
+    along = second_moment - (length * system.tension) ** 2 - p * isotropic
+    g, columns = system.maps(), system.jacobian()
+    covariance = np.einsum("...mip,...m,...mjp->...ij", g, isotropic, g)
+    return covariance + (columns * along[..., None, :]) @ np.swapaxes(columns, -1, -2)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """(low, high) of the values of a cable, uniform and independent: planar without an
+    ``elevation``, in space uniform on the sphere; the cables meet in one point without an
+    ``attachment``. Raises ConfigError for bounds in the wrong order or beyond LIMITS.
+    """
+
+    tension: Sequence[float]  # T̲, N
+    direction: Sequence[float]  # θ̲, rad, in the plane of the first two axes
+    tension_sd: Sequence[float]  # σ_T, N
+    concentration: Sequence[float]  # κ (the paper's σ_θ)
+    elevation: Sequence[float] | None = None  # rad, of a cable above that plane
+    attachment: Sequence[float] | None = None  # m, each coordinate of r
+
+    def __post_init__(self) -> None:
+        for name, bounds in vars(self).items():
+            (low, high), (least, most) = bounds or (0, 0), LIMITS.get(name, (-np.inf, np.inf))
+            if not (least <= low <= high <= most and np.isfinite(high - low)):
+                limits = f"{least:.3g} ≤ low ≤ high ≤ {most:.3g}, got {low}, {high}"
+                raise ConfigError(f"wrench bounds: {name} must be finite and {limits}", key=name)
+
+    @property
+    def dimension(self) -> int:
+        """p: 2 in the plane, 3 in space."""
+        return 2 if self.elevation is None else 3
+
+    @property
+    def coordinates(self) -> int:
+        """Number of values of a cable."""
+        return self.dimension + 2 + (0 if self.attachment is None else self.dimension)
+
+    def directions(self, angle: ndarray, height: ndarray | None = None) -> ndarray:
+        """Unit vectors (..., p) at the shares ``angle`` and, in space, ``height`` of the bounds."""
+        theta = within(self.direction, angle)
+        plane = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
+        if self.elevation is None:
+            return plane
+        up = within(np.sin(self.elevation), height)[..., None]
+        return np.concatenate([np.sqrt(1 - up**2) * plane, up], axis=-1)
+
+
+def within(bounds: Sequence[float], share: ndarray) -> ndarray:
+    """Values at ``share`` of the range ``bounds``, any shape."""
+    low, high = bounds
+    return low + (high - low) * share
+
+
+def systems_at(bounds: Bounds, points: ndarray) -> CableSystem:
+    """Systems at ``points`` (coordinates, ..., m) of the unit cube: T̲, θ̲, σ_T, κ, in space the
+    height, and the p coordinates of the attachment as shares of their ranges.
+    """
+    tension, angle, tension_sd, concentration, *rest = points
+    height = rest.pop(0) if bounds.elevation else None
+    return CableSystem(
+        within(bounds.tension, tension),
+        bounds.directions(angle, height),
+        within(bounds.tension_sd, tension_sd),
+        within(bounds.concentration, concentration),
+        within(bounds.attachment, np.stack(rest, axis=-1)) if bounds.attachment else None,
+    )
+
+
+def draw_systems(bounds: Bounds, systems: int, agents: int, rng: Generator) -> CableSystem:
+    """Draw ``systems`` cable systems of ``agents`` cables within ``bounds``."""
+    return systems_at(bounds, rng.random((bounds.coordinates, systems, agents)))
+
+
+def study_bounds(options: Wrench) -> Bounds:
+    """Bounds of the paper's numerical study."""
+    return Bounds(options.tension, options.direction, options.tension_std, options.kappa)
+
+
+def configuration_bounds(force: Force, robots: Arrangement) -> Bounds:
+    """Bounds of a configuration of ``robots``; attachments over the characteristic length."""
+    place = robots.attachment_bounds and [end / force.length for end in robots.attachment_bounds]
+    tensions = force.tension_bounds, robots.direction_bounds, force.tension_std_bounds
+    return Bounds(*tensions, force.kappa_bounds, robots.elevation_bounds, place)
+
+
+def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
+    """The system of a configuration of ``robots`` at its means, attachments over the characteristic
+    length; its concentration does not enter the matrix model. Raises ConfigError where robots have
+    no standard deviation of their tension.
+    """
+    agents, azimuth = len(robots.tension), np.array(robots.direction)
+    if len(force.tension_std) < agents:
+        message = f"{len(force.tension_std)} values for the {agents} robots of {robots.file}"
+        raise ConfigError(f"tension_std: {message}", key="dataset.force.tension_std")
+    direction = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
+    if robots.elevation is not None:
+        up = np.array(robots.elevation)[:, None]
+        direction = np.concatenate([np.cos(up) * direction, np.sin(up)], axis=-1)
+    values = force.tension_std[:agents], np.full(agents, force.kappa_bounds[0]), robots.attachment
+    return CableSystem(robots.tension, direction, *values).in_units_of(force.length)

@@ -9,13 +9,20 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy import ndarray
+from numpy.random import Generator
 
 from pipeline.core.errors import ConfigError, SolverError
-from pipeline.wrench.bounds import Bounds, draw_systems, systems_at, within
+from pipeline.core.options.analysis import Wrench
 from pipeline.wrench.matrix import FORMS, matrix_model, optimal_sigma_s, unbounded_sigma_s
 from pipeline.wrench.parametric import (
+    Bounds,
     CableSystem,
+    draw_systems,
     mean_resultant_length,
+    study_bounds,
+    systems_at,
+    within,
     wrench_covariance,
     wrench_map,
 )
@@ -29,47 +36,45 @@ LOG2_POINTS = 12  # of each scramble of the Sobol sequence
 class SigmaS(NamedTuple):
     """Σ_S averaged over drawn systems, or its expectation over the systems within bounds."""
 
-    mean: np.ndarray  # (n, n)
-    standard_error: np.ndarray  # (n, n) of the mean; of an expectation from its scrambles
-    deviation: np.ndarray  # (n, n) standard deviation of each entry over the systems
+    mean: ndarray  # (n, n)
+    standard_error: ndarray  # (n, n) of the mean; of an expectation from its scrambles
+    deviation: ndarray  # (n, n) standard deviation of each entry over the systems
     systems: int = 0
     clipped: int = 0  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 sets to 0
 
 
-def _unbounded(systems: CableSystem) -> np.ndarray:
-    return unbounded_sigma_s(matrix_model(systems), wrench_covariance(systems))
-
-
 def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
-    """Average the optimal Σ_S of ``systems`` (s, m) by form; ConfigError for fewer than two."""
+    """Return the mean of the optimal Σ_S of ``systems`` (s, m) by form; raises ConfigError for
+    fewer than two.
+    """
     if (count := len(systems.tension)) < 2:
         raise ConfigError("the average of Σ_S needs at least 2 systems", systems=count)
-    unbounded, estimates = _unbounded(systems), {}
+    unbounded, estimates = unbounded_sigma_s(systems), {}
     for form in FORMS:
-        optimal, held = optimal_sigma_s(unbounded, form)
+        optimal, clipped = optimal_sigma_s(unbounded, form)
         deviation = optimal.std(axis=0, ddof=1)
         moments = optimal.mean(axis=0), deviation / np.sqrt(count), deviation
-        estimates[form] = SigmaS(*moments, count, int(held.sum()))
+        estimates[form] = SigmaS(*moments, count, int(clipped.sum()))
     return estimates
 
 
-def _uniform_mean(function: Callable, bounds: tuple[float, float]) -> np.ndarray:
+def _uniform_mean(function: Callable, bounds: Sequence[float]) -> ndarray:
     """E[f(X)] of X uniform within ``bounds`` by Gauss–Legendre quadrature over the last axis."""
     return function(within(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
 
-def _at_attachments(matrix: np.ndarray, bounds: Bounds) -> np.ndarray:
+def _at_attachments(matrix: ndarray, bounds: Bounds) -> ndarray:
     """E[GXGᵀ], (n, n), of X = ``matrix`` (p, p): G is affine in the independent coordinates."""
     if bounds.attachment is None:
         return matrix
     low, high = bounds.attachment
     g = wrench_map(np.full(bounds.dimension, (low + high) / 2))
     slopes = wrench_map(np.eye(bounds.dimension)) - wrench_map(np.zeros(bounds.dimension))
-    spread = np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes) * (high - low) ** 2 / 12
-    return g @ matrix @ g.T + spread
+    variance = np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes) * (high - low) ** 2 / 12
+    return g @ matrix @ g.T + variance
 
 
-def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
+def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> ndarray:
     """E[M], (n, n), of the unbounded Σ_S of ``agents`` cables with values within ``bounds``.
 
     M = Σᵢ(T̲ᵢ²Uᵢ + σ_Tᵢ²Vᵢ)/D, D = Σᵢ(T̲ᵢ² + σ_Tᵢ²), V = G{(A/κ)(I − p·e̲e̲ᵀ)}Gᵀ and U = V +
@@ -105,24 +110,23 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> np.ndarray:
     return u * share + v * (1 - share)
 
 
-def expected_sigma_s(bounds: Bounds, agents: int, rng: np.random.Generator) -> dict[str, SigmaS]:
-    """E[Σ_S] in each of its forms of systems of ``agents`` cables with values uniform within
-    ``bounds``: E[M], exact to quadrature, plus the small E[Σ_S − M] by scrambled Sobol sequences.
+def expected_sigma_s(bounds: Bounds, agents: int, rng: Generator) -> dict[str, SigmaS]:
+    """E[Σ_S] by form of systems of ``agents`` cables with values uniform within ``bounds``: E[M],
+    exact to quadrature, plus the small E[Σ_S − M] by scrambled Sobol sequences.
     """
     from scipy.stats import qmc
 
     exact = expected_unbounded_sigma_s(bounds, agents)
     masks = {"diagonal": np.eye(len(exact)), "full": np.ones_like(exact)}
-    parts: dict[str, list[tuple]] = {form: [] for form in FORMS}
+    parts, by_form = {form: [] for form in FORMS}, {}
     for scramble in rng.spawn(SCRAMBLES):
         points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(LOG2_POINTS)
         shares = points.reshape(len(points), bounds.coordinates, agents)
-        unbounded = _unbounded(systems_at(bounds, np.moveaxis(shares, 1, 0)))
+        unbounded = unbounded_sigma_s(systems_at(bounds, np.moveaxis(shares, 1, 0)))
         for form, mask in masks.items():
             sigma_s, _ = optimal_sigma_s(unbounded, form)
             correction = np.mean(sigma_s - unbounded * mask, axis=0)
             parts[form].append((correction, np.mean(sigma_s**2, axis=0)))
-    by_form = {}
     for form, mask in masks.items():
         corrections, squares = map(np.array, zip(*parts[form], strict=True))
         mean = exact * mask + corrections.mean(axis=0)
@@ -132,13 +136,13 @@ def expected_sigma_s(bounds: Bounds, agents: int, rng: np.random.Generator) -> d
     return by_form
 
 
-def variance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def variance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
     """‖diag Cov(W) − Var‖/‖Var‖, (...): the paper's error of the ``modelled`` covariance."""
-    due, own = (np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled))
-    return np.linalg.norm(own - due, axis=-1) / np.linalg.norm(due, axis=-1)
+    true, model = (np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled))
+    return np.linalg.norm(model - true, axis=-1) / np.linalg.norm(true, axis=-1)
 
 
-def covariance_errors(modelled: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def covariance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
     """‖Cov(W) − Cov‖_F/‖Cov‖_F, (...), of the whole covariance (..., n, n)."""
     difference = np.linalg.norm(modelled - covariance, axis=(-2, -1))
     return difference / np.linalg.norm(covariance, axis=(-2, -1))
@@ -149,54 +153,43 @@ def sigma_s_rows(
 ) -> list[dict[str, object]]:
     """Rows of the table ``sigma_s`` of one class of systems, one for each form of Σ_S."""
     rows = []
-    for form, own in estimates.items():
-        row = {"system_class": system_class, "agents": agents, "form": form}
-        due, entries = expected[form], list(zip(*np.triu_indices(len(own.mean)), strict=True))
-        columns = {"s": own.mean, "se": own.standard_error, "e": due.mean}
-        # the last is what the standard error tends to
-        columns |= {"ee": due.standard_error, "de": due.deviation / np.sqrt(own.systems)}
+    for form, average in estimates.items():
+        row, limit = {"system_class": system_class, "agents": agents, "form": form}, expected[form]
+        columns = {"s": average.mean, "se": average.standard_error, "e": limit.mean}
+        # the last is the limit of the standard error
+        columns |= {"ee": limit.standard_error, "de": limit.deviation / np.sqrt(average.systems)}
         for name, values in columns.items():
+            entries = zip(*np.triu_indices(len(values)), strict=True)
             row |= {f"{name}{i + 1}{j + 1}": values[i, j] for i, j in entries}
-        rows.append(row | {"clipped": own.clipped})
+        rows.append(row | {"clipped": average.clipped})
     return rows
 
 
 def run_study(
-    bounds: Bounds,
-    agents: Sequence[int],
-    systems: int,
-    tests: int,
-    repeats: int,
-    rng: np.random.Generator,
-    run: Callable = map,
+    options: Wrench, rng: Generator, run: Callable = map
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Return the tables ``sigma_s`` and ``wrench_errors`` of the first repeat and ``wrench_spread``
     of all ``repeats``, over which ``run`` maps a function: Fig. (ErrWrnRMT).
 
-    For each number of cables in ``agents`` Σ_S is from ``systems`` systems, and its error on
-    ``tests`` fresh ones: the paper's, of the diagonal Σ_S, and of the whole covariance.
+    For each number of cables in ``agents`` Σ_S is from ``systems`` systems, and its errors on
+    ``test_systems`` fresh ones: the paper's, of the diagonal Σ_S, and of the whole covariance.
     """
-    repeat = partial(_repeat, bounds, agents, systems, tests)
-    parts = zip(*run(repeat, list(enumerate(rng.spawn(repeats)))), strict=True)
-    sigma_rows, errors, spread = (list(chain.from_iterable(part)) for part in parts)
-    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(spread)
+    repeats = list(enumerate(rng.spawn(options.repeats)))
+    parts = zip(*run(partial(_repeat, options), repeats), strict=True)
+    sigma_rows, errors, maxima = (list(chain.from_iterable(part)) for part in parts)
+    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(maxima)
 
 
-def _repeat(
-    bounds: Bounds,
-    agents: Sequence[int],
-    systems: int,
-    tests: int,
-    trial: tuple[int, np.random.Generator],
-) -> tuple[list, list, list]:
-    repeat, rng = trial
-    sigma_rows, errors, spread = [], [], []
-    for m, m_rng in zip(agents, rng.spawn(len(agents)), strict=True):
-        estimates = averaged_sigma_s(draw_systems(bounds, systems, m, m_rng))
+def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, list]:
+    """Rows or tables of one repeat, with its number and stream."""
+    (repeat, rng), tests, bounds = trial, options.test_systems, study_bounds(options)
+    sigma_rows, errors, maxima = [], [], []
+    for m, m_rng in zip(options.agents, rng.spawn(len(options.agents)), strict=True):
+        estimates = averaged_sigma_s(draw_systems(bounds, options.systems, m, m_rng))
         fresh = draw_systems(bounds, tests, m, m_rng)
         model, covariance = matrix_model(fresh), wrench_covariance(fresh)
         error = variance_errors(model.covariance(estimates["diagonal"].mean), covariance)
-        spread.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
+        maxima.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
         if repeat == 0:
             expected = expected_sigma_s(bounds, m, m_rng.spawn(1)[0])
             sigma_rows += sigma_s_rows("study", m, estimates, expected)
@@ -205,4 +198,4 @@ def _repeat(
                 whole = covariance_errors(model.covariance(estimate.mean), covariance)
                 table[f"covariance_error_{form}"] = whole
             errors.append(pd.DataFrame(table))
-    return sigma_rows, errors, spread
+    return sigma_rows, errors, maxima

@@ -13,15 +13,7 @@ from space_arms import UR5 as ARM
 from pipeline.arm.model import chain_of, link_chains
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
-from tests.arm.arm_urdfs import (
-    LIMIT,
-    YOUBOT,
-    by_pinocchio,
-    jn,
-    joint,
-    origin,
-    robot_text,
-)
+from tests.arm.arm_urdfs import LIMIT, YOUBOT, by_pinocchio, jn, joint, origin, robot_text
 
 PLACE = origin(pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.5, 0.8), np.array([0.1, 0.2, 0.3])))
 MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.1"/>'

@@ -23,18 +23,17 @@ from distributed import Client, LocalCluster
 from scenario import Take, drawn_takes, take
 
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.options.analysis import Compute, Dask
+from pipeline.core.options.analysis import Compute, Dask, Wrench
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.models.wishart.fit import problem_steps, solve_problems
 from pipeline.models.wishart.perturbation import objective_weights
-from pipeline.wrench.bounds import Bounds
 from pipeline.wrench.study import run_study
 
 REPEATS = 2  # of which the shortest time and the least memory are kept
 LEAST_MEMORY = 1.0  # MB; less depends on the allocator, not on the size
-# of the paper's study: T̲ in N, θ̲ in rad, σ_T in N, κ
-CABLES = Bounds((1.0, 15.0), (0.0, 2 * np.pi), (0.5, 2.0), (150.0, 2500.0))
+# of the paper's study: κ, σ_T in N, T̲ in N, θ̲ in rad
+CABLES = [150.0, 2500.0], [0.5, 2.0], [1.0, 15.0], [0.0, 2 * np.pi]
 SIZES = {
     "particles": [1000 * 2**k for k in range(9)],
     "steps": [10 * 2**k for k in range(9)],
@@ -58,7 +57,7 @@ def call_of(over: str, size: int) -> Callable[[], object]:
         case "joints":
             return partial(take(STEPS, size).filtered, 10_000, rng)
         case "agents":
-            return partial(run_study, CABLES, [size], 1000, 1000, 1, rng)
+            return partial(run_study, Wrench([size], *CABLES, 1000, 1000, 1, 1), rng)
     trial, compute = partial(posterior_hash, motion=take(STEPS), particles=1000), Compute(1)
     return lambda: list(run_trials(trial, range(size), compute=compute, label="takes"))
 

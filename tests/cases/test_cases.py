@@ -21,7 +21,7 @@ from pipeline.filtering.particle_filter import FilterOptions, Posterior
 from pipeline.models.kinds import options_type
 from pipeline.models.noise import mean_covariance, process_noise
 from pipeline.models.steps import Recorded
-from pipeline.statistics.filters import no_filter
+from pipeline.statistics.scores import no_filter
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide
 from pipeline.verdicts.run import ArmNames

@@ -15,12 +15,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.rows import WIDTH
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import (
-    FilterOptions,
-    Posterior,
-    Start,
-    particle_filter,
-)
+from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
 from pipeline.filtering.sampling import SCHEMES
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, open_loop

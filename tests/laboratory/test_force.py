@@ -10,11 +10,7 @@ from scipy.special import i0e, i1e
 
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
-from pipeline.laboratory.options import (
-    Robots,
-    TrajectoryOptions,
-    Transducer,
-)
+from pipeline.laboratory.options import Robots, TrajectoryOptions, Transducer
 from pipeline.laboratory.session import open_session
 
 TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])

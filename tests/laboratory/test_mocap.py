@@ -10,13 +10,7 @@ from scipy.spatial.transform import Rotation
 from space_arms import LWR4, link_poses
 
 from pipeline.arm.model import link_chains
-from pipeline.laboratory.mocap import (
-    MarkerCluster,
-    capture,
-    capture_bodies,
-    in_body,
-    place_markers,
-)
+from pipeline.laboratory.mocap import MarkerCluster, capture, capture_bodies, in_body, place_markers
 from pipeline.laboratory.options import MocapOptions
 
 TEMPLATE = np.array([[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]) * [

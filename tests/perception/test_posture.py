@@ -88,7 +88,7 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     other = least_squares(
         lambda angles: (carry(angles) - frame).ravel(), q, "3-point", x_scale=0.1, **ends
     )
-    frames = solver.solve_all(frame[None], q[None] + 0.05)
+    frames = solver.solve(frame[None], q[None] + 0.05)
     solution = type(frames)(*(each[0] for each in frames))
     np.testing.assert_allclose(solution.q, other.x, atol=2e-8)
     assert (solution.distances**2).sum() == pytest.approx(2 * other.cost, rel=1e-9)

@@ -12,13 +12,7 @@ from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
 from pipeline.recordings.inventory import KEYS, by_part, listing, take_name
-from pipeline.recordings.quality import (
-    account,
-    beside_limits,
-    quality_row,
-    reasons,
-    require_enough,
-)
+from pipeline.recordings.quality import account, beside_limits, quality_row, reasons, require_enough
 from pipeline.recordings.steps import held_against, truth_of
 
 

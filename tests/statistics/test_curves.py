@@ -179,11 +179,7 @@ def percentile(values: np.ndarray):
 
 
 @pytest.mark.parametrize(
-    ("interval", "takes", "repeats"),
-    [
-        (jackknife, 6, 3000),
-        (percentile, TAKES, 150),
-    ],
+    ("interval", "takes", "repeats"), [(jackknife, 6, 3000), (percentile, TAKES, 150)]
 )
 def test_intervals_cover_the_true_mean_as_often_as_they_say(interval, takes, repeats):
     draws = np.random.default_rng(10).normal(1, 2, (repeats, takes))

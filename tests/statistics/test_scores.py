@@ -7,14 +7,17 @@ import pytest
 from scipy.stats import chi2, kstest, multivariate_normal
 
 from pipeline.core.filters import MEMORY, NONE, closed, models_of
-from pipeline.statistics.filters import (
+from pipeline.statistics.scores import (
     Filtered,
+    compared,
     filter_metrics,
     filter_tables,
+    nees,
     no_filter,
+    normal_log_score,
+    posterior_scores,
     sensor_scores,
 )
-from pipeline.statistics.scores import compared, nees, normal_log_score, posterior_scores
 from pipeline.statistics.takes import paired_difference
 
 COVARIANCE = np.array([[2.0, -0.9, 0.1], [-0.9, 1.5, 0.4], [0.1, 0.4, 0.8]])

@@ -14,7 +14,7 @@ from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.laboratory import session
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.models.kinds import options_type
-from pipeline.statistics.filters import Filtered, no_filter
+from pipeline.statistics.scores import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK

@@ -88,8 +88,7 @@ def test_a_run_is_described_file_by_file_and_stage_by_stage(reproduced, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("stage", "module"),
-    [("studies_page", "tools.page.command"), ("crate", "tools.crate.command")],
+    ("stage", "module"), [("studies_page", "tools.page.command"), ("crate", "tools.crate.command")]
 )
 def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
     file = ROOT / "pipeline/tools/crate/dvc.yaml"

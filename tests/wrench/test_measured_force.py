@@ -8,15 +8,9 @@ import pytest
 from cable_systems import planar_cables, sample_wrench
 
 from pipeline.statistics import densities
-from pipeline.wrench.bounds import Bounds, draw_systems
 from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, sample_wrenches, unbounded_sigma_s
-from pipeline.wrench.measured_force import (
-    force_moments,
-    force_test,
-    measured_wrenches,
-    rows_of,
-)
-from pipeline.wrench.parametric import CableSystem, wrench_covariance
+from pipeline.wrench.measured_force import force_moments, force_test, measured_wrenches, rows_of
+from pipeline.wrench.parametric import Bounds, CableSystem, draw_systems, wrench_covariance
 from pipeline.wrench.study import averaged_sigma_s
 
 BOUNDS = Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
@@ -66,7 +60,7 @@ SIX = ("fx", "fy", "fz", "mx", "my", "mz")
 
 def sigma_s_of(system: CableSystem) -> np.ndarray:
     """(6, 6) the Σ_S with which the matrix model has the covariance of the cables."""
-    unbounded = unbounded_sigma_s(matrix_model(system), wrench_covariance(system))
+    unbounded = unbounded_sigma_s(system)
     return optimal_sigma_s(unbounded, "full")[0]
 
 

@@ -5,12 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.record import (
-    NO_OPTIONS,
-    ForceLogOptions,
-    ForceRecord,
-    timed_record,
-)
+from pipeline.formats.force.record import NO_OPTIONS, ForceLogOptions, ForceRecord, timed_record
 from pipeline.formats.format import Format, Kind
 
 WRENCH = ("geometry_msgs/msg/WrenchStamped",)

@@ -22,8 +22,7 @@ from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_pos
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
-from pipeline.statistics.filters import Filtered, no_filter
-from pipeline.statistics.scores import compared, posterior_scores
+from pipeline.statistics.scores import Filtered, compared, no_filter, posterior_scores
 from pipeline.studies.filters.deviations import Deviations, deviations
 from pipeline.studies.frame import NoAnswerError, Study, Tables, interval, joined, number, trials
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe

@@ -220,7 +220,7 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     models = dict(zip(dict.fromkeys(both["model"]), "osD^vP", strict=False))
     figure, grid = style.panels(style.TWO_COLUMNS, 3.2, columns=len(arms))
     dotted = {"color": grey, "ls": ":", "lw": 0.8, "label": "prediction holds"}
-    for name, axes, arm in zip("abcdefg", grid[0], arms, strict=False):
+    for axes, arm in zip(grid[0], arms, strict=True):
         for row in both[both["arm"] == arm].itertuples():
             look = {"color": motions[row.motion], "marker": models[row.model]}
             axes.plot([row.predicted], [row.ratio], ls="none", ms=4, alpha=0.8, **look)
@@ -230,7 +230,7 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
             ticks.set_major_formatter("{x:g}")
             ticks.set_minor_formatter("{x:g}")
         axes.tick_params(which="both", labelsize=7)
-        style.letter(axes, name)
+    style.letters(grid[0])
     grid[0, 0].set_ylabel("realised over minimum norm (1)")
     looks = {motion_label(x): {"marker": "o", "color": color} for x, color in motions.items()}
     hollow = {"mfc": "none", "mec": black}

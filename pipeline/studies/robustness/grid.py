@@ -23,7 +23,6 @@ from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.run import ArmNames
-from pipeline.wrench.bounds import study_bounds
 from pipeline.wrench.study import run_study
 
 CHANCE = "random numbers"
@@ -186,15 +185,12 @@ def motion_evidence(condition: Condition, common: Common) -> Evidence:
 
 def wrench_evidence(condition: Condition, common: Common) -> Evidence:
     """Return the evidence of the numerical study of the wrench with other bounds."""
-    study, bounds = common.wrench, study_bounds(common.wrench)
-    own = {"concentration": condition.level("kappa"), "tension_sd": condition.level("tension_std")}
     scaled = {
-        name: tuple(float(factor) * value for value in getattr(bounds, name))
-        for name, factor in own.items()
+        name: [float(condition.level(name)) * value for value in getattr(common.wrench, name)]
+        for name in ("kappa", "tension_std")
     }
-    sizes = (study.agents, study.systems, study.test_systems, study.repeats)
     stream = rng.stream(condition.seed, "robustness.wrench")
-    _, errors, repeats = run_study(replace(bounds, **scaled), *sizes, stream)
+    _, errors, repeats = run_study(replace(common.wrench, **scaled), stream)
     summary, metrics = wrench_summary(errors, repeats), {}
     for m, median in repeats.groupby("agents")["maximum"].median().items():
         row, name = summary.set_index("agents").loc[m], f"study_m{m}_greatest_error"

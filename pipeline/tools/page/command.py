@@ -61,9 +61,7 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
         below = "\n".join(["", "<ul>", *inner, "</ul>"]) if inner else ""
         contents.append(f"{entry(*first)}{below}</li>")
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=escape(title),
-        contents="\n".join([*contents, "</ul>"]),
-        sections="\n".join(sections),
+        title=escape(title), contents="\n".join([*contents, "</ul>"]), sections="\n".join(sections)
     )
 
 

@@ -15,11 +15,7 @@ from pipeline.models.wishart import perturbation
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.models.wishart.fit import fit_paper, problem_steps, solve_problems
 from pipeline.models.wishart.law import WishartModel
-from pipeline.models.wishart.perturbation import (
-    Perturbations,
-    fit_perturbations,
-    objective_weights,
-)
+from pipeline.models.wishart.perturbation import Perturbations, fit_perturbations, objective_weights
 
 FLOOR, WEIGHTS, ROOT = 0.2, (0.999, 0.001), np.sqrt(2)
 REST, MOVING = 10, 30  # steps without a command and steps with one
