@@ -20,9 +20,8 @@ from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
-from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.models.prediction import modelled_noise
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.steps import Estimate, Recorded, recorded_deviation, rest_covariance
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics import filters as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
@@ -80,7 +79,7 @@ def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Gener
 
 def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
     """Estimates by the paper's estimator, which its published parameters are compared with."""
-    if (requested := kinds.compared(case.options).get(PAPER)) is None:
+    if (requested := kinds.estimator_options(case.options).get(PAPER)) is None:
         return {}
     try:
         own = fit if requested == case.options else estimate(recorded, requested)

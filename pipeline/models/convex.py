@@ -1,5 +1,5 @@
-"""The paper's two convex problems as printed, in CVXPY: the independent route to what the motion
-models have in closed form, and the gaps between the two.
+"""The paper's two convex problems as printed, solved with CVXPY, and the gaps between these
+solutions and the closed forms that the motion models use.
 """
 
 import warnings
@@ -16,15 +16,14 @@ TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own
 
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
-    """Optimal value to the least of TOLERANCES that the solver reaches, or SolverError."""
+    """Optimal value at the least of TOLERANCES that the solver reaches; raises SolverError."""
     for tolerance in TOLERANCES:
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # the status names an inaccuracy
+                warnings.simplefilter("ignore", UserWarning)  # the status tells an inaccuracy
                 value = problem.solve(solver=cp.CLARABEL, **tolerances)
-        # a ValueError is CVXPY's answer to data that are not numbers
-        except (cp.SolverError, ValueError) as error:
+        except (cp.SolverError, ValueError) as error:  # ValueError: data that are not finite
             raise SolverError(f"the problem could not be solved: {error}", **evidence) from None
         if problem.status == cp.OPTIMAL:
             return float(value)
@@ -58,9 +57,8 @@ def solve_perturbation(
 
 def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> np.ndarray:
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
-    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Raises SolverError.
-
-    Σ is solved for in units of the bound, as the solver's tolerances are absolute.
+    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Solved in units of the
+    bound, as the solver's tolerances are absolute. Raises SolverError.
     """
     bound, evidence = alpha**2 * (u**2 - norm**2), {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:
@@ -81,11 +79,11 @@ def perturbation_gap(
     weights: tuple[float, float],
     floor: float,
 ) -> float:
-    """Greatest relative distance of the ``objectives`` (K,) of (BsampOpt) in closed form from the
-    solver's; of matrices it would say little, as the optimum is flat.
+    """Greatest relative difference of the ``objectives`` (K,) of (BsampOpt) in closed form from the
+    solver's. The matrices themselves are not compared, as the optimum is flat.
 
-    ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad are of each
-    problem. J₁ comes from SciPy here, not from the closed form. Raises SolverError.
+    ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad of each problem.
+    J₁ is computed by SciPy, independently of the closed form. Raises SolverError.
     """
     gaps = []
     for closed, jacobian, step, omega in zip(objectives, jacobians, v, noise, strict=True):
@@ -108,7 +106,7 @@ def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndar
 
 
 def noise_covariance_gap(norms: np.ndarray, alpha: float, u: float, n: int, m: int) -> float:
-    """Greatest relative distance of Σ_k of (cost)–(const2) in closed form from the solver's, at
+    """Greatest relative difference of Σ_k of (cost)–(const2) in closed form from the solver's, at
     ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.
     """
     gaps = []

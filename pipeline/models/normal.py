@@ -17,7 +17,7 @@ TOLERANCE = 1e-12
 
 def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
     """Variances (n,), ascending and not negative, and axes (n, n), in columns, of ``covariance``
-    (n, n); raises ModelDomainError where it is not finite, symmetric and positive semidefinite.
+    (n, n). Raises ModelDomainError if it is not finite, symmetric and positive semidefinite.
     """
     covariance = np.asarray(covariance, dtype=float)
     square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
@@ -26,10 +26,8 @@ def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
         asymmetry = np.abs(covariance - covariance.T).max() / max(np.abs(covariance).max(), 1e-300)
         if max(asymmetry, -variances[0] / max(abs(variances[-1]), 1e-300)) <= TOLERANCE:
             return np.maximum(variances, 0.0), axes
-    raise ModelDomainError(
-        "a covariance must be a finite, symmetric and positive semidefinite matrix",
-        covariance=covariance.tolist(),
-    )
+    message = "a covariance must be a finite, symmetric and positive semidefinite matrix"
+    raise ModelDomainError(message, covariance=covariance.tolist())
 
 
 def root(covariance: ndarray) -> ndarray:
@@ -39,27 +37,27 @@ def root(covariance: ndarray) -> ndarray:
 
 
 def trace_factor(covariances: ndarray, trace: float) -> float:
-    """Factor on ``covariances`` (..., n, n) in rad² that gives them a mean trace of ``trace`` rad²;
-    raises ModelDomainError where they are zero throughout.
+    """Factor on ``covariances`` (..., n, n) in rad² that gives them the mean ``trace`` in rad²;
+    raises ModelDomainError if they are all zero.
     """
-    own = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
-    if not own > 0:
+    current = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
+    if not current > 0:
         message = "a model without noise at any step has no level that could be solved"
-        raise ModelDomainError(message, trace_rad2=own)
-    return trace / own
+        raise ModelDomainError(message, trace_rad2=current)
+    return trace / current
 
 
 def without_measurement(covariance: ndarray, measurement: ndarray) -> tuple[ndarray, int]:
-    """(n, n) ``covariance`` less ``measurement`` (n, n) in rad², and the number of axes along which
-    the difference is negative by chance and set to zero.
+    """(n, n) ``covariance`` less ``measurement`` (n, n) in rad², negative variances set to zero;
+    and the number of those.
     """
     variances, axes = np.linalg.eigh(covariance - measurement)
     return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))
 
 
 class NormalModel(ABC):
-    """q_{k+1} ~ N(q_k + J⁺v, Cov), the step in the null space of J added; a subclass gives Cov. For
-    the methods see :class:`pipeline.models.model.MotionModel`.
+    """q_{k+1} ~ N(q_k + J⁺v + the null-space step, Cov); a subclass defines Cov. The methods are
+    described in :class:`pipeline.models.model.MotionModel`.
     """
 
     @abstractmethod
@@ -79,22 +77,22 @@ class NormalModel(ABC):
     ) -> ndarray:
         covariance = self.covariance(chain, q, v)
         if measurement is not None:
-            _ = principal_axes(measurement)  # raises where it is no covariance
+            _ = principal_axes(measurement)  # raises if it is no covariance
             covariance = covariance + measurement
         return normal_log_density(q_next - self.mean(chain, q, v), covariance)
 
 
 def normal_log_density(deviation: ndarray, covariance: ndarray) -> ndarray:
     """(...,) ln N(``deviation``; 0, ``covariance``) in rad⁻ⁿ, of (..., n) in rad and (..., n, n) in
-    rad², which broadcast. Raises ModelDomainError where a covariance is singular.
+    rad², which broadcast. Raises ModelDomainError for a singular covariance.
     """
     variances, axes = np.linalg.eigh(covariance)
     return axis_log_density(np.vecmat(deviation, axes) ** 2, variances)
 
 
 def axis_log_density(squared: ndarray, variances: ndarray) -> ndarray:
-    """(...,) ln density of independent normals of ``variances`` (..., n), ascending, at deviations
-    of squares ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
+    """(...,) log density of independent normals of ``variances`` (..., n), ascending, at deviations
+    with the squares ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
     """
     singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
     if np.any(singular):

@@ -16,8 +16,7 @@ from pipeline.models import bootstrap, kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.model import MotionModel
-from pipeline.models.options import Options
-from pipeline.models.steps import Estimate, Recorded, mean_log_likelihood
+from pipeline.models.steps import Estimate, Options, Recorded, mean_log_likelihood
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE
 
@@ -45,10 +44,10 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
     resampled = partial(_resampled, model, recorded, settings)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
-    looked_at, tables = kinds.examined(recorded, options, estimate, scale.convex_checks, stream)
+    looked_at, tables = kinds.diagnose(recorded, options, estimate, scale.convex_checks, stream)
     replicates, uncertainty = resampled(estimate, options)
     metrics = {}
-    for pattern, each in kinds.compared(options).items():
+    for pattern, each in kinds.estimator_options(options).items():
         own, refused, errors = estimate, reason, uncertainty
         if each != options:
             own, refused = _estimate(recorded, each)

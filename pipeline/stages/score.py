@@ -17,8 +17,8 @@ from pipeline.filtering.instruments import measured_takes
 from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
-from pipeline.models.noise import measurement_covariance, recorded_deviation, rest_covariance
 from pipeline.models.prediction import modelled_noise
+from pipeline.models.steps import measurement_covariance, recorded_deviation, rest_covariance
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import commanded_steps, constant_speed

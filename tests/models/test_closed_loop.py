@@ -29,11 +29,10 @@ from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate
 from pipeline.models.model import Commands, open_loop
-from pipeline.models.noise import process_noise
 from pipeline.models.normal import without_measurement
 from pipeline.models.scaled.fit import Options as Scaled
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.steps import Estimate, Recorded, process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.law import WishartModel

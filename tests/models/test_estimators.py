@@ -17,12 +17,11 @@ from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, estimate
 from pipeline.models.model import frobenius
-from pipeline.models.noise import mean_covariance
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, mean_covariance
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
-from pipeline.models.wishart.fit import examined
+from pipeline.models.wishart.fit import diagnose
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.recovery.stage import drawn
 
@@ -135,7 +134,7 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, pose
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
     found = estimate(data, options)
-    table = examined(data, options, found, 1, rng)[1]["sigma_b_weights"]
+    table = diagnose(data, options, found, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
         own = table[table["source"] == source]
         curve, (ratio,) = own[own["point"] == "curve"], own[own["point"] == "moments"]["ratio"]
@@ -143,7 +142,7 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, pose
         assert near == pytest.approx(found.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
     # without a model there is nothing to draw from
-    alone = examined(data, options, None, 1, rng)[1]["sigma_b_weights"]
+    alone = diagnose(data, options, None, 1, rng)[1]["sigma_b_weights"]
     assert set(alone["source"]) == {"recorded"}
 
 

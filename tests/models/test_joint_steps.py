@@ -7,8 +7,13 @@ import pytest
 from scipy import integrate, stats
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.joint_steps import JointStepModel, build_joint_steps, student_log_density
-from pipeline.models.joint_steps_fit import PLAIN, fit_joint_steps
+from pipeline.models.joint_steps import (
+    PLAIN,
+    JointStepModel,
+    build_joint_steps,
+    fit_joint_steps,
+    student_log_density,
+)
 
 JOINTS = ("shoulder", "elbow", "wrist")
 R = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, -0.3], [0.0, -0.3, 1.0]])

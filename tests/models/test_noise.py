@@ -12,14 +12,15 @@ from random_arm import motion, random_arm
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.noise import (
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.steps import (
+    Recorded,
+    at_recorded_level,
     mean_covariance,
     measurement_covariance,
     process_noise,
     rest_covariance,
 )
-from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Recorded, at_recorded_level
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import takes_moments

@@ -17,9 +17,9 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.model import frobenius
-from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import root
 from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.steps import mean_covariance
 from pipeline.randommatrix import normal
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])

@@ -8,15 +8,14 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.core import validation
-from pipeline.models import options as base
-from pipeline.models.noise import mean_covariance
+from pipeline.models import steps
 from pipeline.models.normal import without_measurement
-from pipeline.models.steps import Estimate, Recorded, Truth
+from pipeline.models.steps import Estimate, Recorded, Truth, mean_covariance
 from pipeline.statistics.takes import takes_moments
 
 
 @validation.options(kw_only=True)
-class Options(base.Options):
+class Options(steps.Options):
     """``estimator``: ``paper`` or ``shrinkage``."""
 
     estimator: Literal["paper", "shrinkage"]

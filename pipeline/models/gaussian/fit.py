@@ -18,12 +18,18 @@ from pydantic import Field
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
-from pipeline.models import options as base
+from pipeline.models import steps
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.model import frobenius, task_step
-from pipeline.models.noise import mean_covariance
 from pipeline.models.normal import axis_log_density, principal_axes
-from pipeline.models.steps import Estimate, Recorded, Truth, moving_steps, take_variances
+from pipeline.models.steps import (
+    Estimate,
+    Recorded,
+    Truth,
+    mean_covariance,
+    moving_steps,
+    take_variances,
+)
 from pipeline.statistics.takes import takes_moments
 
 EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ tried, as shares of the greatest ‖J̲⁺‖
@@ -38,7 +44,7 @@ Best = Callable[[ndarray], tuple[ndarray, ndarray]]  # ũ (G,) → least objecti
 
 
 @validation.options(kw_only=True)
-class Options(base.Options):
+class Options(steps.Options):
     """``estimator``: ``moments`` (the recorded total variance, then its course over time),
     ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
     """

@@ -8,10 +8,9 @@ from numpy import ndarray
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError, SolverError
-from pipeline.models import options as base
-from pipeline.models.noise import mean_covariance
+from pipeline.models import steps
 from pipeline.models.normal import principal_axes, root, without_measurement
-from pipeline.models.steps import Estimate, Recorded, Truth
+from pipeline.models.steps import Estimate, Recorded, Truth, mean_covariance
 
 FLAT = 1e-5  # greatest slope, in L and along any X + tN of unit size, at a minimum
 SEARCHES = 20
@@ -22,7 +21,7 @@ Objective = Callable[[list[ndarray]], tuple[float, list[ndarray]]]
 
 
 @validation.options(kw_only=True)
-class Options(base.Options):
+class Options(steps.Options):
     """``structure``: ``diagonal`` or ``full`` covariances A and B."""
 
     structure: Structure
