@@ -91,7 +91,7 @@ def build_model(parameters: Any) -> MotionModel:
 
 
 def fitted_model(folder: Path) -> MotionModel:
-    """Build the model of ``folder/parameters.json``; raises as :func:`build_model`, with the file."""
+    """Build the model of ``folder/parameters.json``; raises as :func:`build_model`."""
     file = Path(folder) / "parameters.json"
     try:
         return build_model(json.loads(file.read_text()))

@@ -1,11 +1,10 @@
-"""Gaussian noise at rest and noise that grows with the joint speed:
+"""Gaussian noise at rest plus noise that grows with the joint speed:
 
-    ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁺ẋᵈ_kΔt  (rad a step),   D(q̇)
-    = diag(q̇),
+    ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁺ẋᵈ_kΔt (rad a step),
 
-so Cov(ω) = A + D(q̇)BD(q̇), positive semidefinite at every speed since A and B are. Diagonal A and
-B give σ_j² = a_j + b_jq̇_j² for each joint alone; B = σ_ε²·11ᵀ is one timing error w = εq̇ of all
-joints; without B it is the additive model.
+D(q̇) = diag(q̇). Cov(ω) = A + D(q̇)BD(q̇) is positive semidefinite at every speed since A and B are.
+Diagonal A and B give σ_j² = a_j + b_jq̇_j² for each joint; B = σ_ε²·11ᵀ is one timing error ω = εq̇
+of all joints; without B the model is the additive one.
 """
 
 from dataclasses import dataclass, replace
@@ -22,16 +21,16 @@ from pipeline.models.normal import NormalModel, root, trace_factor
 
 @dataclass(frozen=True)
 class ScaledModel(NormalModel):
-    """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), in shares of a
-    step, that grows with speed; None of the additive model, Eq. (InvDiffRndm). Both may be
-    singular; raises ModelDomainError where one is no covariance.
+    """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), relative to the
+    step; ``gain`` is None for the additive model, Eq. (InvDiffRndm). Both may be singular. Raises
+    ModelDomainError if one is no covariance.
     """
 
     floor: ndarray
     gain: ndarray | None = None
 
     def __post_init__(self) -> None:
-        _ = self._roots  # raises where one is no covariance
+        _ = self._roots  # raises if one is no covariance
 
     @cached_property
     def _roots(self) -> list[ndarray]:
@@ -55,7 +54,7 @@ class ScaledModel(NormalModel):
         return self.floor + self.gain * (dq[..., :, None] * dq[..., None, :])
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "ScaledModel":
-        """Model of A and B times one factor; raises ModelDomainError where it has no noise."""
+        """Return the model of A and B times one factor; raises ModelDomainError without noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         gain = None if self.gain is None else factor * self.gain
         return replace(self, floor=factor * self.floor, gain=gain)
