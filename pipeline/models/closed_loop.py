@@ -30,8 +30,7 @@ from numpy import ndarray
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
-from pipeline.models.model import Commands, MotionModel
-from pipeline.models.normal import without_measurement
+from pipeline.models.model import Commands, MotionModel, without_measurement
 from pipeline.models.steps import Estimate, Options, Recorded
 
 # folder beside the open loop's parameters, and the key of κ in the closed loop's
@@ -137,7 +136,7 @@ def closed_loop_of(
 ) -> tuple[ClosedLoopFit | None, str]:
     """Result of :func:`fit_closed_loop`, or None and the reason why there is none."""
     if not options.closed_loop:
-        return None, "its options ask for none"
+        return None, "closed_loop is false in its options"
     try:
         return fit_closed_loop(recorded, options, open_estimate), ""
     except (ModelDomainError, SolverError) as error:
@@ -160,12 +159,11 @@ def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimat
         if abs(share - before) <= SETTLED * error:
             estimate = replace(estimate, from_takes=None, details=None)  # not picklable
             return ClosedLoopFit(share, error, estimate, rounds)
-    raise SolverError(
-        f"the share of the deviation that the loop corrects has not settled in {ROUNDS} rounds",
-        share=share,
-        moved=abs(share - before),
-        standard_error=error,
+    message = (
+        f"the share of the deviation that the loop corrects has not settled in {ROUNDS} rounds"
     )
+    evidence = {"share": share, "moved": abs(share - before), "standard_error": error}
+    raise SolverError(message, **evidence)
 
 
 def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: float) -> StateSpace:
@@ -179,11 +177,10 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
         drift[..., j] = model.mean(chain, q + h, v) - model.mean(chain, q - h, v)
         step[:, : len(chain.task)] = np.matvec(jacobian, h)
         correction[..., j] = model.mean(chain, q, v + step) - model.mean(chain, q, v - step)
-    noise = model.covariance(chain, recorded.q, path.corrected_commands(recorded.q, share)).mean(
-        axis=0
-    )
+    commands, moving = path.corrected_commands(recorded.q, share), np.any(recorded.v, axis=-1)
+    noise = model.covariance(chain, recorded.q, commands).mean(axis=0)
     slopes = (each / (2 * PERTURBATION) for each in (drift, correction))
-    return StateSpace(*slopes, noise, recorded.measurement / 2, np.any(recorded.v, axis=-1))
+    return StateSpace(*slopes, noise, recorded.measurement / 2, moving)
 
 
 def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, float]:

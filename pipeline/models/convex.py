@@ -6,6 +6,7 @@ import warnings
 
 import cvxpy as cp
 import numpy as np
+from numpy import ndarray
 from scipy.linalg import lu, qr
 
 from pipeline.core.errors import SolverError
@@ -13,6 +14,7 @@ from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.wishart.decomposition import Decomposition
 
 TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own unit
+Weights = tuple[float, float]  # (α₁, α₂)
 
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
@@ -31,13 +33,8 @@ def _solve(problem: cp.Problem, **evidence: object) -> float:
 
 
 def solve_perturbation(
-    noise: np.ndarray,
-    v: np.ndarray,
-    j1: np.ndarray,
-    j2: np.ndarray,
-    weights: tuple[float, float],
-    floor: float,
-) -> tuple[np.ndarray, float]:
+    noise: ndarray, v: ndarray, j1: ndarray, j2: ndarray, weights: Weights, floor: float
+) -> tuple[ndarray, float]:
     """B⁻¹ (m, m) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
 
     ``noise`` ω (n,) in rad, measured minus nominal; ``v`` (m,) ẋᵈΔt; J = J₁J₂ of ``j1`` (m, m) and
@@ -55,7 +52,7 @@ def solve_perturbation(
     return b_inv.value, unit * value
 
 
-def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> np.ndarray:
+def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
     to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Solved in units of the
     bound, as the solver's tolerances are absolute. Raises SolverError.
@@ -71,12 +68,12 @@ def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) 
 
 
 def perturbation_gap(
-    objectives: np.ndarray,
-    jacobians: np.ndarray,
-    v: np.ndarray,
-    noise: np.ndarray,
+    objectives: ndarray,
+    jacobians: ndarray,
+    v: ndarray,
+    noise: ndarray,
     decomposition: Decomposition,
-    weights: tuple[float, float],
+    weights: Weights,
     floor: float,
 ) -> float:
     """Greatest relative difference of the ``objectives`` (K,) of (BsampOpt) in closed form from the
@@ -94,7 +91,7 @@ def perturbation_gap(
     return float(max(gaps))
 
 
-def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+def _first_factor(jacobian: ndarray, decomposition: Decomposition) -> ndarray:
     match decomposition.name:
         case "pivoted_lu":
             return lu(jacobian, permute_l=True)[0]
@@ -105,7 +102,7 @@ def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndar
     return np.array(decomposition.left)
 
 
-def noise_covariance_gap(norms: np.ndarray, alpha: float, u: float, n: int, m: int) -> float:
+def noise_covariance_gap(norms: ndarray, alpha: float, u: float, n: int, m: int) -> float:
     """Greatest relative difference of Σ_k of (cost)–(const2) in closed form from the solver's, at
     ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.
     """

@@ -29,7 +29,7 @@ from numpy.random import Generator
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.normal import NormalModel, normal_log_density
+from pipeline.models.model import NormalModel, normal_log_density
 
 KIND = "joint_steps"
 BEYOND = 1.05  # of the greatest recorded step, up to which a joint of unknown gain is predicted

@@ -28,8 +28,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate
-from pipeline.models.model import Commands, open_loop
-from pipeline.models.normal import without_measurement
+from pipeline.models.model import Commands, open_loop, without_measurement
 from pipeline.models.scaled.fit import Options as Scaled
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Estimate, Recorded, process_noise

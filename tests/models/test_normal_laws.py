@@ -16,8 +16,7 @@ from pipeline.models.convex import solve_noise_covariance
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
-from pipeline.models.model import frobenius
-from pipeline.models.normal import root
+from pipeline.models.model import frobenius, root
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import mean_covariance
 from pipeline.randommatrix import normal

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.normal import normal_log_density
+from pipeline.models.model import normal_log_density
 from pipeline.models.scaled.fit import fit_scaled
 
 TAKES, STEPS, REST = 40, 200, 20

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from pipeline.core import validation
 from pipeline.models import steps as base
-from pipeline.models.normal import without_measurement
+from pipeline.models.model import without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth, mean_covariance
 from pipeline.statistics.takes import takes_moments
 

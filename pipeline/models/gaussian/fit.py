@@ -20,8 +20,7 @@ from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import steps as base
 from pipeline.models.gaussian.law import noise_scale
-from pipeline.models.model import frobenius, task_step
-from pipeline.models.normal import axis_log_density, principal_axes
+from pipeline.models.model import axis_log_density, frobenius, principal_axes, task_step
 from pipeline.models.steps import Estimate, Recorded, Truth
 from pipeline.statistics.takes import takes_moments
 

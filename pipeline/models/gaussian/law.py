@@ -13,8 +13,7 @@ from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import GAUSSIAN_LAW, Law, frobenius, task_step
-from pipeline.models.normal import NormalModel, trace_factor
+from pipeline.models.model import GAUSSIAN_LAW, Law, NormalModel, frobenius, task_step, trace_factor
 
 UNBOUNDED = 1e9  # u, far above the norm of any inverse Jacobian
 

@@ -9,7 +9,7 @@ from numpy import ndarray
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import steps as base
-from pipeline.models.normal import principal_axes, root
+from pipeline.models.model import principal_axes, root
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 FLAT = 1e-5  # greatest slope by an entry of L, and by X along any direction of unit norm

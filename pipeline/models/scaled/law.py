@@ -15,8 +15,8 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
-from pipeline.models.model import SCALED_LAW, Law, row_by_row
-from pipeline.models.normal import NormalModel, root, trace_factor
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.model import SCALED_LAW, Law, NormalModel, root, trace_factor
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,14 @@ class ScaledModel(NormalModel):
         return [root(each) for each in (self.floor, self.gain) if each is not None]
 
     def law(self, chain: Chain) -> Law:
-        """Law of a compiled step: a set of normal variates for each covariance."""
-        n = len(chain.lower)
-        parameters = np.concatenate([row_by_row(each, n) for each in self._roots])
-        return Law(SCALED_LAW, parameters, sets=len(self._roots), each=n)
+        """Law of a compiled step, with a set of normal variates for each covariance; raises
+        ModelDomainError for covariances of another size than the ``chain``.
+        """
+        n, parameters = len(chain.lower), np.array(self._roots)
+        if parameters.shape[1:] != (n, n):
+            message = f"the model's matrix must have a row for each of the {n} joints of this arm"
+            raise ModelDomainError(f"{message}; run the stage fit for it", shape=self.floor.shape)
+        return Law(SCALED_LAW, parameters.ravel(), sets=len(self._roots), each=n)
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         if self.gain is None:  # at singular poses too

@@ -24,21 +24,10 @@ from numpy.random import Generator
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import (
-    GIVEN_LAW,
-    PIVOTED_LU_LAW,
-    QR_LAW,
-    QR_TRANSPOSED_LAW,
-    Law,
-    row_by_row,
-    task_step,
-)
-from pipeline.models.normal import normal_log_density, principal_axes
+from pipeline.models.model import WISHART_LAWS, Law, normal_log_density, principal_axes, task_step
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
-KINDS = {"pivoted_lu": PIVOTED_LU_LAW, "qr": QR_LAW}
-KINDS |= {"qr_transposed": QR_TRANSPOSED_LAW, "given": GIVEN_LAW}
 # ends of ln(d − m − 3): σ_B at the limit of the covariance, and a step without noise
 LOG_EXCESS = (-12.0, 60.0)
 
@@ -67,9 +56,8 @@ class WishartModel:
         parameters = np.array([d])
         if self.decomposition.left is not None:
             left = np.array(self.decomposition.left)
-            both = [row_by_row(each, m) for each in (left, np.linalg.inv(left))]
-            parameters = np.concatenate([parameters, *both])
-        kind = KINDS[self.decomposition.name]
+            parameters = np.concatenate([parameters, left.ravel(), np.linalg.inv(left).ravel()])
+        kind = WISHART_LAWS[self.decomposition.name]
         return Law(kind, parameters, sets=1, each=m - 1, degrees=np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
