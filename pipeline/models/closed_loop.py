@@ -11,10 +11,10 @@ To first order the deviation from the mean path follows
 
     e_{k+1} = F_k e_k + w_k,   F_k = D_k − κG_k,   y_k = e_k + b + n_k,   n ~ N(0, Σ_m/2),
 
-with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's mean. Cov w_k
-is the model's covariance at the measured poses and commands, averaged over the takes; with the
-paper's estimators it includes measurement noise. A regression of the noise of a step on the
-deviation before it gives no κ, as both contain the noise of the same measured pose.
+with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's mean.
+Cov w_k is the model's covariance at the measured poses and commands, averaged over the takes; with
+the paper's estimators it includes measurement noise. Regression of the noise of a step on the
+deviation before it gives no κ: both contain the noise of the same measured pose.
 """
 
 import json
@@ -184,9 +184,9 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
 
 
 def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, float]:
-    """κ̂ in [0, 1] for ``deviation`` (takes, M+1, n) in rad from the takes' mean, by Newton steps
-    from the best of GRID, and its sandwich standard error over the takes. Raises SolverError
-    without a maximum of the likelihood.
+    """Maximise the likelihood of ``deviation`` (takes, M+1, n) in rad from the takes' mean, by
+    Newton steps from the best of GRID; return κ̂ in [0, 1] and its sandwich standard error over the
+    takes. Raises SolverError without a maximum.
     """
     takes = len(deviation)
     share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
@@ -206,9 +206,9 @@ def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, flo
 
 
 def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray) -> ndarray:
-    """(K, takes) ln p, up to a constant, of the ``deviation`` (takes, M+1, n) in rad of each take
-    given the first pose of each motion between rests, for each κ of ``shares`` (K,); −inf for a κ
-    with an innovation covariance that is not positive definite.
+    """(K, takes) ln p, up to a constant, of each take's ``deviation`` (takes, M+1, n) in rad for
+    each κ of ``shares`` (K,), given the first pose after each rest; −inf for a κ with an innovation
+    covariance that is not positive definite.
 
     Computed by a Kalman filter of (e, e + b), which assumes nothing of b; all takes share its
     gains. Deviations from the takes' mean are N − 1 contrasts of the takes: their covariance counts

@@ -1,5 +1,5 @@
-"""The paper's two convex problems as printed, solved with CVXPY, and the gaps between these
-solutions and the closed forms that the motion models use.
+"""Solutions of the paper's two convex problems as printed, with CVXPY, and their gaps to the closed
+forms that the motion models use.
 """
 
 import warnings

@@ -60,9 +60,9 @@ def draw_steps(
 def realize(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, rng: Generator
 ) -> tuple[ndarray, int, int]:
-    """(N, M+1, n) joint angles in rad, one realisation for each take of the recorded angles ``q``
-    (N, M+1, n) in rad, under the commands ``v`` (M, m) or (M, m + n); and the numbers of clipped
-    steps and of lost realisations.
+    """Realise the motion once for each take of the recorded angles ``q`` (N, M+1, n) in rad, under
+    the commands ``v`` (M, m) or (M, m + n); return the angles (N, M+1, n) in rad and the numbers of
+    clipped steps and of lost realisations.
 
     In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last one.
     A realisation is lost at a singular pose and NaN from there on. Raises SingularJacobianError for
@@ -84,8 +84,8 @@ def realize(
 def realized_moments(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
 ) -> tuple[ndarray, ndarray, str | None]:
-    """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n), and why
-    the deviation is NaN (a model without a covariance) or None.
+    """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n). The
+    deviation is NaN for a model without a covariance; the third value is the reason or None.
 
     The deviation is of the process noise in mode ``one_step``, zero at k = 0, of the joint angles
     in ``free_running``. Raises ModelDomainError if fewer than two realisations are not lost.

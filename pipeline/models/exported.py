@@ -26,7 +26,7 @@ MARGIN, SLACK = 0.05, 1e-3
 
 
 class OutsideRanges(UserWarning):
-    """A pose or a command is outside the ranges that the model was fitted to."""
+    """Warns of a pose or a command outside the ranges that the model was fitted to."""
 
 
 @dataclass(frozen=True)

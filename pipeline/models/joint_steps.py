@@ -1,5 +1,5 @@
-"""Plain models of a joint step, whose noise depends on the commanded step of the joints alone, and
-their fit to recorded steps of any motions by maximum likelihood.
+"""Plain models of a joint step: noise that depends on the commanded step of the joints alone, and
+the fit by maximum likelihood to recorded steps of any motions.
 
     ω_j = s_j(q̇_j)·e_j,   s_j² = r_j² + a_j + b_j|q̇_j|ᵖ,   q̇ the commanded step in rad,
 
@@ -9,13 +9,12 @@ distance-scaled law: the variance is proportional to the angle travelled, as if 
 added independent noise. e is normal with correlation R between the joints, or Student's t with ν_j
 degrees of freedom for each joint alone. No Jacobian is needed.
 
-A gain b_j has a number if at least :data:`LEAST_STEPS` steps of the joint are at least
-:data:`LEAST_SHARE` of the reference step, the greatest commanded step of any joint, and if the
-variance predicted at the reference step has a standard error of at most :data:`BOUND` of itself.
-Otherwise it is NaN, and a step beyond the recorded ones is refused. The standard error follows from
-the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ] for normal noise, divided by
-(kurtosis − 1)/2 as tails tell less, and times ν/(ν + 3) for Student's t. Steps count as
-independent.
+The reference step is the greatest commanded step of any joint. A gain b_j has a number if at least
+:data:`LEAST_STEPS` steps of the joint are at least :data:`LEAST_SHARE` of the reference step, and
+the relative standard error of the variance at the reference step is at most :data:`BOUND`.
+Otherwise b_j is NaN, and a step beyond the recorded ones is refused. The standard error follows
+from the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ] for normal noise, divided
+by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps count as independent.
 """
 
 from collections.abc import Sequence
@@ -193,10 +192,10 @@ def fit_joint_steps(
     pose_noise: float = 0.0,
     start: JointStepModel | None = None,
 ) -> JointStepFit:
-    """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` and ``noise`` ω (N, n) in
-    rad, the measured minus the commanded step, of n ``joints``. ``pose_noise`` is the standard
-    deviation of a measured angle in rad, ``start`` a fit at which the search begins. Raises
-    ModelDomainError without steps or without noise.
+    """Fit the model ``name`` of :data:`PLAIN` to commanded steps ``dq`` (N, n) in rad of n
+    ``joints`` and ``noise`` ω (N, n), the measured minus the commanded step. ``pose_noise`` is the
+    standard deviation of a measured angle in rad, ``start`` a fit at which the search begins.
+    Raises ModelDomainError without steps or noise.
     """
     power, student = PLAIN[name]
     rms = np.sqrt(np.mean(noise**2, axis=0)) if len(noise) else np.zeros(len(joints))

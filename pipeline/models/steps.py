@@ -76,7 +76,7 @@ class Estimate:
 
     @property
     def model(self) -> MotionModel:
-        """The model with these parameters."""
+        """Model with these parameters."""
         return kinds.build_model(self.parameters)
 
 
@@ -106,8 +106,8 @@ def mean_covariance(noise: ndarray) -> ndarray:
 
 
 def measurement_covariance(noise: ndarray, v: ndarray) -> ndarray:
-    """(n, n) Σ_m in rad²: the mean sample covariance of ``noise`` ω (takes, M, n) at steps without
-    a command in ``v`` (M, m) or (M, m + n), where ω is the noise of two measured poses. Raises
+    """(n, n) Σ_m in rad²: mean sample covariance of ``noise`` ω (takes, M, n) at the steps without
+    a command in ``v`` (M, m) or (M, m + n). ω is the noise of two measured poses there. Raises
     ModelDomainError for a motion without rest or a single take.
     """
     still = ~np.any(v, axis=-1)

@@ -1,7 +1,6 @@
-"""Models of a normal step: density and edges follow from the covariance, and the covariance is the
-formula that its model stands for; the Gaussian matrix model of the inverse Jacobian against
-Algorithm 2 and the conic solver, and the fit of (ũ, α): exact in α, recovery from the model's own
-moments, and the ridge.
+"""Models of a normal step: density and refusals follow from the covariance. The Gaussian matrix
+model of the inverse Jacobian against Algorithm 2 and the conic solver. The fit of (ũ, α): exact in
+α, recovery from the model's moments, and the ridge.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 moments and by maximum likelihood, and the ridge that (α, u) lie on.
 
 Each estimator is minimised in α for every u = max ‖J̲⁺‖_F + ũ, Eq. (bound-u). The trace of a step's
-covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m. Where ‖J̲⁺‖ varies little over the motion only αu
+covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m. If ‖J̲⁺‖ varies little over the motion only αu
 matters. The data determine u only if the objective is least inside the searched interval.
 """
 
@@ -182,10 +182,11 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 def fit_moments(
     recorded: Recorded, speeds: ndarray, norms: ndarray
 ) -> Callable[[ndarray], GaussianFit]:
-    """Return the estimator by moments, a function of the numbers of any takes: for every
-    u = max ‖J⁺‖·(1 + EXTENSIONS) the α of the recorded total variance, and among these the u of
-    least Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step k minus
-    the measurement's. ``speeds`` ‖v‖²/m and ``norms`` ‖J⁺‖_F are (takes, M).
+    """Return the estimator by moments, a function of the numbers of any takes.
+
+    α follows from the recorded total variance for every u = max ‖J⁺‖·(1 + EXTENSIONS). û minimises
+    Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step k minus the
+    measurement's. ``speeds`` ‖v‖²/m and ``norms`` ‖J⁺‖_F are (takes, M).
     """
     variances, every = base.take_variances(recorded), norms**2 * speeds
     largest = float(np.sqrt((norms**2)[speeds > 0].max()))
@@ -242,10 +243,9 @@ def fit_distance(
 
 
 def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray], tuple]]:
-    """(α̂, û) of greatest likelihood of the steps with a command, by the exact density of a step
-    plus the measurement noise, u = max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS), ``objective`` −Σ ln p; and a
-    function of the numbers of any takes that returns their (α̂, û). Raises SingularJacobianError
-    and ModelDomainError.
+    """(α̂, û) of greatest likelihood of the steps with a command, and a function of the numbers of
+    any takes that returns their (α̂, û). The density is exact, of a step plus the measurement
+    noise, u = max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS). Raises SingularJacobianError, ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 

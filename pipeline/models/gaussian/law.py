@@ -1,4 +1,4 @@
-"""The Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
+"""Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
 GausMod–const2; Algorithm 2), the inverse where m = n.
 
 The rows of the noise matrix are independent with covariance Σ_k = s·I, so one step is exactly

@@ -1,4 +1,4 @@
-"""A and B of greatest likelihood of the model whose noise grows with the joint speed."""
+"""Maximum-likelihood fit of A and B of the model whose noise grows with the joint speed."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal
@@ -34,7 +34,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """A and B that each give half of the recorded variance."""
+    """Parameters with half of the recorded variance from A and half from B."""
     covariance = base.mean_covariance(recorded.noise)
     square = np.mean(recorded.chain.nominal_step(recorded.q, recorded.v) ** 2, axis=(0, 1))
     kept = np.diag(np.diag(covariance)) if options.structure == "diagonal" else covariance
@@ -57,8 +57,8 @@ def _estimate(floor: ndarray, gain: ndarray, joints: tuple[str, ...]) -> Estimat
 def fit_scaled(
     noise: ndarray, dq: ndarray, measurement: ndarray, structure: Structure
 ) -> tuple[ndarray, ndarray, float]:
-    """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
-    every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
+    """Fit A ⪰ 0 in rad² and B ⪰ 0 (n, n) to ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) by maximum likelihood;
+    return both and the mean log likelihood of a step in nats (rad⁻ⁿ).
 
     ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, Σ_m (n, n) in
     rad². Raises ModelDomainError if the likelihood is not bounded or a joint never moves,

@@ -2,7 +2,7 @@
 
     ω_{k+1} = η + D(q̇)ε,   η ~ N(0, A),   ε ~ N(0, B),   q̇ = J(q_k)⁺ẋᵈ_kΔt (rad a step),
 
-D(q̇) = diag(q̇). Cov(ω) = A + D(q̇)BD(q̇) is positive semidefinite at every speed since A and B are.
+D(q̇) = diag(q̇). Cov(ω) = A + D(q̇)BD(q̇) is positive semidefinite at every speed, as A and B are.
 Diagonal A and B give σ_j² = a_j + b_jq̇_j² for each joint; B = σ_ε²·11ᵀ is one timing error ω = εq̇
 of all joints; without B the model is the additive one.
 """

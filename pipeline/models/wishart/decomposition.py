@@ -3,8 +3,8 @@
 J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper says "LU or QR depending
 on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each decomposition is another law:
 
-- ``pivoted_lu``: J₁ = PᵀL, J₂ = U. The law depends on the units of the task rows (here m and rad),
-  the axes of the task (here of the arm's base) and the order of the joints, not of the rows.
+- ``pivoted_lu``: J₁ = PᵀL, J₂ = U. The law depends on the units of the task rows (m and rad), the
+  axes of the task (of the arm's base) and the order of the joints, not on the order of the rows.
 - ``qr``: of J. As the law of B is invariant under rotations, it is computed as the same model with
   J₁ = I and J₂ = J. The law depends on the units of the rows alone.
 - ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. ‖a‖ = ‖J⁺v‖: no dependence on units, axes, order.
@@ -129,7 +129,7 @@ def _eliminate(rows: ndarray) -> None:
             rows[k], rows[i] = np.where(swap, rows[i], rows[k]), np.where(swap, rows[k], rows[i])
         multiples = rows[k + 1 :, k] / rows[k, k]
         rows[k + 1 :] -= multiples[:, None] * rows[k]
-        rows[k + 1 :, k] = 0.0  # zero but for rounding
+        rows[k + 1 :, k] = 0.0  # removes rounding
 
 
 def orthonormalize(rows: ndarray, n: int) -> ndarray:

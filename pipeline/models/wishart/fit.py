@@ -1,5 +1,5 @@
 """σ_B of the Wishart model: options, estimators by moments, by the paper's convex problem on every
-step and by maximum likelihood, and σ̂_B over the weight that the paper does not state.
+step and by maximum likelihood, and σ̂_B as a function of the weight that the paper does not state.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """Greatest gap between the closed form and (BsampOpt) at ``checks`` of the moving steps, and
-    the table ``sigma_b_weights``: σ̂_B of (BsampOpt) over α₂/α₁ for the recorded takes and, given an
+    the table ``sigma_b_weights``: σ̂_B of (BsampOpt) over α₂/α₁ for the recorded takes and, with an
     ``estimate``, for as many takes drawn from its model.
     """
     decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
@@ -172,8 +172,8 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
 
 
 def _meeting_ratio(sigma_b: Callable, curve: ndarray, target: float) -> float | None:
-    """α₂/α₁ in rad at which ``sigma_b`` falls through ``target``; None if ``curve``, σ̂_B at RATIOS,
-    does not.
+    """α₂/α₁ in rad at which ``sigma_b`` falls through ``target``; None if it does not. ``curve`` is
+    σ̂_B at RATIOS.
     """
     from scipy.optimize import brentq
 
@@ -213,7 +213,7 @@ def solve_problems(
     steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
 ) -> tuple[ndarray, Perturbations]:
     """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI with ``floor`` ε, for :func:`problem_steps`
-    with ``weights`` (α₁, α₂). Return σ̂_B² of each, Eq. (NormStd) with E[B] = I, (takes, M), and the
+    with ``weights`` (α₁, α₂). Return σ̂_B² (takes, M) of each, Eq. (NormStd) with E[B] = I, and the
     optimal perturbations, take by take.
     """
     from pipeline.models.wishart.perturbation import fit_perturbations
@@ -265,9 +265,9 @@ def fit_paper(
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
-    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density of
-    a step plus the measurement noise; without the latter the slowest steps would decide. Raises
-    SingularJacobianError and ModelDomainError.
+    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over steps with a command. p is the exact density of
+    a step plus the measurement noise, without which the slowest steps would determine σ̂_B.
+    Raises SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
