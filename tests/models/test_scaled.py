@@ -1,5 +1,5 @@
-"""Fit of noise that grows with speed: it returns the parameters of draws with measurement noise, and
-no gain for noise that does not grow.
+"""Fit of noise that grows with speed: known parameters from draws with measurement noise, and no
+gain from noise that does not grow.
 """
 
 import numpy as np

@@ -9,10 +9,11 @@ from numpy import ndarray
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import steps as base
-from pipeline.models.model import principal_axes, root
+from pipeline.models.model import principal_axes, root, without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
 
-FLAT = 1e-5  # greatest slope by an entry of L, and by X along any direction of unit norm
+FLAT = 1e-5  # greatest slope at a minimum, by an entry of L and along any X + tN of unit size
+SEARCHES = 20
 SEARCH = {"maxiter": 2000, "maxfun": 4000, "maxcor": 20, "ftol": 1e-14, "gtol": 1e-7}
 Structure = Literal["diagonal", "full"]
 # f and its derivatives by each matrix, symmetric
@@ -148,7 +149,8 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
     begins at ``matrices`` (k, k), where f is finite, of a scale near one.
 
     A quasi-Newton search in L, X = LLᵀ, needs no constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL
-    for G = ∂f/∂X. A minimum has GL = 0 and G ⪰ 0, which a stationary singular L need not have.
+    for G = ∂f/∂X. A singular L may be stationary without being a minimum, which has GX = 0 and
+    G ⪰ 0: if G has a negative part −N, f falls along X + tN, and the search continues from there.
     Raises SolverError if the search does not end at a minimum.
     """
     from scipy.optimize import minimize
@@ -166,13 +168,24 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
         parts = zip(slopes, factors, strict=True)
         return value, np.concatenate([2 * (slope @ factor).ravel() for slope, factor in parts])
 
-    start = np.concatenate([root(matrix).ravel() for matrix in matrices])
-    result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
-    matrices = [factor @ factor.T for factor in split(result.x)]
-    falls = [-np.linalg.eigvalsh((slope + slope.T) / 2)[0] for slope in objective(matrices)[1]]
-    steepest = float(max(*np.abs(result.jac), *falls))
-    # result.success is not decisive: the line search may stop at differences of rounding
-    if not (steepest < FLAT and np.isfinite(result.fun)):
-        message = "the search over positive semidefinite matrices did not end at a minimum"
-        raise SolverError(f"{message}: {result.message}", slope=steepest)
-    return matrices, float(result.fun)
+    matrices = list(matrices)
+    for _ in range(SEARCHES):
+        start = np.concatenate([root(matrix).ravel() for matrix in matrices])
+        result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
+        # result.success is not decisive: the line search may stop at differences of rounding
+        steepest = float(np.abs(result.jac).max())
+        if not (steepest < FLAT and np.isfinite(result.fun)):
+            break
+        matrices = [factor @ factor.T for factor in split(result.x)]
+        slopes = objective(matrices)[1]
+        falls = [without_measurement(-(slope + slope.T) / 2, 0.0)[0] for slope in slopes]
+        size = max(np.linalg.norm(fall, 2) for fall in falls)
+        for step in 0.5 ** np.arange(50) / size if size >= FLAT else ():
+            tried = [matrix + step * fall for matrix, fall in zip(matrices, falls, strict=True)]
+            if objective(tried)[0] < result.fun:
+                matrices = tried
+                break
+        else:  # f falls in no direction, or by no more than rounding
+            return matrices, float(result.fun)
+    message = "the search over positive semidefinite matrices did not end at a minimum"
+    raise SolverError(f"{message}: {result.message}", slope=steepest)
