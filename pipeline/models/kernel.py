@@ -79,7 +79,7 @@ def move(
     for start in range(0, poses, size):
         count = min(size, poses - start)
         for first in range(0, count, drawn):
-            last, variates = min(first + drawn, count), (law.degrees, law.sets, law.each)
+            last, variates = min(first + drawn, count), (law.degrees, law.sets, law.normals)
             draw_variates(*variates, block, rows.chi_square, rows.normal, first, last, rng)
         for r in range(m):
             fill(block, rows.task + r, command[r], count)

@@ -44,7 +44,7 @@ class ScaledModel(NormalModel):
         if parameters.shape[1:] != (n, n):
             message = f"the model's matrix must have a row for each of the {n} joints of this arm"
             raise ModelDomainError(f"{message}; run the stage fit for it", shape=self.floor.shape)
-        return Law(SCALED_LAW, parameters.ravel(), sets=len(self._roots), each=n)
+        return Law(SCALED_LAW, parameters.ravel(), sets=len(self._roots), normals=n)
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         if self.gain is None:  # at singular poses too
