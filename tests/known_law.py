@@ -13,7 +13,7 @@ from pipeline.core import config, contracts
 from pipeline.core.columns import PLANE, spread
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.noise import process_noise
+from pipeline.models.steps import process_noise
 
 ROOT = Path(__file__).parents[1]
 JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]

@@ -8,8 +8,7 @@ from pipeline.arm.rows import WIDTH
 from pipeline.models.draws import space_of
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kernel import DRAWN
-from pipeline.models.model import frobenius
-from pipeline.models.normal import root
+from pipeline.models.model import frobenius, root
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import split
 from pipeline.models.wishart.law import WishartModel

@@ -16,8 +16,7 @@ from pipeline.core.options.dataset import Motion, Robot
 from pipeline.core.rng import stream
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, Start
-from pipeline.models.options import Options
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Options, Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import constant_noise_variation

@@ -26,9 +26,8 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import ClosedLoopFit, closed_loop_of, mean_path
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.model import Commands, MotionModel, open_loop
-from pipeline.models.noise import recorded_deviation, rest_covariance
 from pipeline.models.prediction import modelled_noise
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.steps import Estimate, Recorded, recorded_deviation, rest_covariance
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics import scores as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
@@ -153,7 +152,7 @@ def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Gener
 
 def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
     """Return the estimates that the paper's published parameters are compared with."""
-    if (requested := kinds.compared(case.options).get(PAPER)) is None:
+    if (requested := kinds.estimator_options(case.options).get(PAPER)) is None:
         return {}
     try:
         papers = fit if requested == case.options else kinds.estimate(recorded, requested)

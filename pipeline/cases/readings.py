@@ -8,13 +8,12 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.cases.case import Choices
-from pipeline.cases.evidence import Evidence
 from pipeline.core.columns import PLANE
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.models.wishart.decomposition import COMPUTED, chosen
+from pipeline.models.wishart.decomposition import COMPUTED, decomposition_of
 from pipeline.verdicts.claims import Claim, parse_claims
 from pipeline.verdicts.decision import decide
-from pipeline.verdicts.run import ArmNames
+from pipeline.verdicts.run import ArmNames, Evidence
 from pipeline.verdicts.wording import case_text
 
 PAPER = Path("reports/claims.yaml")
@@ -51,7 +50,7 @@ def readings(
     wishart = base.models.get("wishart")
     if wishart is None:
         return {}
-    own = chosen(wishart, task, joints).name
+    own = decomposition_of(wishart, task, joints).name
     cases = {NAMES.get(own, own): base}
     for name in COMPUTED:
         cases.setdefault(NAMES[name], base.with_wishart(decomposition=name, left=None))

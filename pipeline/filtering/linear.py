@@ -32,7 +32,7 @@ from pipeline.core.columns import SPACE
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.measurement import Measurements
-from pipeline.models.normal import root, without_measurement
+from pipeline.models.model import root, without_measurement
 from pipeline.statistics.takes import takes_moments
 
 

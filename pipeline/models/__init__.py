@@ -1,15 +1,12 @@
-"""The motion models, a folder each. ``load`` takes one up from the file that the tool export wrote;
-nothing else is imported with the package.
-"""
+"""Motion models, one a folder; importing the package imports no model."""
 
 from importlib import import_module
 from pathlib import Path
 
 
 def load(file: str | Path):
-    """The :class:`pipeline.models.exported.ExportedModel` in ``file``; it needs NumPy alone.
-
-    Raises ContractError for a file that holds none.
+    """Read the :class:`pipeline.models.exported.ExportedModel` of the tool export from ``file``,
+    with NumPy alone. Raises ContractError for any other file.
     """
-    exported = "pipeline.models.exported"  # no dep of the stages, which fit what it takes up
+    exported = "pipeline.models.exported"  # not a dependency of the stages, which fit the models
     return import_module(exported).read_exported(Path(file))

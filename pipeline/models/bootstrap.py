@@ -1,7 +1,6 @@
-"""Errors and intervals of an estimator by the bootstrap over takes (Efron & Tibshirani 1993).
-
-Takes are independent of each other, the steps of a take are not. So whole takes are drawn with
-replacement, and the estimator is applied to each resampling: by what it kept of each take, or anew.
+"""Standard errors and intervals of an estimator by the bootstrap over takes (Efron & Tibshirani
+1993). Takes are independent of each other, the steps of a take are not: whole takes are drawn with
+replacement.
 """
 
 from collections.abc import Callable
@@ -14,8 +13,7 @@ from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
-from pipeline.models.options import Options
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.steps import Estimate, Options, Recorded
 from pipeline.statistics.takes import percentile_interval
 
 LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
@@ -32,17 +30,19 @@ class Spread(NamedTuple):
     high: float
 
 
-def resampled_estimator(recorded: Recorded, options: Options, found: Estimate) -> Estimator:
-    """Estimates of ``options`` from any takes of ``recorded``; ``found`` is from all of them."""
-    return found.from_takes or partial(_anew, recorded, options)
+def resampled_estimator(recorded: Recorded, options: Options, estimate: Estimate) -> Estimator:
+    """Return the estimator by ``options`` of any takes of ``recorded``; ``estimate`` is the result
+    of all takes.
+    """
+    return estimate.from_takes or partial(_fit_takes, recorded, options)
 
 
-def _anew(recorded: Recorded, options: Options, takes: ndarray) -> Estimates:
+def _fit_takes(recorded: Recorded, options: Options, takes: ndarray) -> Estimates:
     return kinds.estimate(recorded.subset(takes), options).estimates
 
 
 def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Estimates | None:
-    """Estimates from one resampling of ``takes`` takes; None where they have none."""
+    """Estimates from one resampling of ``takes`` takes; None if it gives none."""
     try:
         return estimator(rng.integers(takes, size=takes))
     except (ModelDomainError, SolverError):
@@ -50,22 +50,22 @@ def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Est
 
 
 def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]:
-    """Spread of every estimate of all (two or more) replicates; number of those without one."""
+    """Spread by name of the estimates that all replicates have; number of failed replicates."""
     values = {
         name: Spread(float(each.std(ddof=1)), *map(float, percentile_interval(each.to_numpy())))
-        for name, each in _together(replicates).items()
+        for name, each in _common_estimates(replicates).items()
     }
-    return values, sum(each is None for each in replicates)
+    return values, replicates.count(None)
 
 
 def joint_covariance(replicates: list[Estimates | None]) -> tuple[list[str], list[list[float]]]:
     """Names (K,) of the estimates that all replicates have, and their covariance (K, K)."""
-    table = _together(replicates)
+    table = _common_estimates(replicates)
     covariance = np.atleast_2d(np.cov(table.to_numpy().T)).tolist() if len(table) else []
     return [*table], covariance
 
 
-def _together(replicates: list[Estimates | None]) -> pd.DataFrame:
-    """Estimates that all replicates have, a row each; nothing for fewer than two."""
+def _common_estimates(replicates: list[Estimates | None]) -> pd.DataFrame:
+    """Estimates that all replicates have, one replicate a row; empty for fewer than two."""
     table = pd.DataFrame([each for each in replicates if each is not None]).dropna(axis="columns")
     return table if len(table) > 1 else pd.DataFrame()

@@ -1,20 +1,20 @@
-"""Commands of an arm that corrects a share of its deviation, and that share by likelihood.
+"""Closed loop: commands of an arm that corrects a share of its deviation, and that share by
+maximum likelihood.
 
-Closed-loop inverse kinematics (Siciliano et al., Robotics, 2009, Sec. 3.7): in place of v a model's
-law takes the command v_k + κ(x*_k − x(q_k)), κ = KΔt ∈ [0, 1]; open loop, the paper's form, is κ =
-0. The path is that of the training takes' mean q̄, x*_k = x(q̄_k), and v_k = J(q̄_k)(q̄_{k+1} −
-q̄_k): without noise a model whose mean step is the nominal one then stays on q̄. With more joints
-than task rows the step of q̄ is commanded in the null space too, where the loop corrects nothing.
+Closed-loop inverse kinematics (Siciliano et al., Robotics, 2009, Sec. 3.7): the command is
+v_k + κ(x*_k − x(q_k)), κ = KΔt ∈ [0, 1]; κ = 0 is the open loop, the paper's form. The path is the
+mean q̄ of the training takes: x*_k = x(q̄_k), v_k = J(q̄_k)(q̄_{k+1} − q̄_k). Without noise a model
+whose mean step is the nominal one stays on q̄. With more joints than task rows the step of q̄ is
+also commanded in the null space, which the loop does not correct.
 
-The deviation from the mean path goes to first order by
+To first order the deviation from the mean path follows
 
     e_{k+1} = F_k e_k + w_k,   F_k = D_k − κG_k,   y_k = e_k + b + n_k,   n ~ N(0, Σ_m/2),
 
-with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's own mean.
-Cov w_k is the model's own at the measured poses and commands, averaged over the takes. An estimator
-that leaves the measurement's noise in the model's, as the paper's do, leaves it in here too.
-Regressing the noise of a step on the deviation before it gives no κ: both hold the noise of the
-same measured pose.
+with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's mean.
+Cov w_k is the model's covariance at the measured poses and commands, averaged over the takes; with
+the paper's estimators it includes measurement noise. Regression of the noise of a step on the
+deviation before it gives no κ: both contain the noise of the same measured pose.
 """
 
 import json
@@ -30,22 +30,21 @@ from numpy import ndarray
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
-from pipeline.models.model import Commands, MotionModel
-from pipeline.models.normal import without_measurement
-from pipeline.models.options import Options
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.model import Commands, MotionModel, without_measurement
+from pipeline.models.steps import Estimate, Options, Recorded
 
-FOLDER, SHARE = "closed", "closed_loop_share"  # beside the open loop's parameters; κ among them
-GRID = np.linspace(0.0, 1.0, 9)  # of κ, where the search begins
-DIFFERENCE = 1e-3  # of κ, for the slopes of the likelihood
-PERTURBATION = 1e-6  # rad, for the slopes of a model's mean
-SETTLED = 0.01  # standard errors by which κ may still move
+# folder beside the open loop's parameters, and the key of κ in the closed loop's
+FOLDER, SHARE = "closed", "closed_loop_share"
+GRID = np.linspace(0.0, 1.0, 9)  # κ at which the search may begin
+DIFFERENCE = 1e-3  # of κ, for derivatives of the likelihood
+PERTURBATION = 1e-6  # rad, for derivatives of a model's mean
+SETTLED = 0.01  # standard errors by which a settled κ may still move
 ROUNDS = 50
 
 
 @dataclass(frozen=True)
 class MeanPath:
-    """The mean of the training takes, which the closed loop holds the arm to."""
+    """Mean of the training takes, from which the closed loop corrects deviations."""
 
     chain: Chain
     poses: ndarray  # (M+1, n) q̄ in rad
@@ -62,20 +61,22 @@ class MeanPath:
         """(M, p) x* before each step."""
         return self.chain.pose(self.poses[:-1])
 
-    def corrected(self, q: ndarray, share: float) -> ndarray:
-        """(takes, M, ·) the commands at ``q`` (takes, M, n) in rad of the loop of ``share`` κ."""
+    def corrected_commands(self, q: ndarray, share: float) -> ndarray:
+        """(takes, M, m) or (takes, M, m + n) commands at ``q`` (takes, M, n) in rad of the closed
+        loop with ``share`` κ.
+        """
         v = np.tile(self.v, (len(q), 1, 1))
         off = self.chain.displacement(self.chain.pose(q), self.path)
         v[..., : len(self.chain.task)] += share * off
         return v
 
     def commands(self, share: float) -> Commands:
-        """Commands of the closed loop of this ``share`` κ."""
+        """Commands of the closed loop with ``share`` κ."""
         return Commands(self.v, self.path, share)
 
 
 def measured_poses(recorded: Recorded) -> ndarray:
-    """(takes, M+1, n) rad, the poses before and after the steps of ``recorded``."""
+    """(takes, M+1, n) poses in rad before and after the steps of ``recorded``."""
     return np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
 
 
@@ -85,26 +86,26 @@ def mean_path(recorded: Recorded) -> MeanPath:
 
 
 def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recorded:
-    """The steps of ``recorded`` as the closed loop of ``share`` κ commanded them: v of each take
-    with the correction of its measured deviation, zero at rest, and the noise left. Σ_m is that of
-    n_{k+1} − (I − κJ⁺J)n_k, mean over the ``path``; raises ModelDomainError where it is not known.
+    """Steps of ``recorded`` as commanded by the closed loop with ``share`` κ: v of each take
+    includes the correction of its measured deviation, zero at rest. Σ_m is the covariance of
+    n_{k+1} − (I − κJ⁺J)n_k, mean over the ``path``. Raises ModelDomainError if Σ_m is unknown.
     """
-    chain, q, each = recorded.chain, recorded.q, recorded.measurement / 2
+    chain, q, pose = recorded.chain, recorded.q, recorded.measurement / 2
     chain.require_regular(q, what="measured pose")
-    v = path.corrected(q, share)
+    v = path.corrected_commands(q, share)
     noise = recorded.q_next - q - chain.nominal_step(q, v)
     v[:, ~np.any(recorded.v, axis=-1)] = 0.0
     n, poses = q.shape[-1], path.poses[:-1]
     if len(chain.task) == n:
-        measurement = (1 + (1 - share) ** 2) * each
+        measurement = (1 + (1 - share) ** 2) * pose
     else:
         kept = np.eye(n) - share * (chain.inverse_jacobian(poses) @ chain.jacobian(poses))
-        measurement = each + (kept @ each @ np.swapaxes(kept, -1, -2)).mean(axis=0)
+        measurement = pose + (kept @ pose @ np.swapaxes(kept, -1, -2)).mean(axis=0)
     return replace(recorded, v=v, noise=noise, known_measurement=measurement)
 
 
 def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
-    """The model and κ of the closed loop whose fit is in ``folder``; None where there is none."""
+    """Model and κ of the closed loop in ``folder`` of a fit; None without a closed loop."""
     closed = folder / FOLDER
     if not closed.is_dir():
         return None
@@ -112,16 +113,16 @@ def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
 
 
 class ClosedLoopFit(NamedTuple):
-    """κ̂ and the model in its loop."""
+    """κ̂ and the model of the steps in its loop."""
 
     share: float  # κ̂
     standard_error: float
-    estimate: Estimate  # of the model's own parameters
-    rounds: int  # of alternation between the two
+    estimate: Estimate  # of the model's parameters
+    rounds: int  # alternations between κ and the parameters
 
 
 class StateSpace(NamedTuple):
-    """A linear-Gaussian law of the deviations, for any κ."""
+    """Linear-Gaussian law of the deviations, for any κ."""
 
     drift: ndarray  # (M, n, n) D_k
     correction: ndarray  # (M, n, n) G_k
@@ -131,44 +132,43 @@ class StateSpace(NamedTuple):
 
 
 def closed_loop_of(
-    recorded: Recorded, options: Options, found: Estimate
+    recorded: Recorded, options: Options, open_estimate: Estimate
 ) -> tuple[ClosedLoopFit | None, str]:
-    """:func:`fit_closed_loop` where the ``options`` ask for it and it exists; else why not."""
+    """Result of :func:`fit_closed_loop`, or None and the reason why there is none."""
     if not options.closed_loop:
-        return None, "its options ask for none"
+        return None, "closed_loop is false in its options"
     try:
-        return fit_closed_loop(recorded, options, found), ""
+        return fit_closed_loop(recorded, options, open_estimate), ""
     except (ModelDomainError, SolverError) as error:
         return None, str(error)
 
 
-def fit_closed_loop(recorded: Recorded, options: Options, found: Estimate) -> ClosedLoopFit:
-    """κ̂ and the parameters by ``options``, in turn till κ̂ settles; ``found`` is the open loop's.
-    Raises ModelDomainError for a single take, without a known measurement noise or a covariance,
-    SolverError where the two do not settle, and what the estimator raises.
+def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimate) -> ClosedLoopFit:
+    """Estimate κ and the model's parameters by ``options`` in turn until κ settles, from the
+    ``open_estimate`` on. Raises ModelDomainError for a single take, an unknown measurement noise or
+    a model without a covariance, SolverError if κ does not settle, and what the estimator raises.
     """
     poses, path = measured_poses(recorded), mean_path(recorded)
     if len(poses) < 2:
         raise ModelDomainError("the mean path of a closed loop needs two takes", takes=len(poses))
-    deviation, share, error, estimate = poses - path.poses, 0.5, inf, found
+    deviation, share, error, estimate = poses - path.poses, 0.5, inf, open_estimate
     for rounds in range(1, ROUNDS + 1):
         space = state_space(estimate.model, recorded, path, share)
         before, (share, error) = share, most_likely_share(space, deviation)
         estimate = kinds.estimate(closed_loop_steps(recorded, path, share), options)
         if abs(share - before) <= SETTLED * error:
-            estimate = replace(estimate, from_takes=None, details=None)  # which no worker returns
+            estimate = replace(estimate, from_takes=None, details=None)  # not picklable
             return ClosedLoopFit(share, error, estimate, rounds)
-    raise SolverError(
-        f"the share of the deviation that the loop corrects has not settled in {ROUNDS} rounds",
-        share=share,
-        moved=abs(share - before),
-        standard_error=error,
+    message = (
+        f"the share of the deviation that the loop corrects has not settled in {ROUNDS} rounds"
     )
+    evidence = {"share": share, "moved": abs(share - before), "standard_error": error}
+    raise SolverError(message, **evidence)
 
 
 def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: float) -> StateSpace:
-    """The law of the deviations from ``path`` under ``model``, its noise in a loop of ``share`` κ;
-    raises ModelDomainError where ``model`` has no mean or covariance.
+    """Law of the deviations from ``path`` under ``model``, with its noise in a loop with ``share``
+    κ. Raises ModelDomainError for a ``model`` without a mean or covariance.
     """
     chain, q, v = recorded.chain, path.poses[:-1], path.v
     jacobian, step = chain.jacobian(q), np.zeros_like(v)
@@ -177,15 +177,16 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
         drift[..., j] = model.mean(chain, q + h, v) - model.mean(chain, q - h, v)
         step[:, : len(chain.task)] = np.matvec(jacobian, h)
         correction[..., j] = model.mean(chain, q, v + step) - model.mean(chain, q, v - step)
-    noise = model.covariance(chain, recorded.q, path.corrected(recorded.q, share)).mean(axis=0)
-    slopes, moving = (each / (2 * PERTURBATION) for each in (drift, correction)), recorded.v
-    return StateSpace(*slopes, noise, recorded.measurement / 2, np.any(moving, axis=-1))
+    commands, moving = path.corrected_commands(recorded.q, share), np.any(recorded.v, axis=-1)
+    noise = model.covariance(chain, recorded.q, commands).mean(axis=0)
+    slopes = (each / (2 * PERTURBATION) for each in (drift, correction))
+    return StateSpace(*slopes, noise, recorded.measurement / 2, moving)
 
 
 def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, float]:
-    """κ̂ in [0, 1] for ``deviation`` (takes, M+1, n) in rad from the takes' mean, by Newton's steps
-    from the best of a grid, and its standard error, the sandwich's over takes. Raises SolverError
-    where the likelihood has no maximum there.
+    """Maximise the likelihood of ``deviation`` (takes, M+1, n) in rad from the takes' mean, by
+    Newton steps from the best of GRID; return κ̂ in [0, 1] and its sandwich standard error over the
+    takes. Raises SolverError without a maximum.
     """
     takes = len(deviation)
     share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
@@ -205,13 +206,13 @@ def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, flo
 
 
 def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray) -> ndarray:
-    """(K, takes) ln p of each take's ``deviation`` (takes, M+1, n) in rad given the first pose of
-    each stretch, for each κ of ``shares`` (K,), but for a constant; −inf for a κ at which the
-    determinant of an innovation's covariance is not positive.
+    """(K, takes) ln p, up to a constant, of each take's ``deviation`` (takes, M+1, n) in rad for
+    each κ of ``shares`` (K,), given the first pose after each rest; −inf for a κ with an innovation
+    covariance that is not positive definite.
 
-    By the Kalman filter of (e, e + b), whose gains all takes share; nothing is assumed of b.
-    Deviations from the takes' own mean are N − 1 contrasts of the takes: their covariance counts (N
-    − 1)/N times for each take (restricted likelihood, Patterson and Thompson 1971).
+    Computed by a Kalman filter of (e, e + b), which assumes nothing of b; all takes share its
+    gains. Deviations from the takes' mean are N − 1 contrasts of the takes: their covariance counts
+    (N − 1)/N times for each take (restricted likelihood, Patterson and Thompson 1971).
     """
     (takes, _, n), grid = deviation.shape, len(shares)
     transition = np.tile(np.eye(2 * n), (grid, len(space.noise), 1, 1))

@@ -1,11 +1,12 @@
-"""The paper's two convex problems as printed, in CVXPY: the independent route to what the motion
-models have in closed form, and the gaps between the two.
+"""Solutions of the paper's two convex problems as printed, with CVXPY, and their gaps to the closed
+forms that the motion models use.
 """
 
 import warnings
 
 import cvxpy as cp
 import numpy as np
+from numpy import ndarray
 from scipy.linalg import lu, qr
 
 from pipeline.core.errors import SolverError
@@ -13,18 +14,18 @@ from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.wishart.decomposition import Decomposition
 
 TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own unit
+Weights = tuple[float, float]  # (α₁, α₂)
 
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
-    """Optimal value to the least of TOLERANCES that the solver reaches, or SolverError."""
+    """Optimal value at the least of TOLERANCES that the solver reaches; raises SolverError."""
     for tolerance in TOLERANCES:
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # the status names an inaccuracy
+                warnings.simplefilter("ignore", UserWarning)  # the status tells an inaccuracy
                 value = problem.solve(solver=cp.CLARABEL, **tolerances)
-        # a ValueError is CVXPY's answer to data that are not numbers
-        except (cp.SolverError, ValueError) as error:
+        except (cp.SolverError, ValueError) as error:  # ValueError: data that are not finite
             raise SolverError(f"the problem could not be solved: {error}", **evidence) from None
         if problem.status == cp.OPTIMAL:
             return float(value)
@@ -32,13 +33,8 @@ def _solve(problem: cp.Problem, **evidence: object) -> float:
 
 
 def solve_perturbation(
-    noise: np.ndarray,
-    v: np.ndarray,
-    j1: np.ndarray,
-    j2: np.ndarray,
-    weights: tuple[float, float],
-    floor: float,
-) -> tuple[np.ndarray, float]:
+    noise: ndarray, v: ndarray, j1: ndarray, j2: ndarray, weights: Weights, floor: float
+) -> tuple[ndarray, float]:
     """B⁻¹ (m, m) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
 
     ``noise`` ω (n,) in rad, measured minus nominal; ``v`` (m,) ẋᵈΔt; J = J₁J₂ of ``j1`` (m, m) and
@@ -56,11 +52,10 @@ def solve_perturbation(
     return b_inv.value, unit * value
 
 
-def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> np.ndarray:
+def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
-    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Raises SolverError.
-
-    Σ is solved for in units of the bound, as the solver's tolerances are absolute.
+    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Solved in units of the
+    bound, as the solver's tolerances are absolute. Raises SolverError.
     """
     bound, evidence = alpha**2 * (u**2 - norm**2), {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:
@@ -73,19 +68,19 @@ def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) 
 
 
 def perturbation_gap(
-    objectives: np.ndarray,
-    jacobians: np.ndarray,
-    v: np.ndarray,
-    noise: np.ndarray,
+    objectives: ndarray,
+    jacobians: ndarray,
+    v: ndarray,
+    noise: ndarray,
     decomposition: Decomposition,
-    weights: tuple[float, float],
+    weights: Weights,
     floor: float,
 ) -> float:
-    """Greatest relative distance of the ``objectives`` (K,) of (BsampOpt) in closed form from the
-    solver's; of matrices it would say little, as the optimum is flat.
+    """Greatest relative difference of the ``objectives`` (K,) of (BsampOpt) in closed form from the
+    solver's. The matrices themselves are not compared, as the optimum is flat.
 
-    ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad are of each
-    problem. J₁ comes from SciPy here, not from the closed form. Raises SolverError.
+    ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad of each problem.
+    J₁ is computed by SciPy, independently of the closed form. Raises SolverError.
     """
     gaps = []
     for closed, jacobian, step, omega in zip(objectives, jacobians, v, noise, strict=True):
@@ -96,7 +91,7 @@ def perturbation_gap(
     return float(max(gaps))
 
 
-def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndarray:
+def _first_factor(jacobian: ndarray, decomposition: Decomposition) -> ndarray:
     match decomposition.name:
         case "pivoted_lu":
             return lu(jacobian, permute_l=True)[0]
@@ -107,8 +102,8 @@ def _first_factor(jacobian: np.ndarray, decomposition: Decomposition) -> np.ndar
     return np.array(decomposition.left)
 
 
-def noise_covariance_gap(norms: np.ndarray, alpha: float, u: float, n: int, m: int) -> float:
-    """Greatest relative distance of Σ_k of (cost)–(const2) in closed form from the solver's, at
+def noise_covariance_gap(norms: ndarray, alpha: float, u: float, n: int, m: int) -> float:
+    """Greatest relative difference of Σ_k of (cost)–(const2) in closed form from the solver's, at
     ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.
     """
     gaps = []

@@ -1,5 +1,5 @@
-"""Draws of a step by the compiled law of a model, whose variates are NumPy's own, bit for bit; and
-realisations along the desired trajectory, step by step or running freely.
+"""Draws of a step by the compiled law of a model, from NumPy's own variates, and realisations along
+the desired trajectory, step by step or free-running.
 """
 
 import numpy as np
@@ -15,24 +15,23 @@ from pipeline.models.model import MotionModel
 
 
 def block_for(chain: Chain) -> ndarray:
-    """Buffer (rows, poses) of a block of the ``chain``, of zeros."""
+    """Zeroed buffer (rows, poses) of a block of poses of the ``chain``."""
     return np.zeros((block_rows(len(chain.lower), len(chain.task)).size, WIDTH))
 
 
 def space_of(chain: Chain) -> int | None:
-    """None of a planar chain, 1 of a serial one: numba compiles the kinematics of one of them."""
+    """None for a planar chain, 1 for a serial one: numba compiles the kinematics of one of them."""
     return None if isinstance(chain, PlanarChain) else 1
 
 
 def draw_steps(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, rng: Generator
 ) -> tuple[ndarray, int]:
-    """One draw of q_{k+1} for each of the poses ``q`` (..., n) in rad, of the same shape, and for
-    how many of them the noise was clipped at zero.
+    """One draw of q_{k+1} for each pose of ``q`` (..., n) in rad, of the same shape; and the number
+    of draws whose noise was clipped at zero.
 
-    ``v`` (m,) or (M, m), or longer, are commanded steps: all poses take the one, or those at ``q``
-    (..., M, n) each its own. Raises SingularJacobianError, and ModelDomainError where a draw is not
-    finite.
+    ``v`` (m,) or (m + n,) is one command for all poses, (M, m) or (M, m + n) one for each of ``q``
+    (..., M, n). Raises SingularJacobianError, and ModelDomainError for a draw that is not finite.
     """
     if (space := space_of(chain)) is None:
         chain.require_regular(q)
@@ -61,13 +60,13 @@ def draw_steps(
 def realize(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, rng: Generator
 ) -> tuple[ndarray, int, int]:
-    """(N, M+1, n) joint angles in rad, and the numbers of clipped steps and lost realisations, one
-    a take of the recorded angles ``q`` (N, M+1, n) in rad, under the commands ``v`` (M, m) or
-    longer.
+    """Realise the motion once for each take of the recorded angles ``q`` (N, M+1, n) in rad, under
+    the commands ``v`` (M, m) or (M, m + n); return the angles (N, M+1, n) in rad and the numbers of
+    clipped steps and of lost realisations.
 
-    In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last one,
-    and at a singular pose the realisation is lost: NaN from there on. Raises
-    SingularJacobianError for a singular pose in the recordings.
+    In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last one.
+    A realisation is lost at a singular pose and NaN from there on. Raises SingularJacobianError for
+    a singular pose in the recordings.
     """
     result, clipped = np.full_like(q, np.nan), 0
     result[:, 0] = q[:, 0]
@@ -85,10 +84,11 @@ def realize(
 def realized_moments(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
 ) -> tuple[ndarray, ndarray, str | None]:
-    """Mean and standard deviation (M+1, n) in rad of the realisations ``realized`` (N, M+1, n) of
-    :func:`realize`, of the process noise in mode ``one_step``, zero at k = 0, of the joint angles
-    in ``free_running``, NaN where the model has no covariance; and why. Raises ModelDomainError
-    where fewer than two realisations stay clear of singular poses.
+    """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n). The
+    deviation is NaN for a model without a covariance; the third value is the reason or None.
+
+    The deviation is of the process noise in mode ``one_step``, zero at k = 0, of the joint angles
+    in ``free_running``. Raises ModelDomainError if fewer than two realisations are not lost.
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
@@ -97,11 +97,11 @@ def realized_moments(
             step=int(np.argmax(surviving < 2)),
             key="simulation",
         )
-    spread = realized
+    noise = realized
     if mode == "one_step":
         nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], v)
-        spread = np.concatenate([np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1)
-    mean, deviation = np.nanmean(realized, axis=0), np.nanstd(spread, axis=0, ddof=1)
+        noise = np.concatenate([np.zeros_like(q[:, :1]), realized[:, 1:] - nominal], axis=1)
+    mean, deviation = np.nanmean(realized, axis=0), np.nanstd(noise, axis=0, ddof=1)
     try:
         model.covariance(chain, q[0, :-1], v)
     except ModelDomainError as error:

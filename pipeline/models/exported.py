@@ -20,26 +20,24 @@ from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel
 
 FORMAT = "motion model 1"
-ARMS = {"planar": PlanarChain, "serial": SerialChain}
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
-# of a range's width, and beside it in its own unit, that a pose or a command may be beyond it
-# before it is warned of
+# distance beyond a range, as a share of its width plus its unit, before a warning
 MARGIN, SLACK = 0.05, 1e-3
 
 
 class OutsideRanges(UserWarning):
-    """A pose or a command beyond those that the model was fitted to."""
+    """Warns of a pose or a command outside the ranges that the model was fitted to."""
 
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as it was fitted.
+    """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as fitted.
 
-    ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) steps of the task in m and rad,
-    (m + n) of an arm with more joints than task rows. Beyond the ranges of the fit each method
-    warns :class:`OutsideRanges`, of each joint and row once. All raise SingularJacobianError, and
-    ModelDomainError for another number of joints or rows and where the moments do not exist or the
-    recordings cannot tell them.
+    ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) task steps in m and rad, (m + n)
+    for an arm with more joints than task rows. Each method warns :class:`OutsideRanges` once for
+    each joint and row outside the ranges of the fit. All raise SingularJacobianError, and
+    ModelDomainError for a wrong number of joints or rows and for moments that do not exist or that
+    the recordings cannot tell.
     """
 
     law: MotionModel | JointStepModel
@@ -48,67 +46,65 @@ class ExportedModel:
     _warned: set[str] = field(default_factory=set, compare=False)
 
     def __repr__(self) -> str:
-        joints, rate = self.record.get("joints", []), self.record["rate_per_s"]
-        named = f" of {self.record['dataset']}" if "dataset" in self.record else ""
-        return f"<motion model {self.record['model']}{named}: {', '.join(joints)} at {rate:g}/s>"
+        joints, rate = ", ".join(self.record.get("joints", [])), self.record["rate_per_s"]
+        return f"<motion model {self.record['model']}: {joints} at {rate:g}/s>"
 
     def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
-        """(..., n, n) covariance in rad² of the step of the joints for commanded steps ``dq``
-        (..., n) in rad, of models whose noise depends on the joint step alone (ModelDomainError).
+        """(..., n, n) covariance in rad² for commanded joint steps ``dq`` (..., n) in rad; raises
+        ModelDomainError for a model whose noise depends on more than the joint step.
         """
-        dq = self._shaped("dq", dq, (len(self.chain.lower),), "rad a step")
+        dq = self._array("dq", dq, (len(self.chain.lower),), "rad a step")
         of_step = getattr(self.law, "covariance_of_joint_step", None)
         if of_step is None:
-            raise ModelDomainError(
-                f"the noise of {self.record['model']} depends on the pose; use covariance(q, v)"
-            )
+            message = f"the noise of {self.record['model']} depends on the pose"
+            raise ModelDomainError(f"{message}; use covariance(q, v)")
         self._warn("joint speed", self.record["rate_per_s"] * dq)
         return of_step(dq)
 
     def mean(self, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) E[q_{k+1}] in rad."""
-        return self.law.mean(self.chain, *self._checked(q, v))
+        return self.law.mean(self.chain, *self._arrays(q, v))
 
     def covariance(self, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) Cov(q_{k+1}) in rad²."""
-        return self.law.covariance(self.chain, *self._checked(q, v))
+        return self.law.covariance(self.chain, *self._arrays(q, v))
 
     def step(self, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
-        """(..., n) a random next pose in rad for each of ``q``, as a particle filter needs it."""
-        return self.law.sample(self.chain, *self._checked(q, v), rng)
+        """(..., n) one random next pose in rad for each of ``q``, as in a particle filter."""
+        return self.law.sample(self.chain, *self._arrays(q, v), rng)
 
     def sample(self, q: ndarray, v: ndarray, size: int, rng: Generator) -> ndarray:
         """(size, ..., n) independent next poses in rad from the same ``q``."""
-        q, v = self._checked(q, v)
+        q, v = self._arrays(q, v)
         return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
 
     def log_density(self, q: ndarray, v: ndarray, q_next: ndarray, measurement=None) -> ndarray:
-        """(...,) ln p(q_next | q) in rad⁻ⁿ; with ``measurement`` (n, n) in rad² of the next pose as
-        it is measured (for a Wishart model by a quadrature that needs the project's compiler).
-        Raises ModelDomainError where the step has no density, as a matrix model's at rest.
+        """(...,) ln p(q_next | q) in rad⁻ⁿ, or of the next pose plus normal noise of covariance
+        ``measurement`` (n, n) in rad² (a Wishart model then needs numba). Raises ModelDomainError
+        for a step without a density, as of a matrix model at rest.
         """
-        q, v = self._checked(q, v)
+        q, v = self._arrays(q, v)
         return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
 
     def command(self, q: ndarray, v: ndarray, target: ndarray) -> ndarray:
-        """``v`` and the closed loop's correction at ``q``, a share of the way to ``target``, the
-        pose of the tip that it is held to; ``v`` itself for an open loop.
+        """(..., m) or (..., m + n) ``v`` plus the closed loop's correction at ``q``, its share of
+        the way to the ``target`` pose of the tip; ``v`` itself for an open loop.
         """
         off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
         command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
         command[..., : len(self.chain.task)] += self.record["closed_loop_share"] * off
         return command
 
-    def _checked(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
-        """Both as arrays of the arm's sizes, after a warning beyond the ranges of the fit."""
+    def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
+        """Arrays of the arm's sizes, after warnings for values outside the ranges of the fit."""
         n, m = len(self.chain.lower), len(self.chain.task)
-        q = self._shaped("q", q, (n,), "rad")
-        v = self._shaped("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
+        q = self._array("q", q, (n,), "rad")
+        v = self._array("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
         self._warn("pose", q)
         self._warn("speed", self.record["rate_per_s"] * v)
         return q, v
 
-    def _shaped(self, name: str, values: Any, sizes: tuple[int, ...], unit: str) -> ndarray:
+    def _array(self, name: str, values: Any, sizes: tuple[int, ...], unit: str) -> ndarray:
         array = np.asarray(values, dtype=float)
         if array.ndim == 0 or array.shape[-1] not in sizes:
             raise ModelDomainError(
@@ -118,7 +114,7 @@ class ExportedModel:
         return array
 
     def _warn(self, what: str, values: ndarray) -> None:
-        """Warn once of each joint or row of ``values`` beyond the ranges of ``what``."""
+        """Warn once for each joint or row of ``values`` outside the ranges of ``what``."""
         ranges = self.record["ranges"].get(what, {})
         for (name, ends), each in zip(ranges.items(), np.moveaxis(values, -1, 0), strict=False):
             low, high = ends["least"], ends["greatest"]
@@ -132,7 +128,7 @@ class ExportedModel:
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:
-    """The numbers of ``chain`` in plain values, without any robot's description."""
+    """Parameters of ``chain`` as plain values, enough to rebuild it without a URDF file."""
     plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
     for name, value in plain.items():
         plain[name] = value.tolist() if isinstance(value, ndarray) else value
@@ -148,11 +144,11 @@ def _chain(record: Mapping[str, Any]) -> Chain:
     for name, value in values.items():
         if isinstance(value, list):
             values[name] = tuple(value) if name == "task" else np.array(value)
-    return ARMS[values.pop("kind")](**values)
+    return {"planar": PlanarChain, "serial": SerialChain}[values.pop("kind")](**values)
 
 
 def read_exported(file: Path) -> ExportedModel:
-    """The model that the tool export wrote to ``file``; raises ContractError for any other file."""
+    """Read the model of the tool export from ``file``; raises ContractError for any other file."""
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
         if record["format"] != FORMAT:
@@ -161,7 +157,5 @@ def read_exported(file: Path) -> ExportedModel:
         build = build_joint_steps if parameters["kind"] == KIND else build_model
         return ExportedModel(build(parameters), _chain(record["arm"]), record)
     except (ContractError, OSError, ValueError, KeyError, TypeError) as error:
-        raise ContractError(
-            f"no exported model ({error!r}); write one by python -m pipeline export MODEL",
-            file=file,
-        ) from None
+        message = f"no exported model ({error!r}); write one by python -m pipeline export MODEL"
+        raise ContractError(message, file=file) from None

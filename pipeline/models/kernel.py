@@ -1,18 +1,18 @@
-"""The compiled step of every motion model: one draw of q_{k+1} for each pose of a block.
+"""Compiled step of every motion model: one draw of q_{k+1} for each pose of a block.
 
 A law is written once over the task rows and the joints of a block (:mod:`pipeline.arm.rows`); the
-kinematics, planar or serial, fills the rows of J. The variates of a block are NumPy's own: χ² of
-all poses, one after the other, then normals set by set, those of one pose in a row.
+planar or serial kinematics fills the rows of J. The variates of a block are NumPy's: χ² of all
+poses, one after the other, then normals set by set, the normals of a pose in a row.
 
-A Wishart step is J₂⁺B⁻¹a = J⁺J₁B⁻¹a, a = J₁⁻¹v: the decompositions differ in what they do to the
-task's step before and after B⁻¹ (Eqs. LUDecom, Thetaa). B⁻¹a = r·R·[z, z·T]ᵀ
+A Wishart step is J₂⁺B⁻¹a = J⁺J₁B⁻¹a, a = J₁⁻¹v: the decompositions differ in the factor of the task
+step before and after B⁻¹ (Eqs. LUDecom, Thetaa). B⁻¹a = r·R·[z, z·T]ᵀ
 (:mod:`pipeline.models.wishart.law`) takes two χ² variates and m − 1 normals. For three task rows
-P(‖T‖² > s) = (1 + s)^{−(d−1)/2}, so that ‖T‖² is exp(2E/(d−1)) − 1 for an exponential E. ‖N‖²/2 is
-one, and independent of N's direction:
+P(‖T‖² > s) = (1 + s)^{−(d−1)/2}, so ‖T‖² is exp(2E/(d−1)) − 1 for an exponential E. ‖N‖²/2 is
+exponential and independent of N's direction:
 
     T = N·sqrt((exp(‖N‖²/(d−1)) − 1)/‖N‖²),
 
-which saves the second χ² variate, half of what a planar step would cost.
+which saves the second χ² variate, half of the time of a planar step.
 """
 
 import numpy as np
@@ -48,7 +48,7 @@ from pipeline.models.model import (
 )
 from pipeline.randommatrix.variates import draw_variates
 
-DRAWN = 64  # poses of a serial chain whose variates are drawn at a time, whatever the width
+DRAWN = 64  # poses of a serial chain whose variates are drawn at a time
 
 
 @compiled
@@ -65,12 +65,12 @@ def move(
     rng: Generator,
 ) -> int:
     """Fill ``moved`` (n, P) with draws of the next poses after ``q`` (n, P) in rad under the
-    command v + ``share``·(``target`` − x(q)), by blocks, NaN after a singular pose; return how many
-    had their noise clipped.
+    command v + ``share``·(``target`` − x(q)), NaN after a singular pose; return the number of draws
+    with clipped noise.
 
-    ``space`` is None of a planar chain, 1 of a serial one; ``block`` a buffer with the rows of the
-    ``arm``; ``command`` (m,) v, or (m + n,) with the step commanded in the null space; ``target``
-    the pose that the closed loop holds the arm to, not read where ``share`` κ is 0.
+    ``space`` is None for a planar chain, 1 for a serial one; ``block`` a buffer with the rows of
+    the ``arm``; ``command`` (m,) v, or (m + n,) with the step commanded in the null space;
+    ``target`` the pose on the path of the closed loop, not read for ``share`` κ = 0.
     """
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
@@ -78,20 +78,11 @@ def move(
     for start in range(0, poses, size):
         count = min(size, poses - start)
         for first in range(0, count, drawn):
-            draw_variates(
-                law.degrees,
-                law.sets,
-                law.each,
-                block,
-                rows.chi_square,
-                rows.normal,
-                first,
-                min(first + drawn, count),
-                rng,
-            )
+            last, variates = min(first + drawn, count), (law.degrees, law.sets, law.normals)
+            draw_variates(*variates, block, rows.chi_square, rows.normal, first, last, rng)
         for r in range(m):
             fill(block, rows.task + r, command[r], count)
-        # numba compiles one of the branches alone
+        # numba compiles only one of the branches
         if space is None:
             planar_jacobian(arm, q, start, count, block)
             if share > 0.0:
@@ -129,10 +120,10 @@ def move(
                 _inverse_square(block, rows, m, count)
         clipped += _add_normal(law, block, rows, n, m, count)
         for j in range(n):
-            here, there = q[j, start : start + count], moved[j, start : start + count]
+            before, after = q[j, start : start + count], moved[j, start : start + count]
             step = rows.joints + j
             for i in range(count):
-                there[i] = here[i] + block[step, i]
+                after[i] = before[i] + block[step, i]
     return clipped
 
 
@@ -140,8 +131,8 @@ def move(
 def _to_joints(
     kind: int, block: ndarray, rows: Rows, n: int, m: int, command: ndarray, count: int
 ) -> None:
-    """Joints' steps of a serial chain, NaN at singular poses: J⁺x + (I − J⁺J)w of the task step x,
-    which is L⁻¹x already by QR of Jᵀ, and of the commanded joint step w.
+    """Write joint steps of a serial chain, J⁺x + (I − J⁺J)w for the task step x and the commanded
+    joint step w, NaN at singular poses; with QR of Jᵀ the task rows hold L⁻¹x already.
     """
     lower, inverse, task = rows.lower, rows.inverse, rows.task
     if kind != QR_TRANSPOSED_LAW:
@@ -150,13 +141,13 @@ def _to_joints(
     for j in range(n):
         fill(block, rows.joints + j, command[m + j] if commanded else 0.0, count)
     if commanded:
-        felt = rows.spare
+        image = rows.spare
         for r in range(m):
-            dot(block, felt + r, rows.jacobian + r * n, rows.joints, n, count)
-        solve_lower(block, lower, inverse, m, felt, count)
+            dot(block, image + r, rows.jacobian + r * n, rows.joints, n, count)
+        solve_lower(block, lower, inverse, m, image, count)
         for r in range(m):
             for i in range(count):
-                block[task + r, i] -= block[felt + r, i]
+                block[task + r, i] -= block[image + r, i]
     solve_upper(block, lower, inverse, m, task, count)
     for j in range(n):
         step = rows.joints + j
@@ -168,8 +159,8 @@ def _to_joints(
 
 @inner
 def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int) -> int:
-    """Add the noise of the normal models to the joints' steps, the Gaussian one's by ‖J⁺‖² in the
-    first row of scratch; return for how many its covariance was clipped at zero.
+    """Add the noise of the normal models to the joint steps, of the Gaussian one by ‖J⁺‖² in row
+    ``spare``; return the number of poses with a covariance clipped at zero.
     """
     joints, normal, spare = rows.joints, rows.normal, rows.spare
     if law.kind == SCALED_LAW:
@@ -197,7 +188,7 @@ def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int
 
 @inner
 def _inverse_square(block: ndarray, rows: Rows, m: int, count: int) -> None:
-    """Row ``spare`` = ‖J⁺‖_F² = ‖L⁻¹‖_F² of a serial chain, one column after the other."""
+    """Write row ``spare`` = ‖J⁺‖_F² = ‖L⁻¹‖_F² of a serial chain, column by column."""
     column = rows.spare + 1
     fill(block, rows.spare, 0.0, count)
     for r in range(m):
@@ -209,9 +200,8 @@ def _inverse_square(block: ndarray, rows: Rows, m: int, count: int) -> None:
 
 @inner
 def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
-    """a = B⁻¹a = z(a + rR[0, T]ᵀ) of the task rows a, zero where a is.
-
-    R is the Householder reflection of the first axis to a/r, up to its sign.
+    """Replace the task rows a by B⁻¹a = z(a + rR[0, T]ᵀ), zero if a is; R is, up to its sign, the
+    Householder reflection of the first axis to a/r.
     """
     first, normal, chi_square = rows.task, rows.normal, rows.chi_square
     stretch, r, along = rows.spare, rows.spare + 1, rows.spare + 2
@@ -243,8 +233,8 @@ def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
 
 @inner
 def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, count: int):
-    """Task rows v = J₁⁻¹v ``before`` B⁻¹ acts, x = J₁x behind it; by QR of J the law is that of
-    J₁ = I, as it does not change with rotations of a.
+    """Replace task rows v by J₁⁻¹v ``before`` B⁻¹ acts, x by J₁x after it. With QR of J, J₁ = I, as
+    the law is invariant under rotations of a.
     """
     if law.kind == GIVEN_LAW:
         _multiply(law.parameters, 1 + (m * m if before else 0), block, rows, m, count)
@@ -263,7 +253,7 @@ def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, 
 
 @inner
 def _multiply(matrix: ndarray, at: int, block: ndarray, rows: Rows, m: int, count: int) -> None:
-    """Task rows x = Mx, M (m, m) in ``matrix`` from ``at`` on, row by row."""
+    """Replace task rows x by Mx, M (m, m) in ``matrix`` from ``at`` on, row by row."""
     for r in range(m):
         fill(block, rows.spare + r, 0.0, count)
         add_combination(block, rows.spare + r, matrix, at + r * m, rows.task, m, count)
@@ -273,7 +263,7 @@ def _multiply(matrix: ndarray, at: int, block: ndarray, rows: Rows, m: int, coun
 
 @inner
 def _exchange(block: ndarray, x: int, y: int, flag: int, count: int) -> None:
-    """Exchange rows ``x`` and ``y`` where row ``flag`` is not zero."""
+    """Exchange rows ``x`` and ``y`` at poses where row ``flag`` is not zero."""
     for i in range(count):
         one, two = block[x, i], block[y, i]
         exchanged = block[flag, i] != 0.0
@@ -283,10 +273,8 @@ def _exchange(block: ndarray, x: int, y: int, flag: int, count: int) -> None:
 
 @inner
 def _eliminate(block: ndarray, rows: Rows, n: int, m: int, count: int) -> None:
-    """Task rows v = L⁻¹Pv of PJ = LU with partial pivoting; multipliers below the diagonal of a
-    copy of J, behind it one flag an exchange.
-
-    Rows are exchanged by selection, not by branches.
+    """Replace task rows v by L⁻¹Pv of PJ = LU with partial pivoting. Scratch rows hold the
+    multipliers, below the diagonal of a copy of J, then one flag for each exchange.
     """
     task, lower = rows.task, rows.spare + 4
     flag = lower + m * n

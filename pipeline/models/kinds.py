@@ -1,9 +1,9 @@
-"""The kinds of motion models: each is a folder of this package, found by its place.
+"""Kinds of motion models: each is a folder of this package, found by its place.
 
-A folder holds ``law.py`` with ``build(parameters)``, which makes a
+A folder holds ``law.py`` with ``build(parameters)``, which returns a
 :class:`pipeline.models.model.MotionModel`, and ``fit.py`` with ``Options``, the type of its option
 file, ``estimate(recorded, options)``, ``truths(recorded, options, dispersions)`` and optionally
-``compared(options)`` and ``examined(…)``. Nothing of a kind is imported before it is needed.
+``estimator_options(options)`` and ``diagnose(…)``. A kind is imported when it is first needed.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from pipeline.models.model import MotionModel
-    from pipeline.models.options import Options
-    from pipeline.models.steps import Estimate, Recorded, Truth
+    from pipeline.models.steps import Estimate, Options, Recorded, Truth
 
 NO_MODEL = "reason"  # in place of parameters: why the recordings give none
 
@@ -47,38 +46,38 @@ def options_type(kind: object) -> type[Options]:
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """Estimate the model ``options`` by the estimator they name; raises what that raises."""
+    """Fit the model ``options`` by the estimator that they name; raises what the estimator does."""
     return _fit(options.kind).estimate(recorded, options)
 
 
-def compared(options: Options) -> dict[str, Options]:
-    """Options of the estimates that the stage fit writes beside the chosen one, by the pattern of
-    their names, ``{}`` standing for the parameter.
+def estimator_options(options: Options) -> dict[str, Options]:
+    """Options of all estimators that the stage fit reports, by the pattern of the estimates' names,
+    in which ``{}`` is replaced by the parameter; empty for a model with a single estimator.
     """
-    return getattr(_fit(options.kind), "compared", lambda _: {})(options)
+    return getattr(_fit(options.kind), "estimator_options", lambda _: {})(options)
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Known parameters of the model ``options`` with noise of about the recorded size; where a
-    model has a dispersion, each of ``dispersions``.
+    """Known parameters of the model ``options`` with noise of about the recorded size; for a model
+    with a dispersion, one for each of ``dispersions``.
     """
     return _fit(options.kind).truths(recorded, options, dispersions)
 
 
-def examined(
+def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, DataFrame]]:
-    """Numbers and tables beside an ``estimate`` (None where the takes give none); ``checks``
-    of its convex problems are solved as printed.
+    """Metrics and tables beside an ``estimate`` (None if the takes give none); ``checks`` of its
+    convex problems are solved as printed.
     """
-    hook = getattr(_fit(options.kind), "examined", lambda *_: ({}, {}))
+    hook = getattr(_fit(options.kind), "diagnose", lambda *_: ({}, {}))
     return hook(recorded, options, estimate, checks, rng)
 
 
 def build_model(parameters: Any) -> MotionModel:
-    """Build a model from ``parameters``: its kind and, in plain values, what a fit found. Raises
-    ContractError where they are none of a motion model, ModelDomainError where they are outside the
-    model's range and, with its reason, where the fit found no model.
+    """Build a model from ``parameters``: its kind and the plain values that a fit wrote. Raises
+    ContractError for anything else, ModelDomainError for values outside the model's range and, with
+    the reason, if the fit found no model.
     """
     why, kind = "", parameters.get("kind") if isinstance(parameters, dict) else None
     if kind in kinds():
@@ -92,14 +91,13 @@ def build_model(parameters: Any) -> MotionModel:
 
 
 def fitted_model(folder: Path) -> MotionModel:
-    """Build the model of ``folder/parameters.json``; raises as :func:`build_model`, naming it."""
+    """Build the model of ``folder/parameters.json``; raises as :func:`build_model`."""
     file = Path(folder) / "parameters.json"
     try:
         return build_model(json.loads(file.read_text()))
     except (ContractError, OSError, ValueError) as error:
-        raise ContractError(
-            f"no fitted parameters ({error}); run the stage fit", file=file
-        ) from None
+        message = f"no fitted parameters ({error}); run the stage fit"
+        raise ContractError(message, file=file) from None
 
 
 def fitted_models(names: Iterable[str], folder: Path, stage: str) -> dict[str, MotionModel]:

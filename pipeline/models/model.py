@@ -1,10 +1,12 @@
-"""The interface of all motion models: the law of one step q_{k+1} | q_k under a command.
+"""Interface of all motion models, the law of one step q_{k+1} | q_k under a command; covariances of
+the joints, and the base of models with normal noise.
 
-The command of a step is the task step v (m,) or, of an arm with more joints than task rows, v and a
-step w (n,) of the joints whose part in the null space of J is made: one row (m + n,). The arm rests
-where all of it is zero.
+A command is the task step v (m,). For an arm with more joints than task rows it may also hold a
+joint step w (n,), of which the arm makes the part in the null space of J: one row (m + n,). The arm
+is at rest where the whole command is zero.
 """
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -14,31 +16,39 @@ from numpy.random import Generator
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 
-# kinds of compiled laws (pipeline.models.kernel); from WISHART on B⁻¹ acts on a
+# kinds of compiled laws (pipeline.models.kernel); those from WISHART on apply B⁻¹ to a = J₁⁻¹v
 SCALED_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
 WISHART = QR_LAW
+WISHART_LAWS = {  # by the name of the decomposition
+    "pivoted_lu": PIVOTED_LU_LAW,
+    "qr": QR_LAW,
+    "qr_transposed": QR_TRANSPOSED_LAW,
+    "given": GIVEN_LAW,
+}
+# asymmetry or negative eigenvalue that rounding may leave, as a share of the largest one
+TOLERANCE = 1e-12
 
 
 class Law(NamedTuple):
-    """A step for compiled code (:mod:`pipeline.models.kernel`)."""
+    """Law of a step for compiled code (:mod:`pipeline.models.kernel`)."""
 
-    kind: int  # one of those above
+    kind: int  # one of the constants above
     parameters: ndarray  # (K,) of the law
-    sets: int  # of normal variates that a pose takes, drawn one after the other for all poses
-    each: int  # normal variates of a pose in a set
-    degrees: ndarray = np.empty(0)  # of freedom of the χ² variates that a pose takes
+    sets: int  # sets of normal variates a pose; all poses draw one set before the next
+    normals: int  # normal variates of a pose in a set
+    degrees: ndarray = np.empty(0)  # degrees of freedom of the χ² variates of a pose
 
 
 class Commands(NamedTuple):
-    """Commands of M steps of m task rows: v_k + κ(x*_k − x(q_k)) of the pose q_k before a step."""
+    """Commands v_k + κ(x*_k − x(q_k)) of M steps of m task rows, q_k the pose before the step."""
 
     v: ndarray  # (M, m) or (M, m + n)
-    path: ndarray  # (M, p) x* before each step, as the chain has a pose
-    share: float  # κ, of the deviation from the path that a step corrects; 0 of an open loop
+    path: ndarray  # (M, p) x* before each step, a pose as the chain returns it
+    share: float  # κ, share of the deviation from the path that a step corrects; 0: open loop
 
 
 def open_loop(v: ndarray) -> Commands:
-    """Commands ``v`` (M, m) or longer, whatever the pose."""
+    """Commands ``v`` (M, m) or (M, m + n) that do not depend on the pose."""
     return Commands(v, np.zeros_like(v), 0.0)
 
 
@@ -48,19 +58,19 @@ def task_step(chain: Mechanism, command: ndarray) -> ndarray:
 
 
 def frobenius(matrix: ndarray) -> ndarray:
-    """(...,) Frobenius norm of ``matrix`` (..., n, n), the paper's norm of a matrix."""
+    """(...,) Frobenius norm of ``matrix`` (..., n, m), the paper's norm of a matrix."""
     return np.sqrt(np.einsum("...ij,...ij->...", matrix, matrix))
 
 
 class MotionModel(Protocol):
     """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt.
 
-    ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or longer is a command. All methods
-    raise SingularJacobianError where J(q) has no inverse, missing moments ModelDomainError.
+    ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or (..., m + n) is a command. All
+    methods raise SingularJacobianError at a singular pose, ModelDomainError for a missing moment.
     """
 
     def law(self, chain: Chain) -> Law:
-        """Law of a compiled step of the arm ``chain``."""
+        """Return the law of a compiled step of the arm ``chain``."""
 
     def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) E[q_{k+1} | q_k = q] in rad."""
@@ -69,8 +79,8 @@ class MotionModel(Protocol):
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "MotionModel":
-        """Model whose own level (σ_B, α, a factor on a covariance) gives the covariances of the
-        steps a mean trace of ``trace`` > 0 in rad²; raises ModelDomainError where no level does.
+        """Return the model whose noise level (σ_B, α or a factor on a covariance) gives the steps'
+        covariances the mean ``trace`` > 0 in rad². Raises ModelDomainError where no level does.
         """
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
@@ -82,19 +92,96 @@ class MotionModel(Protocol):
         self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
     ) -> ndarray:
         """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus N(0, ``measurement``)
-        (n, n) in rad² where that is given. Raises ModelDomainError where the covariance is
-        singular, as of a matrix model at rest without it.
+        (n, n) in rad² if given. Raises ModelDomainError for a singular covariance, as a matrix
+        model has at rest without ``measurement``.
         """
 
 
-def row_by_row(matrix: ndarray, size: int) -> ndarray:
-    """(size·size,) ``matrix`` (size, size) row by row; ModelDomainError for another size than the
-    arm's joints or task rows.
+def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
+    """Variances (n,), ascending and not negative, and axes (n, n), in columns, of ``covariance``
+    (n, n). Raises ModelDomainError if it is not finite, symmetric and positive semidefinite.
     """
-    if matrix.shape != (size, size):
+    covariance = np.asarray(covariance, dtype=float)
+    square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
+    if square and np.all(np.isfinite(covariance)):
+        variances, axes = np.linalg.eigh(covariance)
+        asymmetry = np.abs(covariance - covariance.T).max() / max(np.abs(covariance).max(), 1e-300)
+        if max(asymmetry, -variances[0] / max(abs(variances[-1]), 1e-300)) <= TOLERANCE:
+            return np.maximum(variances, 0.0), axes
+    message = "a covariance must be a finite, symmetric and positive semidefinite matrix"
+    raise ModelDomainError(message, covariance=covariance.tolist())
+
+
+def root(covariance: ndarray) -> ndarray:
+    """(n, n) symmetric square root of ``covariance`` (n, n), which may be singular."""
+    variances, axes = principal_axes(covariance)
+    return (axes * np.sqrt(variances)) @ axes.T
+
+
+def trace_factor(covariances: ndarray, trace: float) -> float:
+    """Factor on ``covariances`` (..., n, n) in rad² that gives them the mean ``trace`` in rad²;
+    raises ModelDomainError if they are all zero.
+    """
+    current = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
+    if not current > 0:
+        message = "a model without noise at any step has no level that could be solved"
+        raise ModelDomainError(message, trace_rad2=current)
+    return trace / current
+
+
+def without_measurement(covariance: ndarray, measurement: ndarray) -> tuple[ndarray, int]:
+    """(n, n) ``covariance`` less ``measurement`` (n, n) in rad², negative variances set to zero;
+    and the number of those.
+    """
+    variances, axes = np.linalg.eigh(covariance - measurement)
+    return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))
+
+
+class NormalModel(ABC):
+    """q_{k+1} ~ N(q_k + J⁺v + the null-space step, Cov); a subclass defines Cov. The methods are
+    described in :class:`MotionModel`.
+    """
+
+    @abstractmethod
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray: ...
+
+    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        return q + chain.nominal_step(q, v)
+
+    def sample(self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
+        mean = self.mean(chain, q, v)
+        variances, axes = np.linalg.eigh(self.covariance(chain, q, v))
+        white = np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(mean.shape)
+        return mean + np.matvec(axes, white)
+
+    def log_density(
+        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+    ) -> ndarray:
+        covariance = self.covariance(chain, q, v)
+        if measurement is not None:
+            _ = principal_axes(measurement)  # raises if it is no covariance
+            covariance = covariance + measurement
+        return normal_log_density(q_next - self.mean(chain, q, v), covariance)
+
+
+def normal_log_density(deviation: ndarray, covariance: ndarray) -> ndarray:
+    """(...,) ln N(``deviation``; 0, ``covariance``) in rad⁻ⁿ, of (..., n) in rad and (..., n, n) in
+    rad², which broadcast. Raises ModelDomainError for a singular covariance.
+    """
+    variances, axes = np.linalg.eigh(covariance)
+    return axis_log_density(np.vecmat(deviation, axes) ** 2, variances)
+
+
+def axis_log_density(squared: ndarray, variances: ndarray) -> ndarray:
+    """(...,) log density of independent normals of ``variances`` (..., n), ascending, at deviations
+    with the squares ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
+    """
+    singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
+    if np.any(singular):
         raise ModelDomainError(
-            f"the model's matrix must have a row for each of the {size} joints or task rows of "
-            "this arm; run the stage fit for it",
-            shape=matrix.shape,
+            f"the covariance is singular at {int(np.count_nonzero(singular))} of {singular.size} "
+            "step(s), where the law has no density: "
+            "give the covariance of the measurement noise",
+            least_variance=float(variances.min()),
         )
-    return matrix.ravel()
+    return -0.5 * (np.log(2 * np.pi * variances) + squared / variances).sum(axis=-1)

@@ -1,9 +1,10 @@
 """Held-out scores over other motions: every model is fitted to all motions but one and scored on
-that one, each in turn. With a single motion the takes take the motions' place.
+that one, each in turn. For a single motion its takes are held out in place of motions.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -15,15 +16,15 @@ from scipy.special import ndtri
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, PipelineError
 from pipeline.models import kinds
-from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, JointStepFit, fit_joint_steps
-from pipeline.models.options import Options
-from pipeline.models.steps import Recorded
+from pipeline.models.joint_steps import LEAST_SHARE, PLAIN, JointStepFit, fit_joint_steps
+from pipeline.models.steps import Options, Recorded
 
-MOST_TAKES = 10  # held out one by one where there is a single motion
+MOST_TAKES = 10  # groups of takes that are held out for a single motion
 QUANTILES = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]])
 SIGMAS = {"one": 1, "two": 2, "three": 3}
 UNTOLD = ["parameter", "joint", "found", "required"]  # of a parameter without a number
 EACH = "each"  # row of the mean over the held-out motions
+concat = partial(pd.concat, ignore_index=True)
 
 
 class MotionSteps(NamedTuple):
@@ -35,34 +36,35 @@ class MotionSteps(NamedTuple):
     noise: ndarray  # (takes, M, n) rad, measured minus commanded step
 
 
-def pooled(chosen: Sequence[MotionSteps]) -> tuple[ndarray, ndarray]:
-    """(N, n) commanded steps and noise in rad of all takes of the ``chosen`` motions."""
-    flat = [[each.reshape(-1, each.shape[-1]) for each in one[2:]] for one in chosen]
-    return tuple(np.concatenate(each) for each in zip(*flat, strict=True))
+def all_steps(motions: Sequence[MotionSteps]) -> tuple[ndarray, ndarray]:
+    """Commanded steps and noise (N, n) in rad of all takes of the ``motions``."""
+    n = motions[0].q.shape[-1]
+    dq = np.concatenate([motion.dq.reshape(-1, n) for motion in motions])
+    return dq, np.concatenate([motion.noise.reshape(-1, n) for motion in motions])
 
 
 def motion_of(recorded: Recorded) -> MotionSteps:
-    """The one motion that the stages analyse."""
+    """Return the one motion that the stages analyse."""
     dq = recorded.chain.nominal_step(recorded.q, recorded.v)
     return MotionSteps("1", recorded.q, np.broadcast_to(dq, recorded.q.shape), recorded.noise)
 
 
 def recorded_motions(
     chain: Chain,
-    chosen: Sequence[MotionSteps],
+    motions: Sequence[MotionSteps],
     joints: Sequence[str],
     pose_noise: float | None,
     least: int = 2,
 ) -> Recorded:
-    """The ``chosen`` motions of at least ``least`` takes one behind the other, as many takes of
-    each as the least repeated has. Raises SingularJacobianError at a singular pose,
-    ModelDomainError where no motion has so many.
+    """Return the ``motions`` of at least ``least`` takes as one, each with as many takes as the
+    least repeated one. Raises SingularJacobianError at a singular pose, ModelDomainError without
+    such a motion.
     """
-    chosen = [motion for motion in chosen if len(motion.q) >= least]
-    if not chosen:
+    motions = [motion for motion in motions if len(motion.q) >= least]
+    if not motions:
         raise ModelDomainError("a matrix model needs two takes of a motion")
-    takes = min(len(motion.q) for motion in chosen)
-    parts = zip(*([each[:takes] for each in motion[1:]] for motion in chosen), strict=True)
+    takes = min(len(motion.q) for motion in motions)
+    parts = zip(*([each[:takes] for each in motion[1:]] for motion in motions), strict=True)
     q, dq, noise = (np.concatenate(each, axis=1) for each in parts)
     chain.require_regular(q, what="measured pose")
     command = dq.mean(axis=0)
@@ -83,37 +85,38 @@ def other_motions(
     chain: Chain | None = None,
     matrix: Mapping[str, Options] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Score the plain models, and the ``matrix`` models of the arm ``chain`` where there are two
-    motions or more; tables by name.
+    """Score the plain models and, for two motions or more, the ``matrix`` models of the arm
+    ``chain``; return tables by name.
 
-    ``other_motions`` (model, motion, log score in nats a step, reason where there is none),
+    ``other_motions`` (model, motion, log score in nats a step, reason for a missing score),
     ``motion_spread`` (predicted and measured rms of a step by motion, joint and model), ``tails``
     (kurtosis and coverage of the held-out noise), ``noise_quantiles``, ``plain_parameters``,
     ``untold``, ``motions`` and ``motion_ranges``. Raises ModelDomainError without noise.
     """
-    stated, whole, parts = pose_noise or 0.0, pooled(motions), motions
+    stated, parts = pose_noise or 0.0, motions
     if len(motions) == 1:
-        takes, steps = len(motions[0].q), motions[0][1:]
-        groups = np.array_split(np.arange(takes), min(MOST_TAKES, takes))
-        names = [f"take {one[0] + 1}" for one in groups]
-        cut = [[each[one] for each in steps] for one in groups]
-        parts = [MotionSteps(name, *one) for name, one in zip(names, cut, strict=True)]
+        takes = np.arange(len(motions[0].q))
+        groups = np.array_split(takes, min(MOST_TAKES, len(takes)))
+        parts = [
+            MotionSteps(f"take {group[0] + 1}", *(each[group] for each in motions[0][1:]))
+            for group in groups
+        ]
+    whole = all_steps(motions)
     fits = {name: fit_joint_steps(name, *whole, joints, pose_noise=stated) for name in PLAIN}
     scores, spreads, standard = [], [], {}
     for name, part in product(PLAIN, parts):
-        rest = pooled([other for other in parts if other is not part] or parts)
+        others = all_steps([other for other in parts if other is not part] or parts)
         try:
-            start, (dq, noise) = fits[name].model, pooled([part])
-            model = fit_joint_steps(name, *rest, joints, pose_noise=stated, start=start).model
-            score = float(model.noise_log_density(dq, noise).mean())
+            start, (dq, noise) = fits[name].model, all_steps([part])
+            model = fit_joint_steps(name, *others, joints, pose_noise=stated, start=start).model
+            scores.append((name, part.name, float(model.noise_log_density(dq, noise).mean()), ""))
         except ModelDomainError as error:
             scores.append((name, part.name, np.nan, error.message))
             continue
-        scores.append((name, part.name, score, ""))
         std = np.sqrt(np.diagonal(model.covariance_of_joint_step(dq), axis1=-2, axis2=-1))
         standard.setdefault(name, []).append(noise / std)
-        rms = (np.sqrt(np.mean(each**2, axis=0)) for each in (std, noise))
-        spread = dict(zip(("predicted_rad", "measured_rad"), rms, strict=True))
+        rms = [np.sqrt(np.mean(each**2, axis=0)) for each in (std, noise)]
+        spread = {"predicted_rad": rms[0], "measured_rad": rms[1]}
         spreads.append(pd.DataFrame({"motion": part.name, "joint": joints, "model": name} | spread))
     if chain is not None and len(motions) > 1:
         scores += _matrix_scores(motions, joints, pose_noise, chain, matrix or {})
@@ -122,12 +125,12 @@ def other_motions(
     together = means.reset_index().assign(motion=EACH, reason="")
     untold = [(name, *row) for name, fit in fits.items() for row in fit.untold]
     return {
-        "other_motions": pd.concat([rows, together[rows.columns]], ignore_index=True),
-        "motion_spread": pd.concat(spreads, ignore_index=True),
+        "other_motions": concat([rows, together[rows.columns]]),
+        "motion_spread": concat(spreads),
         **_tails({name: np.concatenate(z) for name, z in standard.items()}, joints),
-        "plain_parameters": _parameters(fits),
+        "plain_parameters": concat([_parameters(name, fit) for name, fit in fits.items()]),
         "untold": pd.DataFrame(untold, columns=["model", *UNTOLD]),
-        "motions": _listed(motions, joints),
+        "motions": _motion_list(motions, joints),
         "motion_ranges": joint_ranges(motions, joints, rate),
     }
 
@@ -135,9 +138,9 @@ def other_motions(
 def _matrix_scores(motions, joints, pose_noise, chain, matrix) -> list[tuple]:
     rows = []
     for (name, options), part in product(matrix.items(), motions):
-        rest = [other for other in motions if other is not part]
+        others = [other for other in motions if other is not part]
         try:
-            fitted = recorded_motions(chain, rest, joints, pose_noise)
+            fitted = recorded_motions(chain, others, joints, pose_noise)
             model = kinds.estimate(fitted, replace(options, closed_loop=False)).model
             scored = recorded_motions(chain, [part], joints, pose_noise, least=1)
             steps = chain, scored.q, scored.v, scored.q_next
@@ -153,35 +156,31 @@ def _tails(standard: Mapping[str, ndarray], joints: Sequence[str]) -> dict[str, 
     for name, z in standard.items():
         square = np.mean(z**2, axis=0)
         kurtosis = np.mean(z**4, axis=0) / np.where(square > 0, square, 1.0) ** 2
-        own = {"model": name, "joint": joints}
         inside = {f"{each}_sigma": np.mean(np.abs(z) <= s, axis=0) for each, s in SIGMAS.items()}
-        tails.append(pd.DataFrame(own | {"kurtosis": kurtosis} | inside))
+        tails.append(pd.DataFrame({"model": name, "joint": joints, "kurtosis": kurtosis} | inside))
+        columns = {"model": name, "joint": np.repeat(joints, len(QUANTILES))}
+        columns |= {"normal": np.tile(ndtri(QUANTILES), len(joints))}
         drawn = np.quantile(z, QUANTILES, axis=0).T
-        normal = {"normal": np.tile(ndtri(QUANTILES), len(joints)), "noise": drawn.ravel()}
-        own["joint"] = np.repeat(joints, len(QUANTILES))
-        quantiles.append(pd.DataFrame(own | normal))
-    tables = {"tails": tails, "noise_quantiles": quantiles}
-    return {name: pd.concat(rows, ignore_index=True) for name, rows in tables.items()}
+        quantiles.append(pd.DataFrame(columns | {"noise": drawn.ravel()}))
+    return {"tails": concat(tails), "noise_quantiles": concat(quantiles)}
 
 
-def _parameters(fits: Mapping[str, JointStepFit]) -> pd.DataFrame:
-    """Parameters of the plain models; gaps where the steps cannot tell them."""
-    tables = []
-    for name, (own, untold) in fits.items():
-        unknown = [joint for what, joint, *_ in untold if what == "degrees of freedom"]
-        known = np.isfinite(own.degrees) & ~np.isin(own.joints, unknown)
-        columns = {
-            "at_rest_rad": np.sqrt(own.resolution**2 + own.floor),
-            "share_of_step": np.sqrt(own.gain) if PLAIN[name][0] == 2 else np.nan,
-            "per_angle_rad": own.gain if PLAIN[name][0] == 1 else np.nan,
-            "degrees": np.where(known, own.degrees, np.nan),
-            "greatest_step_rad": own.reach,
-        }
-        tables.append(pd.DataFrame({"model": name, "joint": own.joints} | columns))
-    return pd.concat(tables, ignore_index=True)
+def _parameters(name: str, fit: JointStepFit) -> pd.DataFrame:
+    """Parameters of a plain model, NaN for those that the steps cannot tell."""
+    model = fit.model
+    unknown = [joint for what, joint, *_ in fit.untold if what == "degrees of freedom"]
+    known = np.isfinite(model.degrees) & ~np.isin(model.joints, unknown)
+    columns = {
+        "at_rest_rad": np.sqrt(model.resolution**2 + model.floor),
+        "share_of_step": np.sqrt(model.gain) if PLAIN[name][0] == 2 else np.nan,
+        "per_angle_rad": model.gain if PLAIN[name][0] == 1 else np.nan,
+        "degrees": np.where(known, model.degrees, np.nan),
+        "greatest_step_rad": model.reach,
+    }
+    return pd.DataFrame({"model": name, "joint": model.joints} | columns)
 
 
-def _listed(motions: Sequence[MotionSteps], joints: Sequence[str]) -> pd.DataFrame:
+def _motion_list(motions: Sequence[MotionSteps], joints: Sequence[str]) -> pd.DataFrame:
     greatest = np.array([np.abs(motion.dq).max(axis=(0, 1)) for motion in motions])
     rows = []
     for motion, moving in zip(motions, greatest >= LEAST_SHARE * greatest.max(), strict=True):
@@ -195,10 +194,10 @@ def joint_ranges(
 ) -> pd.DataFrame:
     """Ends of the measured poses and of the commanded joint speeds over all ``motions``."""
     poses = np.concatenate([motion.q.reshape(-1, len(joints)) for motion in motions])
-    ranges = ("pose", "rad", poses), ("joint speed", "rad/s", rate * pooled(motions)[0])
-    tables = []
-    for quantity, unit, values in ranges:
-        ends = {"least": values.min(axis=0), "greatest": values.max(axis=0)}
-        named = {"quantity": quantity, "name": joints, "unit": unit}
-        tables.append(pd.DataFrame(named | ends))
-    return pd.concat(tables, ignore_index=True)
+    ranges = ("pose", "rad", poses), ("joint speed", "rad/s", rate * all_steps(motions)[0])
+    return concat(
+        pd.DataFrame({"quantity": quantity, "name": joints, "unit": unit}).assign(
+            least=values.min(axis=0), greatest=values.max(axis=0)
+        )
+        for quantity, unit, values in ranges
+    )

@@ -1,5 +1,5 @@
-"""One-step predictions of a motion model, scored by the poses that were measured, and its process
-noise at the recorded poses; the measurement noise is added to the model's step.
+"""Scores of a motion model's one-step predictions of the measured poses, and its process noise at
+the recorded poses. The measurement noise is added to the model's step.
 """
 
 from collections.abc import Mapping
@@ -11,12 +11,11 @@ from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
-from pipeline.models.options import Options
-from pipeline.models.steps import Recorded, at_recorded_level
+from pipeline.models.steps import Options, Recorded, at_recorded_level
 from pipeline.statistics.curves import ModelledNoise
 from pipeline.statistics.scores import nees, normal_log_score
 
-Steps = dict[str, ndarray]  # score → its values at the steps of a take
+Steps = dict[str, ndarray]  # score → values at the steps of a take
 DRAWS = 1000  # of a step's process noise, over the poses of all takes
 
 
@@ -26,10 +25,9 @@ def score_take(
     recorded: Recorded,
     models: Mapping[str, MotionModel | Options],
 ) -> tuple[Steps, dict[str, str]]:
-    """Scores of the steps of one take, ``trial`` the name of a model and the number of the take,
-    under a fitted model or, where ``models`` has options of one, under their fit to the other takes
-    of ``recorded``, without which there are none; why some are missing. ``takes`` has names and
-    poses (M+1, n) in rad by number.
+    """Scores of the steps of one take as :func:`score_steps`; ``trial`` is the name of a model and
+    the number of the take, ``takes`` has names and poses (M+1, n) in rad by number. Options in
+    ``models`` are fitted to the other takes of ``recorded``; if that fails there are no scores.
     """
     name, number = trial
     model, (take, poses) = models[name], takes[number]
@@ -48,53 +46,51 @@ def score_take(
 def score_steps(
     model: MotionModel, recorded: Recorded, poses: ndarray
 ) -> tuple[Steps, dict[str, str]]:
-    """Scores (M,) by name of the steps between the measured ``poses`` (M+1, n) in rad of one take
-    under the commands of ``recorded``, whose Σ_m is added; why the missing ones are missing.
+    """Scores by name of the steps between the measured ``poses`` (M+1, n) in rad of one take under
+    the commands of ``recorded``, whose Σ_m is added; and the reasons for missing (NaN) scores.
 
-    ``log_density`` in ln rad⁻ⁿ; the error ``z`` (M, n) in predicted standard deviations and its
-    ``nees``, gaps where the model has no covariance. Raises SingularJacobianError.
+    ``log_density`` (M,) in ln rad⁻ⁿ; the error ``z`` (M, n) in predicted standard deviations and
+    its ``nees`` (M,), NaN for a model without a covariance. Raises SingularJacobianError.
     """
     chain, v, measurement = recorded.chain, recorded.v, recorded.measurement
     q, q_next, reasons = poses[:-1], poses[1:], {}
-    scores = {"log_density": np.full(len(q), np.nan), "z": np.full(q.shape, np.nan)}
-    scores["nees"] = scores["log_density"]
+    gaps = np.full(len(q), np.nan)
+    scores = {"log_density": gaps, "z": np.full(q.shape, np.nan), "nees": gaps}
     try:
         scores["log_density"] = model.log_density(chain, q, v, q_next, measurement)
     except ModelDomainError as error:
         reasons["log density"] = str(error)
     try:
         covariance = model.covariance(chain, q, v) + measurement
-        scores |= _moments_scores(q_next - model.mean(chain, q, v), covariance)
+        error = q_next - model.mean(chain, q, v)
+        scores |= {"z": _standardise(error, covariance), "nees": nees(error, covariance)}
     except ModelDomainError as error:
         reasons["mean and covariance"] = str(error)
     return scores, reasons
 
 
 def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, str]]:
-    """The scores of :func:`score_steps` of predictions N(0, ``covariance``) (M, n, n) in rad² of
-    ``error`` (M, n) in rad; all but ``z`` are gaps where a covariance is singular, as a sample's of
-    few takes is.
+    """Scores as of :func:`score_steps` for predictions N(0, ``covariance``) (M, n, n) in rad² of
+    ``error`` (M, n) in rad; all but ``z`` are NaN if a covariance is singular, as a sample
+    covariance of few takes is.
     """
-    gaps, scores = np.full(len(error), np.nan), {"z": _standardised(error, covariance)}
+    z = {"z": _standardise(error, covariance)}
     try:
-        scores["log_density"] = normal_log_score(error, covariance)
-        return scores | _moments_scores(error, covariance), {}
+        log_density = normal_log_score(error, covariance)
+        return z | {"log_density": log_density, "nees": nees(error, covariance)}, {}
     except ModelDomainError as refused:
-        return scores | {"log_density": gaps, "nees": gaps}, {"log density": str(refused)}
+        gaps = np.full(len(error), np.nan)
+        return z | {"log_density": gaps, "nees": gaps}, {"log density": str(refused)}
 
 
-def _moments_scores(error: ndarray, covariance: ndarray) -> Steps:
-    return {"z": _standardised(error, covariance), "nees": nees(error, covariance)}
-
-
-def _standardised(error: ndarray, covariance: ndarray) -> ndarray:
-    with np.errstate(divide="ignore", invalid="ignore"):  # where takes of encoders are all alike
+def _standardise(error: ndarray, covariance: ndarray) -> ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):  # takes of encoders may all be equal
         return error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
 
 
 def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
-    """Groups of steps by name, each (M,) bool: all, those at rest where there are any, and thirds
-    of the others by the commanded speed ‖q̇‖ of the joints in rad/s, its mean over the takes.
+    """Groups of steps by name, each (M,) bool: all, the steps at rest if any, and thirds of the
+    moving steps by the commanded joint speed ‖q̇‖ in rad/s, its mean over the takes.
     """
     dq = recorded.chain.nominal_step(recorded.q, recorded.v)
     speeds = rate * np.linalg.norm(dq, axis=-1).mean(axis=0)
@@ -112,18 +108,18 @@ def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
 def modelled_noise(
     model: MotionModel, recorded: Recorded, rng: np.random.Generator, draws: int = DRAWS
 ) -> ModelledNoise:
-    """Process noise of ``model`` at the poses of ``recorded``, its level solved again for the
-    recorded total variance; raises what :func:`pipeline.models.steps.at_recorded_level` raises.
+    """Process noise of ``model`` at the poses of ``recorded``, at the level of the recorded total
+    variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
-    own, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
-    covariance = own.covariance(chain, q, v)
+    model, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
+    covariance = model.covariance(chain, q, v)
     takes = np.resize(np.arange(len(q)), draws)
-    noise = draw_steps(own, chain, q[takes], v, rng)[0] - (q + chain.nominal_step(q, v))[takes]
+    noise = draw_steps(model, chain, q[takes], v, rng)[0] - (q + chain.nominal_step(q, v))[takes]
     root = np.linalg.cholesky(recorded.measurement + 1e-30 * np.eye(q.shape[-1]))
     noise += rng.standard_normal(noise.shape) @ root.T
     return ModelledNoise(
         motion=np.diagonal(covariance, axis1=-2, axis2=-1).mean(axis=0),
         measurement=np.diagonal(recorded.measurement),
-        error=own.mean(chain, q, v) - recorded.q_next,
+        error=model.mean(chain, q, v) - recorded.q_next,
         draws=noise,
     )

@@ -1,8 +1,8 @@
-"""Recorded steps of a motion, their variances, and the result of an estimator.
+"""Recorded steps of a motion and their process noise, and options and result of an estimator.
 
-Standard deviations of two models are compared at an equal level, since the model with less noise in
-total has the smaller error where noise is missed. A model's level is its own parameter (σ_B; α
-under a fixed u; a factor on a covariance), which ``with_trace`` solves for.
+Standard deviations of two models are compared at an equal total variance; otherwise the model with
+less noise in total has the smaller error. A model's level is its own parameter (σ_B; α at a fixed
+u; a factor on a covariance), which ``with_trace`` solves for.
 """
 
 from collections.abc import Callable
@@ -14,10 +14,20 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.arm.interface import Chain
+from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
-from pipeline.models.noise import measurement_covariance
+from pipeline.statistics.takes import takes_moments
+
+
+@validation.options()
+class Options:
+    """Base of the options of a model; the ``fit.py`` of each kind has a subclass of this name."""
+
+    kind: str  # the model's folder in pipeline/models
+    label: str = ""  # name in legends and tables
+    closed_loop: bool = True  # whether the closed-loop form is fitted and filtered too
 
 
 @dataclass(frozen=True)
@@ -26,16 +36,16 @@ class Recorded:
 
     chain: Chain
     q: ndarray  # (takes, M, n) rad, measured pose before each step
-    # (M, m) or (M, m + n), commands (pipeline.models.model); of a closed loop one for each take
+    # (M, m) or (M, m + n), commands (pipeline.models.model); in a closed loop one for each take
     v: ndarray
     noise: ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
-    known_measurement: ndarray | None = None  # (n, n) rad², where Σ_m is known
+    known_measurement: ndarray | None = None  # (n, n) rad², Σ_m if it is known
 
     @cached_property
     def measurement(self) -> ndarray:
-        """(n, n) Σ_m in rad², the noise of a step at rest where it is not known; raises
-        ModelDomainError where the motion never rests.
+        """(n, n) Σ_m in rad², if unknown the covariance of the noise of steps at rest; raises
+        ModelDomainError for a motion that never rests.
         """
         if self.known_measurement is not None:
             return self.known_measurement
@@ -47,7 +57,7 @@ class Recorded:
         return self.q + self.chain.nominal_step(self.q, self.v) + self.noise
 
     def subset(self, takes: ndarray) -> "Recorded":
-        """The takes with these numbers, as often as each is named."""
+        """Return the takes with these numbers, repeated as the numbers are."""
         v = self.v if self.v.ndim == 2 else self.v[takes]
         return replace(self, q=self.q[takes], v=v, noise=self.noise[takes])
 
@@ -56,18 +66,17 @@ class Recorded:
 class Estimate:
     """Result of an estimator."""
 
-    # of the model, plain values, as :func:`pipeline.models.kinds.build_model` takes them
-    parameters: dict[str, Any]
-    estimates: dict[str, float]  # by name and unit: what a standard error can be given to
-    diagnostics: dict[str, float]  # how the estimate came about
-    details: Any = None  # the fit itself, where more than its parameters is needed
-    # numbers of the takes → the estimates of these takes, where that is quicker than another fit
+    parameters: dict[str, Any]  # plain values for :func:`pipeline.models.kinds.build_model`
+    estimates: dict[str, float]  # by name and unit, those that have a standard error
+    diagnostics: dict[str, float]
+    details: Any = None  # the fit itself, for diagnostics that need more than its parameters
+    # numbers of the takes → the estimates of these takes, for a function faster than another fit
     from_takes: Callable[[ndarray], dict[str, float]] | None = None
     undetermined: tuple[str, ...] = ()  # estimates at an end of their search, without an interval
 
     @property
     def model(self) -> MotionModel:
-        """The model with these parameters."""
+        """Model with these parameters."""
         return kinds.build_model(self.parameters)
 
 
@@ -79,9 +88,55 @@ class Truth(NamedTuple):
     values: dict[str, float]
 
 
+def process_noise(chain: Chain, q: ndarray, command: ndarray) -> ndarray:
+    """(takes, M, n) noise ω_{k+1} = q̃_{k+1} − q̃_k − J(q̃_k)⁻¹ẋᵈ_kΔt in rad of measured joint
+    angles ``q`` (takes, M+1, n) in rad under ``command`` (M, m) or (M, m + n).
+
+    Measured minus nominal, as the additive model (InvDiffRndm) and (Omegk) need it; (OmgReal)
+    prints the opposite sign. Raises SingularJacobianError.
+    """
+    chain.require_regular(q[:, :-1], what="measured pose")
+    nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], command)
+    return q[:, 1:] - nominal
+
+
+def mean_covariance(noise: ndarray) -> ndarray:
+    """(n, n) Σ̂_ω = (1/M) Σ_k Σ̂_k in rad², Σ̂_k the covariance of ``noise`` ω (takes, M, n)."""
+    return takes_moments(noise)[1].mean(axis=0)
+
+
+def measurement_covariance(noise: ndarray, v: ndarray) -> ndarray:
+    """(n, n) Σ_m in rad²: mean sample covariance of ``noise`` ω (takes, M, n) at the steps without
+    a command in ``v`` (M, m) or (M, m + n). ω is the noise of two measured poses there. Raises
+    ModelDomainError for a motion without rest or a single take.
+    """
+    still = ~np.any(v, axis=-1)
+    if not np.any(still):
+        message = "the motion never rests: measurement noise cannot be separated from the motion's"
+        raise ModelDomainError(message, steps=len(v))
+    return mean_covariance(noise[:, still])
+
+
+def rest_covariance(q: ndarray, v: ndarray) -> ndarray:
+    """(n, n) in rad², mean sample covariance over the takes of measured poses ``q`` (takes, M+1, n)
+    in rad at steps without a command: the noise of a measured pose plus the constant deviation of a
+    take, which cancels in the differences that Σ_m is made of.
+    """
+    return measurement_covariance(q[:, :-1], v)
+
+
+def recorded_deviation(q: ndarray, noise: ndarray, mode: str) -> ndarray:
+    """(M+1, n) standard deviation over the takes in rad: of ``noise`` ω (takes, M, n), zero at
+    k = 0, in mode ``one_step``; of the recorded angles ``q`` (takes, M+1, n) in ``free_running``.
+    """
+    if mode == "one_step":
+        return np.vstack([np.zeros((1, q.shape[-1])), noise.std(axis=0, ddof=1)])
+    return q.std(axis=0, ddof=1)
+
+
 def moving_steps(recorded: Recorded) -> tuple[ndarray, ndarray, ndarray]:
-    """Poses (N, n), commands (N, m) or longer and ω (N, n) of the steps with a command; raises
-    ModelDomainError for a motion at rest throughout.
+    """Poses (N, n), commands (N, m) or (N, m + n) and ω (N, n) of the steps with a command; raises
+    ModelDomainError for a motion at rest at every step.
     """
     q, v, noise = recorded.q, recorded.v, recorded.noise
     commanded = np.broadcast_to(v, (*q.shape[:-1], v.shape[-1]))
@@ -93,14 +148,14 @@ def moving_steps(recorded: Recorded) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, float]]:
-    """Function of the numbers of any takes, as often as each is named: traces (M,) of their sample
-    covariance of ω at each step and the trace of the measurement noise, in rad².
+    """Return a function of the numbers of any takes: traces (M,) of their sample covariance of ω at
+    each step, and the trace of the measurement noise, in rad².
 
-    Raises ModelDomainError where the measurement noise is not known; the function for a single take
-    and where no variance is left to the motion.
+    Raises ModelDomainError if the measurement noise is unknown; so does the function for a single
+    take and for a total variance that is not above the measurement's.
     """
     known, _ = recorded.known_measurement, recorded.measurement  # raises
-    still = ~np.any(recorded.v, axis=-1)  # of which the measurement noise is taken if not known
+    still = ~np.any(recorded.v, axis=-1)
     noise = (recorded.noise - recorded.noise.mean(axis=0)).reshape(len(recorded.noise), -1)
 
     def of_takes(takes: ndarray) -> tuple[ndarray, float]:
@@ -126,9 +181,9 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
 
 
 def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
-    """The model whose level makes the mean trace of the covariance of a step plus the trace of the
-    measurement noise equal to the recorded one. Raises SingularJacobianError, and ModelDomainError
-    as :func:`take_variances` and where no level of the model has the trace.
+    """Return the model at the level where the mean trace of a step's covariance plus the trace of
+    the measurement noise equals the recorded one. Raises SingularJacobianError, and
+    ModelDomainError as :func:`take_variances` and for a trace that no level gives.
     """
     traces, measured = take_variances(recorded)(np.arange(len(recorded.q)))
     level = float(traces.mean()) - measured

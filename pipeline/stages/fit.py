@@ -14,8 +14,7 @@ from pipeline.models import bootstrap, kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.model import MotionModel
-from pipeline.models.options import Options
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.steps import Estimate, Options, Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE
 
@@ -43,10 +42,10 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
     resample = partial(_resample, model, recorded, settings)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
-    numbers, tables = kinds.examined(recorded, options, estimate, checks, stream)
+    numbers, tables = kinds.diagnose(recorded, options, estimate, checks, stream)
     replicates, uncertainty = resample(estimate, options)
     metrics = {}
-    for pattern, variant in kinds.compared(options).items():
+    for pattern, variant in kinds.estimator_options(options).items():
         result, refused, errors = estimate, reason, uncertainty
         if variant != options:
             result, refused = _estimate(recorded, variant)

@@ -13,10 +13,9 @@ from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.closed_loop import measured_poses
 from pipeline.models.kinds import estimate, fitted_models
-from pipeline.models.options import Options
 from pipeline.models.other_motions import motion_of, other_motions
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Options, Recorded
 from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import compared, log_score_differences, prediction_scores

@@ -15,8 +15,7 @@ from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.measurement import measured_takes
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model
-from pipeline.models.noise import recorded_deviation
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed

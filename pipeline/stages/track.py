@@ -12,7 +12,7 @@ from pipeline.core import config, contracts
 from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import SingularJacobianError
-from pipeline.models.noise import process_noise
+from pipeline.models.steps import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.clocks import on_motion_clock, with_markers

@@ -21,8 +21,7 @@ from pipeline.core.columns import matrices, spread, values
 from pipeline.laboratory import session
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.swing import desired_trajectory
-from pipeline.models.noise import process_noise
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
 RESTING = 40  # takes from which the noise of the arm alone at rest is estimated

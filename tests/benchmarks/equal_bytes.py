@@ -30,8 +30,7 @@ from scenario import Take, drawn_takes, scene, take
 from pipeline.core.config import CONF
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate, options_type
-from pipeline.models.noise import process_noise
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.statistics.densities import kernel_density, normal_reference_bandwidth
 
 TAKES, STEPS, REST = 12, 60, 15

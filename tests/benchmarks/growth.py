@@ -24,8 +24,7 @@ from scenario import Take, drawn_takes, take
 
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.options.analysis import Compute, Dask, Wrench
-from pipeline.models.noise import process_noise
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.models.wishart.fit import problem_steps, solve_problems
 from pipeline.models.wishart.perturbation import objective_weights
 from pipeline.wrench.study import run_study

@@ -19,8 +19,7 @@ from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import MEMORY
 from pipeline.filtering.particle_filter import FilterOptions, Posterior
 from pipeline.models.kinds import options_type
-from pipeline.models.noise import mean_covariance, process_noise
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, mean_covariance, process_noise
 from pipeline.statistics.scores import no_filter
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide

@@ -18,8 +18,8 @@ from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.models.draws import realize
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
-from pipeline.models.noise import mean_covariance, process_noise
 from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.steps import mean_covariance, process_noise
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.commands import commanded_steps
 from pipeline.studies.which_decomposition.evidence import published

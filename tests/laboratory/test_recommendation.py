@@ -12,8 +12,8 @@ from pipeline.laboratory.dynamics import simulate_take, true_chain
 from pipeline.laboratory.options import DynamicsOptions
 from pipeline.laboratory.swing import JointPath
 from pipeline.models import kinds
-from pipeline.models.joint_steps_fit import PLAIN, fit_joint_steps
-from pipeline.models.other_motions import MotionSteps, other_motions, pooled, recorded_motions
+from pipeline.models.joint_steps import PLAIN, fit_joint_steps
+from pipeline.models.other_motions import MotionSteps, all_steps, other_motions, recorded_motions
 from pipeline.studies.simulated import PhysicsFactors, disturbed
 from pipeline.verdicts.model_card import recommended
 
@@ -75,8 +75,8 @@ def judged(physics: PhysicsFactors, seed: int) -> dict[str, object]:
     chosen, why = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
     scores: dict[str, float] = {}
     for name in PLAIN:
-        fit = fit_joint_steps(name, *pooled(known), LWR4.joints, pose_noise=POSE_NOISE)
-        scores[name] = float(fit.model.noise_log_density(*pooled(fresh)).mean())
+        fit = fit_joint_steps(name, *all_steps(known), LWR4.joints, pose_noise=POSE_NOISE)
+        scores[name] = float(fit.model.noise_log_density(*all_steps(fresh)).mean())
     for name, each in matrix.items():
         try:
             steps = recorded_motions(chain, known, LWR4.joints, POSE_NOISE)

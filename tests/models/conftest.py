@@ -1,4 +1,4 @@
-"""The chain, poses and step of tests/planar_poses.py as fixtures."""
+"""Chain, poses and step of tests/planar_poses.py as fixtures."""
 
 from planar_poses import chain, poses, step
 

@@ -1,6 +1,6 @@
-"""The closed loop: the arm without noise stays on the mean path, and comes back to it by the share
-that a step corrects. κ comes back, with its standard error, from takes of every model in the loop
-that are measured with noise; regression of the noise on the measured deviation does not return it.
+"""Closed loop: an arm without noise stays on the mean path. The fit returns κ within its standard
+error for takes of every model in the loop, measured with noise; regression of the noise on the
+measured deviation does not.
 """
 
 from dataclasses import replace
@@ -28,12 +28,10 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate
-from pipeline.models.model import Commands, open_loop
-from pipeline.models.noise import process_noise
-from pipeline.models.normal import without_measurement
+from pipeline.models.model import Commands, open_loop, without_measurement
 from pipeline.models.scaled.fit import Options as Scaled
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Estimate, Recorded
+from pipeline.models.steps import Estimate, Recorded, process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.law import WishartModel
@@ -44,8 +42,8 @@ POSE = np.array([3e-3, 3e-3, 4e-3])  # rad, standard deviation of a measured pos
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 FULL = np.array([[0.05, -0.03, 0.0], [-0.03, 0.06, 0.0], [0.0, 0.0, 0.09]])
 UNSEEN = Measurements("take", np.empty(0), *np.empty((2, 0, 3)), np.empty((0, 3, 3)))
-# a model, an estimator that leaves out what is the measurement's, and by how much its takes are the
-# noisier: what the model's own noise hides says nothing of how the measurement's is treated
+# a model, an estimator that accounts for the measurement noise, and a factor on that noise, so that
+# the model's noise does not hide it
 MODELS = {
     "additive": (ScaledModel(COVARIANCE), Additive("additive", "", estimator="shrinkage"), 1),
     "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", "", estimator="likelihood"), 2),
@@ -61,7 +59,7 @@ SEVEN = {"still": (ScaledModel(3e-5 * np.eye(7)), MODELS["additive"][1], 1)}  # 
 
 @pytest.fixture(scope="module")
 def path(chain) -> MeanPath:
-    """A motion from rest to rest, of a planar arm that stands off the origin."""
+    """Mean path of a motion from rest to rest, of a planar arm with its base off the origin."""
     share = np.clip((np.arange(STEPS + 1) - REST) / (STEPS - 2 * REST), 0.0, 1.0)
     progress = (1 - np.cos(np.pi * share)) / 2
     poses = [0.4, 1.7, -0.3] + progress[:, None] * np.array([0.5, 0.4, -0.6])
@@ -69,7 +67,7 @@ def path(chain) -> MeanPath:
 
 
 def moved(path: MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
-    """(STEPS + 1, 3) deviation from the path of an arm without noise that starts ``off`` it."""
+    """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
     still, quiet = Start(path.poses[0] + off, np.zeros((3, 3))), ScaledModel(np.zeros((3, 3)))
     run = commands, 0.01, still, UNSEEN, FilterOptions(1), np.random.default_rng(1)
     return particle_filter(quiet, path.chain, *run).mean - path.poses
@@ -78,7 +76,7 @@ def moved(path: MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
 def test_on_the_mean_path_the_arm_stays_and_with_the_steps_of_the_poses_it_does_not(path):
     for commands in (path.commands(0.3), open_loop(path.v)):
         assert np.max(np.abs(moved(path, commands, np.zeros(3)))) < 1e-12
-    # control: the differences of the task's poses lead off it, as J is that before the step
+    # control: differences of the tip's poses lead away, as J is evaluated before the step
     steps = np.diff(path.chain.pose(path.poses), axis=0)
     assert np.max(np.abs(moved(path, open_loop(steps), np.zeros(3)))) > 1e-4
 
@@ -89,28 +87,25 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     q = np.empty((20, STEPS + 1, 3))
     q[:, 0] = path.poses[0] + 1e-3 * rng.standard_normal((20, 3))
     for k in range(STEPS):
-        # held to the mean of these takes, as it will be found
+        # the path is the mean of these takes, as in the fit
         off = chain.pose(q[:, k].mean(axis=0)) - chain.pose(q[:, k])
         q[:, k + 1] = q[:, k] + np.matvec(chain.inverse_jacobian(q[:, k]), v[k] + share * off)
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
     np.testing.assert_allclose(measured_poses(recorded), q, atol=1e-15)
     closed = closed_loop_steps(recorded, mean_path(recorded), share)
-    # what is common to all takes is the mean path's own curvature
+    # the part common to all takes is the curvature of the mean path
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5 < 1e-4 < np.max(np.ptp(noise, axis=0))
     assert not closed.v[:, :5].any() and closed.v[:, 5:].all()
     np.testing.assert_allclose(closed.measurement, (1 + 0.6**2) / 2 * np.eye(3))
 
 
 def takes_of(kind: str, path: MeanPath, share: float, seed: int) -> Recorded:
-    """Takes of a model in a loop of ``share`` κ, measured with noise and a constant of each take;
-    corrected here by NumPy, which the compiled loop is not.
+    """Takes of a model in a loop with ``share`` κ, measured with noise and a constant of each take;
+    the correction is computed by NumPy, not by the compiled loop.
     """
-    (model, _, noisier), chain, rng = (
-        (MODELS | SEVEN)[kind],
-        path.chain,
-        np.random.default_rng(seed),
-    )
+    (model, _, noisier), chain = (MODELS | SEVEN)[kind], path.chain
+    rng = np.random.default_rng(seed)
     n, m = path.poses.shape[1], len(chain.task)
     std = np.resize(noisier * POSE, n)
     q = np.empty((TAKES, STEPS + 1, n))
@@ -144,8 +139,8 @@ def regressed(recorded: Recorded) -> float:
     [*[(kind, 3, 3) for kind in MODELS], ("additive", 3, 2), ("wishart", 3, 2), ("still", 7, 6)],
 )
 def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
-    """On arms with more joints than task rows too. Band: 4.5 standard errors, which tell the share
-    from one a third as large again.
+    """Also on arms with more joints than task rows. Band: 4.5 standard errors, below a third of the
+    share.
     """
     if n > m:
         arm = random_arm(n, m)
@@ -158,8 +153,8 @@ def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["additive", "gaussian"])
 def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(kind, path):
-    """Bands of 16 repeats, of 95 % intervals: at least 12 cover, which nine in 10 000 such sets
-    miss; and the mean deviation in standard errors is within 1. The control is regression.
+    """At least 12 of 16 intervals of 95 % cover the truth, which nine in 10 000 such sets miss, and
+    the mean deviation is within one standard error. Control: regression.
     """
     deviations, naive = [], []
     for seed in range(16):
@@ -176,13 +171,13 @@ def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(k
 def test_of_takes_in_an_open_loop_the_interval_holds_zero(kind, path):
     fit = fitted(kind, takes_of(kind, path, 0.0, seed=2))
     assert 0 <= fit.share < 1.96 * fit.standard_error < 0.02
-    # control: a loop of a tenth is told from none
+    # control: a share of a tenth is detected
     closed = fitted(kind, takes_of(kind, path, 0.1, seed=2))
     assert closed.share > 3 * closed.standard_error
 
 
 def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
-    """The vector is y_k − y_0, in which no constant of a take is left, without a recursion."""
+    """Without a recursion; the vector y_k − y_0 contains no constant of a take."""
     rng, n, steps, takes = np.random.default_rng(4), 2, 5, 6
 
     def covariance(scale: float) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""Every compiled law of one step: its formula in NumPy from the same stream, the law of NumPy's own
-draws, its moments on arms of any size, and its edges: at rest and at a singular pose.
+"""Compiled laws of one step against their formulas in NumPy from the same stream, against NumPy's
+draws and their moments on arms of any size, at rest and at singular poses.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ def RNG(seed: int = 1) -> np.random.Generator:
 @pytest.mark.parametrize("name", ARMS)
 @every_model
 def test_every_compiled_law_is_its_formula_in_numpy(model, name):
-    """And equal streams give equal bits, another stream others."""
+    """Equal streams give equal bits, another stream gives others."""
     (links, signs), ends = ARMS[name], np.full((3, 3), 9.0)
     arm = PlanarChain(np.zeros(2), links, np.array(signs), -ends[0], *ends[1:])
     q = RNG().uniform(-7, 7, (2000, 3))
@@ -56,7 +56,7 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         one, other = RNG(2), RNG(2)
         moved, clipped = draw_steps(model, arm, q, v, one)
         expected, expected_clipped = plain_steps(model, arm, q, v, other)
-        # by the size of a step: a few come near a singular draw and lead far
+        # relative to the step: a few draws are nearly singular and lead far
         assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
         assert clipped == expected_clipped
         assert one.bit_generator.state == other.bit_generator.state
@@ -82,13 +82,13 @@ def standardised(
 def test_draws_have_the_models_moments_and_by_numpy_the_law_of_the_compiled_step(
     model, chain, step
 ):
-    """Of a Wishart step from two gammas, where the compiled one takes one. Bands: five standard
-    errors of a mean and of a covariance.
+    """NumPy draws a Wishart step from two gamma variates, the compiled law from one. Bands: five
+    standard errors of a mean and of a covariance.
     """
     q = np.tile(POSE, (30_000, 1))
     ours, compiled = model.sample(chain, q, step, RNG(1)), draw_steps(model, chain, q, step, RNG(2))
     assert least_p_value(ours, compiled[0]) > 1e-5 and compiled[1] == 0
-    # control: noise a tenth as large again
+    # control: noise that is 10 % larger
     nominal = q + chain.nominal_step(q, step)
     assert least_p_value(nominal + 1.1 * (ours - nominal), compiled[0]) < 1e-6
     if model not in WIDE.values():
@@ -121,7 +121,7 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain
 @pytest.mark.parametrize("pose", [[0.3, 0.0, 0.2], [0.3, np.pi, 0.2], [0.3, 1e-15, 0.2],
                                   [np.nan, 1.0, 0.2]])  # fmt: skip
 def test_a_singular_pose_is_refused_by_every_method(model, pose, chain, step):
-    """A least singular value of 1e-15 too, which rounding would turn into numbers."""
+    """Also for a least singular value of 1e-15, at which rounding gives finite numbers."""
     q = np.array([[0.3, 1.5, 0.2], pose])
     for call in (
         lambda: draw_steps(model, chain, q, step, RNG()),
@@ -139,7 +139,7 @@ SIZES = [(6, 6), (7, 6), (3, 2), (5, 1)]
 
 
 def arm_and_command(n: int, m: int) -> tuple[SerialChain, np.ndarray, np.ndarray]:
-    """A random arm, a regular pose, and a command."""
+    """Random arm, regular pose and command."""
     arm = random_arm(n, m)
     q, v = motion(arm, 1, 0)
     return arm, q[0], v[0]
@@ -147,7 +147,7 @@ def arm_and_command(n: int, m: int) -> tuple[SerialChain, np.ndarray, np.ndarray
 
 @pytest.mark.parametrize("n, m", SIZES)
 def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, m):
-    """Bands: five standard errors of a mean, and of a covariance under tails as these."""
+    """Bands: five standard errors of the mean and of the covariance, which has heavy tails."""
     chain, q, command = arm_and_command(n, m)
     v, jacobian = command[:m], chain.jacobian(q)
     # one row is one pivot: J₁ is a number, as with QR
@@ -161,7 +161,7 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
         mean = q + null + d / (d - m - 1) * np.linalg.pinv(jacobian) @ v
         apart, off = standardised(drawn, mean, step_covariance(a, back, SIGMA_B))
         assert apart < 5 and off < 0.08
-        # the control: a dispersion that is a tenth wider
+        # control: a dispersion that is 10 % larger
         assert standardised(drawn, mean, step_covariance(a, back, 1.1 * SIGMA_B))[1] > 0.1
 
 

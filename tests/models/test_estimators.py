@@ -1,6 +1,6 @@
-"""Estimators on takes that are drawn from known models with measurement noise: their parameters
-come back, on arms of any number of joints and task rows, and from another model others come. Their
-standard errors by the bootstrap over takes are the spread over independent recordings.
+"""Estimators on takes drawn from known models with measurement noise: they return the parameters on
+arms of any number of joints and task rows, and others for another model. Standard errors by the
+bootstrap over takes are the standard deviation over independent recordings.
 """
 
 from dataclasses import replace
@@ -17,12 +17,11 @@ from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, estimate
 from pipeline.models.model import frobenius
-from pipeline.models.noise import mean_covariance
 from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, mean_covariance
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
-from pipeline.models.wishart.fit import examined
+from pipeline.models.wishart.fit import diagnose
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.recovery.stage import drawn
 
@@ -53,9 +52,9 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
 ):
     """Band of the moments: four standard errors, below 2 %; of the likelihood: 2 %.
 
-    The paper's estimator sees 2m of the m(m + 1) parts of ‖B − I‖², sqrt(2/(m + 1)) = .71 of σ_B at
-    each step that moves, and measurement noise adds to that. Where the bound B⁻¹ ⪰ εI is met, as
-    at σ_B = .5, it returns several times too much: the sign of its bias is no constant.
+    The paper's estimator contains 2m of the m(m + 1) parts of ‖B − I‖²: sqrt(2/(m + 1)) = .71 of
+    σ_B at each moving step, plus measurement noise. At σ_B = .5 many perturbations are at the bound
+    B⁻¹ ⪰ εI, and it is several times too large: the sign of its bias is not constant.
     """
     model = WishartModel(sigma_b, Decomposition(name))
     data = recorded(chain, poses, step, model, takes=200)
@@ -124,7 +123,7 @@ def test_a_motion_at_rest_throughout_is_refused(chain, poses, step, kind, estima
     data = recorded(chain, poses, step, GaussianModel(0.1, 25.0), takes=10)
     still = replace(data, v=np.zeros_like(data.v), known_measurement=1e-9 * np.eye(3))
     options = kind(kind.__module__.split(".")[-2], "", estimator=estimator)
-    if kind is Wishart and estimator == "paper":  # of which a rest is the identity
+    if kind is Wishart and estimator == "paper":  # B is the identity at rest
         assert estimate(still, options).estimates["sigma_b"] == 0
         return
     with pytest.raises(ModelDomainError, match="at rest at every step"):
@@ -135,15 +134,15 @@ def test_the_curve_over_the_weight_falls_through_the_moment_estimate(chain, pose
     data = recorded(chain, poses, 0.1 * step, WishartModel(0.5), takes=20)
     options, rng = wishart("moments"), np.random.default_rng(3)
     found = estimate(data, options)
-    table = examined(data, options, found, 1, rng)[1]["sigma_b_weights"]
+    table = diagnose(data, options, found, 1, rng)[1]["sigma_b_weights"]
     for source in ("recorded", "drawn"):
         own = table[table["source"] == source]
         curve, (ratio,) = own[own["point"] == "curve"], own[own["point"] == "moments"]["ratio"]
         near = np.interp(np.log(ratio), np.log(curve["ratio"]), curve["sigma_b"])
         assert near == pytest.approx(found.estimates["sigma_b"], rel=0.15)
         assert curve["sigma_b"].iloc[-1] < 0.5 * curve["sigma_b"].iloc[0]
-    # without a model there is nothing to draw from
-    alone = examined(data, options, None, 1, rng)[1]["sigma_b_weights"]
+    # without a model no takes are drawn
+    alone = diagnose(data, options, None, 1, rng)[1]["sigma_b_weights"]
     assert set(alone["source"]) == {"recorded"}
 
 
@@ -154,7 +153,7 @@ every_arm = pytest.mark.parametrize(
 
 
 def scene(n: int, m: int):
-    """An arm, a motion of it, and the covariance of noise of a tenth of the steps' size."""
+    """Arm, a motion of it, and the covariance of noise of a tenth of the steps' size."""
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
     step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
@@ -172,13 +171,13 @@ def recorded_on(arm, q, v, covariance, model) -> Recorded:
     return Recorded(arm, poses, v, noise, joints, measurement)
 
 
-# beginning of the estimates that are compared, what their sampling leaves and the control's noise
+# prefix of the compared estimates, band of their sampling error, factor on the control's noise
 ESTIMATORS = {
     ("additive", "estimator", "paper"): ("", 0.15, 1.3),
     ("additive", "estimator", "shrinkage"): ("", 0.15, 1.3),
     ("wishart", "decomposition", "qr_transposed"): ("sigma_b", 0.04, 1.12),
     ("wishart", "decomposition", "pivoted_lu"): ("sigma_b", 0.04, 1.12),
-    # α and u themselves are hardly told apart
+    # α and u are hardly determined apart
     ("gaussian", "estimator", "paper"): ("noise_level", 0.04, 1.1),
     ("gaussian", "estimator", "likelihood"): ("noise_level", 0.04, 1.1),
     ("scaled", "structure", "diagonal"): ("", 0.15, 1.5),
@@ -193,8 +192,8 @@ ESTIMATORS = {
     ids=[f"{given[0]} {given[2]}" for given in ESTIMATORS],
 )
 def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, names, band, factor):
-    """The control is a model whose noise is a factor larger. Variances and standard deviations by
-    their relative error, covariances by that of the correlation.
+    """Variances and standard deviations by their relative error, covariances by the error of the
+    correlation. Control: a model whose noise is larger by a factor.
     """
     (kind, option, value), case = given, scene(n, m)
     choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
@@ -220,8 +219,8 @@ ADDITIVE = kinds.options_type("additive")("additive", estimator="paper")
 
 
 def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
-    """(takes, 20, 3) noise in rad whose size differs from take to take, so that the squares of the
-    steps of a take go together.
+    """(takes, 20, 3) noise in rad whose size differs from take to take, so that the squares of a
+    take's steps are correlated.
     """
     size = np.sqrt(rng.gamma(4.0, 0.25, (takes, 1, 1)))
     return 5e-3 * size * rng.standard_normal((takes, 20, 3))
@@ -251,7 +250,7 @@ def test_the_standard_error_is_the_spread_over_independent_recordings(chain, pos
     recordings = [correlated(COUNT, rng) for _ in range(12)]
     errors = [standard_error(recording(chain, poses, step, noise), rng) for noise in recordings]
     assert abs(np.mean(errors) / spread - 1) < 0.15
-    # control: steps drawn one by one, as if those of a take were independent
+    # control: steps drawn one by one, as if the steps of a take were independent
     single = [
         standard_error(recording(chain, poses, step, noise.reshape(-1, 1, 3)), rng)
         for noise in recordings

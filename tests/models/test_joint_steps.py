@@ -1,5 +1,5 @@
-"""Plain models of a joint step: their law is the stated one, their fit returns known parameters,
-and a parameter that the steps cannot tell has no number.
+"""Plain models of a joint step: draws and density of the stated law, fits that return known
+parameters, and no number for a parameter that the steps cannot tell.
 """
 
 import numpy as np
@@ -7,8 +7,13 @@ import pytest
 from scipy import integrate, stats
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.joint_steps import JointStepModel, build_joint_steps, student_log_density
-from pipeline.models.joint_steps_fit import PLAIN, fit_joint_steps
+from pipeline.models.joint_steps import (
+    PLAIN,
+    JointStepModel,
+    build_joint_steps,
+    fit_joint_steps,
+    student_log_density,
+)
 
 JOINTS = ("shoulder", "elbow", "wrist")
 R = np.array([[1.0, 0.6, 0.0], [0.6, 1.0, -0.3], [0.0, -0.3, 1.0]])
@@ -81,7 +86,7 @@ def test_the_fit_returns_known_parameters(name):
         np.testing.assert_allclose(fit.model.correlation, R, atol=0.03)
     else:
         np.testing.assert_allclose(fit.model.degrees, 6.0, rtol=0.12)
-    # the control: every other growth of the variance is less likely
+    # control: every other growth of the variance is less likely
     for other, (growth, tails) in PLAIN.items():
         if tails == student and growth != power:
             rival = fit_joint_steps(other, dq, noise, JOINTS).model
@@ -100,7 +105,7 @@ def test_the_gain_of_a_joint_that_hardly_moved_has_no_number_and_its_motion_is_r
     moved = np.array([8e-3, 8e-3, 8e-3])
     with pytest.raises(ModelDomainError, match=r"noise of shoulder at a step of 0\.008 rad"):
         loaded.covariance_of_joint_step(moved)
-    # the control: the other joints are predicted, and so is it where it was seen
+    # control: the other joints are predicted, and this joint at recorded steps
     moved[0] = 8e-6
     std = np.sqrt(np.diag(loaded.covariance_of_joint_step(moved)))
     expected = np.sqrt(np.diag(model().covariance_of_joint_step(moved)))

@@ -1,5 +1,5 @@
-"""Motion models from the files that a fit or an export wrote; an exported one warns once, by name,
-of what it was not fitted to.
+"""Motion models from the files of a fit or an export; an exported model warns once, by name, of
+values outside the ranges of its fit.
 """
 
 import warnings

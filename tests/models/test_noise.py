@@ -1,6 +1,5 @@
-"""The process noise of recorded joint angles, its sign and moments; models at its level, each of
-which has the recorded total variance and keeps all else it is; and realisations step by step and
-running freely.
+"""Process noise of recorded joint angles, its sign and moments; models at the recorded total
+variance, whose other properties do not change; and realisations, step by step and free-running.
 """
 
 from dataclasses import replace
@@ -12,14 +11,15 @@ from random_arm import motion, random_arm
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.noise import (
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.steps import (
+    Recorded,
+    at_recorded_level,
     mean_covariance,
     measurement_covariance,
     process_noise,
     rest_covariance,
 )
-from pipeline.models.scaled.law import ScaledModel
-from pipeline.models.steps import Recorded, at_recorded_level
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import takes_moments
@@ -53,7 +53,7 @@ def test_the_measurement_noise_is_what_moves_at_rest():
     v[3:6, 1] = 0.01
     noise[:, 3:6] *= 10
     np.testing.assert_allclose(measurement_covariance(noise, v), np.diag([1.0, 4.0, 9.0]), atol=0.5)
-    # control: with the steps that move it would be far larger
+    # control: with the moving steps it would be far larger
     assert np.trace(takes_moments(noise)[1].mean(axis=0)) > 30 * 14 / 2
     with pytest.raises(ModelDomainError, match="never rests"):
         measurement_covariance(noise, np.ones((8, 3)))
@@ -67,7 +67,7 @@ def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a
     q[:, 10:20] *= 10
     at_rest = np.diag(rest_covariance(q, v))
     np.testing.assert_allclose(at_rest, white**2 + constant**2, rtol=0.2)
-    # control: the steps' noise tells the white part alone
+    # control: the noise of steps contains the white part alone
     of_steps = np.diag(measurement_covariance(np.diff(q, axis=1)[:, :9], v[:9])) / 2
     np.testing.assert_allclose(of_steps, white**2, rtol=0.2)
 
@@ -96,7 +96,7 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
         model = replace(model, decomposition=Decomposition("qr"))
     own, of_noise = at_recorded_level(model, data), float(np.trace(mean_covariance(data.noise)))
     assert model_trace(own, data) + np.trace(MEASUREMENT) == pytest.approx(of_noise, rel=1e-9)
-    # what is no level stays, and so does the course over time of a normal model
+    # other parameters do not change, nor does the covariance over time of a normal model
     assert type(own) is type(model)
     for name in ("u", "decomposition"):
         assert getattr(own, name, None) == getattr(model, name, None)
@@ -104,7 +104,7 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
         at = data.chain, data.q, data.v
         ratio = model_trace(own, data) / model_trace(model, data)
         np.testing.assert_allclose(own.covariance(*at), ratio * model.covariance(*at), rtol=1e-12)
-    # of a loop that is closed every take has its own commands
+    # in a closed loop every take has its own commands
     closed = at_recorded_level(model, replace(data, v=np.tile(data.v, (len(data.q), 1, 1))))
     assert model_trace(closed, data) == pytest.approx(model_trace(own, data), rel=1e-12)
 

@@ -1,7 +1,6 @@
-"""Models of a normal step: density and edges follow from the covariance, and the covariance is the
-formula that its model stands for; the Gaussian matrix model of the inverse Jacobian against
-Algorithm 2 and the conic solver, and the fit of (ũ, α): exact in α, recovery from the model's own
-moments, and the ridge.
+"""Models of a normal step: density and refusals follow from the covariance. The Gaussian matrix
+model of the inverse Jacobian against Algorithm 2 and the conic solver. The fit of (ũ, α): exact in
+α, recovery from the model's moments, and the ridge.
 """
 
 import numpy as np
@@ -16,10 +15,9 @@ from pipeline.models.convex import solve_noise_covariance
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
-from pipeline.models.model import frobenius
-from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import root
+from pipeline.models.model import frobenius, root
 from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.steps import mean_covariance
 from pipeline.randommatrix import wishart
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])

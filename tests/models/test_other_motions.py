@@ -1,5 +1,5 @@
-"""Held-out motions: the law that the noise was drawn from has the highest score, a joint that moved
-in the held-out motion alone is refused, and singular poses cost a matrix model its score.
+"""Held-out motions: the law of the noise has the highest score. A joint that moved in the held-out
+motion alone is refused, and a matrix model has no score for singular poses.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ def motion(number: int, moving: tuple[int, ...] = (0, 1, 2), *, tails=None, law=
     return MotionSteps(str(number), np.broadcast_to(q, dq.shape), dq, std * e)
 
 
-def chosen(motions) -> tuple[str | None, str, dict[str, pd.DataFrame]]:
+def recommend(motions) -> tuple[str | None, str, dict[str, pd.DataFrame]]:
     tables = other_motions(motions, JOINTS, RATE)
     name, why = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
     return name, why, dict(tables)
@@ -48,7 +48,7 @@ def chosen(motions) -> tuple[str | None, str, dict[str, pd.DataFrame]]:
     ],
 )
 def test_the_law_of_the_noise_is_recommended_and_its_spread_is_the_measured(tails, law, allowed):
-    name, why, tables = chosen([motion(k, tails=tails, law=law) for k in range(4)])
+    name, why, tables = recommend([motion(k, tails=tails, law=law) for k in range(4)])
     assert name in allowed and "4 held-out motions" in why
     spread = tables["motion_spread"].query("model == @name")
     ratio = spread["predicted_rad"] / spread["measured_rad"]
@@ -60,7 +60,7 @@ def test_the_law_of_the_noise_is_recommended_and_its_spread_is_the_measured(tail
 
 
 def test_a_joint_that_moves_in_the_held_out_motion_alone_is_refused_by_name():
-    _, _, tables = chosen([motion(1, (0,)), motion(2, (1, 2)), motion(3, (1, 2))])
+    _, _, tables = recommend([motion(1, (0,)), motion(2, (1, 2)), motion(3, (1, 2))])
     rows = tables["other_motions"].set_index(["model", "motion"])
     assert np.isnan(rows.loc[("scaled_all", "1"), "score"])
     assert "noise of a at a step" in rows.loc[("scaled_all", "1"), "reason"]

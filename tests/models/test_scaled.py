@@ -1,12 +1,12 @@
-"""Noise that grows with speed is found again in its own draws beside the measurement's, and not in
-noise that does not grow.
+"""Fit of noise that grows with speed: known parameters from draws with measurement noise, and no
+gain from noise that does not grow.
 """
 
 import numpy as np
 import pytest
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.normal import normal_log_density
+from pipeline.models.model import normal_log_density
 from pipeline.models.scaled.fit import fit_scaled
 
 TAKES, STEPS, REST = 40, 200, 20
@@ -30,7 +30,7 @@ def joint_steps() -> np.ndarray:
 
 
 def drawn(*covariances: np.ndarray) -> np.ndarray:
-    """Noise of that floor, gain and measurement; any of them may be singular."""
+    """Noise with these covariances of floor, gain and measurement; any may be singular."""
     rng, dq = np.random.default_rng(81), joint_steps()
     floor, gain, measured = (
         rng.multivariate_normal(np.zeros(3), covariance, dq.shape[:-1], method="eigh")
@@ -61,12 +61,11 @@ def test_the_parameters_of_a_models_own_draws_are_found_again(structure, measure
     true = FORMS[structure]
     noise = drawn(*true, measurement)
     floor, gain, most = fit(noise, measurement, structure)
-    # a variance from the half of 8 000 steps that tell of it has a standard error of about 2.2 %,
-    # measurement included
+    # a variance from half of the 8 000 steps has a standard error of about 2.2 %, measurement
+    # included
     assert distance(floor, true[0]) < 0.12 and distance(gain, true[1]) < 0.12
     assert most == pytest.approx(likelihood(noise, floor, gain, measurement), rel=1e-10)
-    # controls: the joints' speeds belong to their steps, and the measurement's noise to the
-    # measurement
+    # controls: speeds of other steps, and no measurement noise
     wrong = fit(noise, measurement, structure, np.roll(joint_steps(), STEPS // 4, axis=1))
     assert max(map(distance, wrong, true)) > 0.3 and wrong[2] < most - 0.05
     if measurement.any():
@@ -77,10 +76,10 @@ def test_the_parameters_of_a_models_own_draws_are_found_again(structure, measure
 def test_where_nothing_but_the_measurement_is_noisy_at_rest_the_floor_is_zero(structure):
     noise, scale = drawn(NONE, FORMS[structure][1], MEASUREMENT), np.sqrt(np.diag(MEASUREMENT))
     floor, gain, _ = fit(noise, structure=structure)
-    # 1 600 steps at rest tell the floor from the measurement's noise to about 4 % of this
+    # from 1 600 steps at rest the standard error of the floor is about 4 % of this
     assert distance(floor, NONE, scale) < 0.12 and np.linalg.eigvalsh(floor)[0] >= 0
     assert distance(gain, FORMS[structure][1]) < 0.12
-    # control: who ignores the measurement's noise finds it in the floor
+    # control: a fit that ignores the measurement noise returns it as the floor
     ignorant = fit(noise, NONE, structure)[0]
     assert np.abs(np.diag(ignorant) / np.diag(MEASUREMENT) - 1).max() < 0.2
 

@@ -17,9 +17,8 @@ from pipeline.core import config, contracts
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.closed_loop import fitted_closed_loop
 from pipeline.models.kinds import build_model, fitted_model
-from pipeline.models.noise import process_noise
 from pipeline.models.prediction import score_steps
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.stages import configure, fit, predict, readings
 
 

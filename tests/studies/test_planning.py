@@ -12,8 +12,8 @@ from study_runs import options_of
 from pipeline.core.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.noise import process_noise
 from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.steps import process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.planning import stage

@@ -16,7 +16,7 @@ from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.kinds import build_model, estimate
-from pipeline.models.noise import mean_covariance
+from pipeline.models.steps import mean_covariance
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.steps import training_steps

@@ -18,7 +18,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.kinds import build_model
 from pipeline.models.model import frobenius
-from pipeline.models.noise import process_noise
+from pipeline.models.steps import process_noise
 from pipeline.models.wishart.decomposition import COMPUTED, Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.perception.articulation import fit_sequence

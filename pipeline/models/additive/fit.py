@@ -1,4 +1,4 @@
-"""Σ_ω of the additive model: the mean sample covariance, or that shrunk and without Σ_m."""
+"""Σ_ω of the additive model: the mean sample covariance, or a shrunk one less Σ_m."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -8,10 +8,9 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.core import validation
-from pipeline.models import options as base
-from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import without_measurement
-from pipeline.models.steps import Estimate, Recorded, Truth
+from pipeline.models import steps as base
+from pipeline.models.model import without_measurement
+from pipeline.models.steps import Estimate, Recorded, Truth, mean_covariance
 from pipeline.statistics.takes import takes_moments
 
 
@@ -23,7 +22,7 @@ class Options(base.Options):
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """Estimate Σ_ω as ``options`` say; raises ModelDomainError for a single take."""
+    """Estimate Σ_ω by the estimator of ``options``; raises ModelDomainError for a single take."""
     if options.estimator == "paper":
         return _estimate(mean_covariance(recorded.noise), {})
     shrunk, intensity = shrunk_covariance(recorded.noise)
@@ -33,13 +32,13 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Σ_ω as recorded; ``options`` and ``dispersions`` do not matter."""
+    """Σ_ω as recorded."""
     known = _estimate(mean_covariance(recorded.noise), {})
     return [Truth("additive", known.parameters, known.estimates)]
 
 
 def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
-    """The entries of Σ_ω in rad² by name, and the correlations of joints that have noise."""
+    """Entries of Σ_ω in rad² by name, and the correlations of joints with noise."""
     std, n = np.sqrt(np.diag(covariance)), len(covariance)
     entries = {
         f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(n) for j in range(i, n)
@@ -53,10 +52,10 @@ def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
 
 
 def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
-    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in [0,
-    1], the variance of Σ̂_ω over takes over its squared distance from the target (Ledoit and Wolf,
-    J. Multivariate Analysis 88, 2004). ``noise`` ω (takes, M, n); raises ModelDomainError for a
-    single take.
+    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in
+    [0, 1]: the variance of Σ̂_ω over takes divided by its squared distance from the target (Ledoit
+    and Wolf, J. Multivariate Analysis 88, 2004). ``noise`` ω is (takes, M, n); raises
+    ModelDomainError for a single take.
     """
     mean, _ = takes_moments(noise)
     takes, centred = len(noise), noise - mean

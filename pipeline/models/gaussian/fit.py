@@ -2,8 +2,8 @@
 moments and by maximum likelihood, and the ridge that (α, u) lie on.
 
 Each estimator is minimised in α for every u = max ‖J̲⁺‖_F + ũ, Eq. (bound-u). The trace of a step's
-covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m: where ‖J̲⁺‖ varies little over the motion, αu
-alone matters. The data determine u only where the objective is least inside the interval.
+covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m. If ‖J̲⁺‖ varies little over the motion only αu
+matters. The data determine u only if the objective is least inside the searched interval.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,20 +18,18 @@ from pydantic import Field
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
-from pipeline.models import options as base
+from pipeline.models import steps as base
 from pipeline.models.gaussian.law import noise_scale
-from pipeline.models.model import frobenius, task_step
-from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import axis_log_density, principal_axes
-from pipeline.models.steps import Estimate, Recorded, Truth, moving_steps, take_variances
+from pipeline.models.model import axis_log_density, frobenius, principal_axes, task_step
+from pipeline.models.steps import Estimate, Recorded, Truth
 from pipeline.statistics.takes import takes_moments
 
-EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ tried, as shares of the greatest ‖J̲⁺‖
-LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)  # where α has to be searched at each
-BOUND = 1.1  # u of known parameters over the greatest norm of the poses: within what is searched
-ALPHA_RANGE = 30.0  # α is sought within this factor of what the second moments suggest
+EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ of the grid, as shares of the greatest ‖J̲⁺‖
+LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)  # of the likelihood, with a search of α at each
+BOUND = 1.1  # u of known parameters over the greatest norm of the poses, inside the grid
+ALPHA_RANGE = 30.0  # factor of the search of α about the value of the second moments
 TOLERANCE = 1e-4  # of ln α
-REACH, NODES = 0.4, 9  # of ln α about the most likely, where each take's likelihood is kept
+REACH, NODES = 0.4, 9  # of ln α on either side of the most likely, for each take's likelihood
 RMS_NORM = "rms_norm_of_the_inverse_jacobian"
 Estimator = Literal["moments", "paper", "likelihood"]
 Best = Callable[[ndarray], tuple[ndarray, ndarray]]  # ũ (G,) → least objective at each, and its α
@@ -39,33 +37,32 @@ Best = Callable[[ndarray], tuple[ndarray, ndarray]]  # ũ (G,) → least objecti
 
 @validation.options(kw_only=True)
 class Options(base.Options):
-    """``estimator``: ``moments`` (the recorded total variance, then its course over time),
+    """``estimator``: ``moments`` (the recorded total variance, then the variance over time),
     ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
     """
 
     estimator: Estimator = "moments"
-    # of the paper's estimator alone: β₁, weight of the mean's error
-    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5
+    beta: Annotated[float, Field(ge=0, lt=1)] = 0.5  # β₁, weight of the mean's error in ``paper``
 
 
 class GaussianFit(NamedTuple):
-    """The optimum, and the ridge it lies on: for each of ``extensions`` (G,) the least
-    ``objectives`` (G,) and its ``alphas`` (G,).
-    """
+    """Optimum and its ridge: for ``extensions`` (G,) the least ``objectives`` and ``alphas``."""
 
     alpha: float
     u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
-    objective: float  # least value: rad⁴, rad and rad² mixed as in the paper, or −Σ ln p
-    at_end: bool  # True where ũ stopped at an end of its interval, so that nothing determines it
-    unbounded: bool  # True at the upper end: a greater u would do as well
+    objective: float  # least value: rad⁴ (moments), rad and rad² mixed (paper) or −Σ ln p
+    at_end: bool  # True if ũ is at an end of its interval and so not determined
+    unbounded: bool  # True at the upper end: a greater u fits as well
     extensions: ndarray
     objectives: ndarray
     alphas: ndarray
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """(α, u) by the estimator of ``options``; ModelDomainError for a motion at rest throughout."""
+    """Estimate (α, u) by the estimator of ``options``; raises ModelDomainError for a motion at rest
+    at every step.
+    """
     squares = _square_speeds(recorded)
     if not np.any(squares):
         message = "the motion is at rest at every step: alpha and u have no effect to fit"
@@ -73,7 +70,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     if options.estimator == "paper":
         poses = recorded.q.mean(axis=0)
         norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
-        # of the commands (takes, M, m) of a closed loop the root mean square
+        # root mean square over the commands (takes, M, m) of a closed loop
         speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
         steps = *takes_moments(recorded.noise), speeds, norms, len(recorded.chain.task)
         fit = fit_distance(*steps, options.beta, EXTENSIONS * norms.max())
@@ -109,16 +106,16 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     return Estimate(parameters, values, diagnostics, fit, from_takes, unsure)
 
 
-def compared(options: Options) -> dict[str, Options]:
-    """Every estimator."""
+def estimator_options(options: Options) -> dict[str, Options]:
+    """Options of every estimator."""
     return {f"{{}}_{each}": replace(options, estimator=each) for each in get_args(Estimator)}
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """(α, u) of the recorded mean variance; ``options`` and ``dispersions`` do not matter."""
+    """(α, u) of the recorded mean variance."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
     speeds, m = _square_speeds(recorded), len(recorded.chain.task)
-    total_variance = np.trace(mean_covariance(recorded.noise))
+    total_variance = np.trace(base.mean_covariance(recorded.noise))
     u = BOUND * float(np.sqrt(squares.max()))
     alpha = float(np.sqrt(m * total_variance / np.mean((u**2 - squares) * speeds)))
     values = _values(alpha, u, _mean_square(squares, speeds))
@@ -132,25 +129,25 @@ def _square_speeds(recorded: Recorded) -> ndarray:
 
 
 def _mean_square(squares: ndarray, speeds: ndarray) -> float:
-    """⟨‖J⁺‖²⟩ of ``squares`` (..., M), weighed by the square of the commanded steps (..., M)."""
+    """⟨‖J⁺‖²⟩ of ``squares`` (..., M), weighted by the squared commanded steps (..., M)."""
     squares, weights = np.broadcast_arrays(squares, speeds)
     return np.average(squares, weights=weights)
 
 
 def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
-    """Estimates; the square of the noise level times ‖v‖² is the noise's mean variance."""
+    """Estimates by name; noise_level²·‖v‖² is the mean variance of the noise."""
     return {"u": u, "alpha": alpha, "noise_level": alpha * np.sqrt(u**2 - mean_square)}
 
 
-def examined(
+def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """The table ``ridge``, and the greatest gap between Σ_k and the solution of the log-det problem
-    as printed, at ``checks`` of the steps, evenly spread.
+    """Greatest gap between Σ_k and the solution of the log-det problem as printed, at ``checks``
+    evenly spread steps, and the table ``ridge``.
     """
     if estimate is None:
         return {}, {}
-    from pipeline.models.convex import noise_covariance_gap  # here, as CVXPY takes long to import
+    from pipeline.models.convex import noise_covariance_gap  # here: CVXPY takes long to import
 
     fit, mean_square = estimate.details, estimate.diagnostics[RMS_NORM] ** 2
     inverse = recorded.chain.inverse_jacobian(recorded.q.mean(axis=0))
@@ -164,7 +161,7 @@ def examined(
 
 
 def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
-    """The best of ``extensions`` ũ (G ≥ 3,) of the ``largest`` norm, and between its neighbours."""
+    """Minimise over ``extensions`` ũ (G ≥ 3,) of the ``largest`` norm, then between neighbours."""
     from scipy.optimize import minimize_scalar
 
     objectives, alphas = best(extensions)
@@ -185,21 +182,22 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 def fit_moments(
     recorded: Recorded, speeds: ndarray, norms: ndarray
 ) -> Callable[[ndarray], GaussianFit]:
-    """(α̂, û) by moments, of the numbers of any takes: for every u = max ‖J⁺‖·(1 + EXTENSIONS) the
-    α of the recorded total variance, and of these the u of least Σ_k (α²g_k − t_k)² in rad⁴, t_k
-    the trace of the sample covariance of ω at step k less the measurement's. ``speeds`` ‖v‖²/m and
-    ``norms`` ‖J⁺‖_F are (takes, M).
+    """Return the estimator by moments, a function of the numbers of any takes.
+
+    α follows from the recorded total variance for every u = max ‖J⁺‖·(1 + EXTENSIONS). û minimises
+    Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step k minus the
+    measurement's. ``speeds`` ‖v‖²/m and ``norms`` ‖J⁺‖_F are (takes, M).
     """
-    variances, every = take_variances(recorded), norms**2 * speeds
+    variances, every = base.take_variances(recorded), norms**2 * speeds
     largest = float(np.sqrt((norms**2)[speeds > 0].max()))
 
     def of_takes(takes: ndarray) -> GaussianFit:
-        own, weighed = speeds[takes].mean(axis=0), every[takes].mean(axis=0)
+        speed, weighed = speeds[takes].mean(axis=0), every[takes].mean(axis=0)
         traces, measured = variances(takes)
         traces = traces - measured
 
         def best(extensions: ndarray) -> tuple[ndarray, ndarray]:
-            gain = (largest + extensions[:, None]) ** 2 * own - weighed
+            gain = (largest + extensions[:, None]) ** 2 * speed - weighed
             squared = traces.mean() / gain.mean(axis=1)
             error = squared[:, None] * gain - traces
             return np.vecdot(error, error), np.sqrt(squared)
@@ -221,11 +219,11 @@ def fit_distance(
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
     ``extensions`` and all α ≥ 0, β₂ = 1 − β₁: Eqs. (bound-u) and (objective-u-alpha).
 
-    ``mean`` (M, n) in rad about the nominal step, the model's for every (ũ, α), so that the first
-    term is a constant, and ``covariance`` (M, n, n) in rad² are of one step, ``speeds`` ‖v_k‖ and
-    ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m. The absolute value mends the printed objective, which
-    falls without bound as the noise vanishes. In α² the minimum is the median of tr Cov(q̃_k)/g_k
-    under the weights g_k.
+    ``mean`` (M, n) in rad, relative to the nominal step, and ``covariance`` (M, n, n) in rad² are
+    recorded moments of one step, ``speeds`` ‖v_k‖ and ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m. The
+    model's mean is the nominal step, so the first term is a constant. The absolute value mends the
+    printed objective, which is least without any noise. In α² the minimum is the median of
+    tr Cov(q̃_k)/g_k with the weights g_k.
     """
     moving, largest = speeds > 0, float(norms.max())
     traces = np.trace(covariance, axis1=-2, axis2=-1)
@@ -245,18 +243,18 @@ def fit_distance(
 
 
 def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray], tuple]]:
-    """(α̂, û) of greatest likelihood of the steps with a command, by the exact density of a step
-    plus the measurement noise, u = max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS), ``objective`` −Σ ln p; and
-    (α̂, û) by the numbers of any takes. Raises SingularJacobianError and ModelDomainError.
+    """(α̂, û) of greatest likelihood of the steps with a command, and a function of the numbers of
+    any takes that returns their (α̂, û). The density is exact, of a step plus the measurement
+    noise, u = max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS). Raises SingularJacobianError, ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
     least, axes = principal_axes(recorded.measurement)
-    q, v, noise = moving_steps(recorded)
+    q, v, noise = base.moving_steps(recorded)
     inverse, v = recorded.chain.inverse_jacobian(q), task_step(recorded.chain, v)
     norms, speeds = frobenius(inverse), np.vecdot(v, v)
     largest, squared, reach = float(norms.max()), float(np.mean(noise**2)), np.log(ALPHA_RANGE)
-    parts = (noise @ axes) ** 2  # along the axes of Σ_m, which every α leaves as they are
+    parts = (noise @ axes) ** 2  # along the axes of Σ_m, principal axes for every α
 
     def gain_at(extension: float) -> ndarray:
         return noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
@@ -290,8 +288,8 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
     fit = fit._replace(**scaled)
 
     def from_takes(takes: ndarray) -> tuple[float, float]:
-        own = costs[takes].sum(axis=0)
-        optima, lowest = np.array([_vertex(*each) for each in zip(log_alphas, own, strict=True)]).T
+        cost = costs[takes].sum(axis=0)
+        optima, lowest = np.array([_vertex(*each) for each in zip(log_alphas, cost, strict=True)]).T
         i, last = int(lowest.argmin()), len(lowest) - 1
         if np.isnan(optima[i]):
             message = "the likelihood of these takes is greatest beyond where it was evaluated"
@@ -306,7 +304,7 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
 
 
 def _vertex(x: ndarray, y: ndarray) -> tuple[float, float]:
-    """Vertex of the parabola through the least of ``y`` and its neighbours; at NaN for an end."""
+    """Vertex of the parabola through the least of ``y`` and its neighbours; x is NaN at an end."""
     i = int(y.argmin())
     if i in (0, len(y) - 1):
         return np.nan, float(y[i])

@@ -1,8 +1,8 @@
-"""The Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
+"""Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
 GausMod–const2; Algorithm 2), the inverse where m = n.
 
-The rows of the noise matrix are independent with covariance Σ_k = s·I each, so one step is exactly
-N(J̲⁺v, s‖v‖²·I), isotropic in joint space. What is commanded in the null space of J has no noise.
+The rows of the noise matrix are independent with covariance Σ_k = s·I, so one step is exactly
+N(J̲⁺v, s‖v‖²·I), isotropic in joint space. A step in the null space of J has no noise.
 """
 
 from dataclasses import dataclass, replace
@@ -13,17 +13,16 @@ from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import GAUSSIAN_LAW, Law, frobenius, task_step
-from pipeline.models.normal import NormalModel, trace_factor
+from pipeline.models.model import GAUSSIAN_LAW, Law, NormalModel, frobenius, task_step, trace_factor
 
-UNBOUNDED = 1e9  # u beside which the norm of any inverse Jacobian is nothing
+UNBOUNDED = 1e9  # u, far above the norm of any inverse Jacobian
 
 
 def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarray:
-    """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm), of
-    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in the paper's
-    units (1/m and 1 mixed) of the inverse Jacobian, squared. Raises ModelDomainError where u is
-    below the norm: the problem then has no solution.
+    """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm) for
+    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in squares of the
+    inverse Jacobian's mixed units (1/m and 1). Raises ModelDomainError for u below the norm, where
+    the problem has no solution.
     """
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
@@ -38,9 +37,9 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
 
 @dataclass(frozen=True)
 class GaussianModel(NormalModel):
-    """Random inverse Jacobian of level ``alpha`` α ≥ 0 under the bound ``u`` > 0 on its Frobenius
-    norm, beyond which it has no noise: Eq. (GausMod) of J⁺. The law of a step, Eq. (RMTInvDiff), is
-    that of Algorithm 2.
+    """Random inverse Jacobian, Eq. (GausMod) of J⁺, of level ``alpha`` α ≥ 0 under the bound ``u``
+    > 0 on its Frobenius norm, beyond which it has no noise. A step, Eq. (RMTInvDiff), has the law
+    of Algorithm 2. Raises ModelDomainError for another α or u.
     """
 
     alpha: float
@@ -62,13 +61,13 @@ class GaussianModel(NormalModel):
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "GaussianModel":
-        """Model of another α at the same u; raises ModelDomainError where it has no noise."""
+        """Return the model of another α and the same u; raises ModelDomainError without noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)
 
 
 def build(parameters: dict[str, Any]) -> GaussianModel:
-    """Build the model; with ``level`` αu alone the limit of an unbounded u."""
+    """Build the model from ``alpha`` and ``u``, or from the ``level`` αu for an unbounded u."""
     if "level" in parameters:
         return GaussianModel(parameters["level"] / UNBOUNDED, UNBOUNDED)
     return GaussianModel(parameters["alpha"], parameters["u"])

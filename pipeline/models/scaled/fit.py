@@ -1,4 +1,4 @@
-"""A and B of greatest likelihood of the model whose noise grows with the joint speed."""
+"""Maximum-likelihood fit of A and B of the model whose noise grows with the joint speed."""
 
 from collections.abc import Callable, Sequence
 from typing import Literal
@@ -8,16 +8,15 @@ from numpy import ndarray
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError, SolverError
-from pipeline.models import options as base
-from pipeline.models.noise import mean_covariance
-from pipeline.models.normal import principal_axes, root, without_measurement
+from pipeline.models import steps as base
+from pipeline.models.model import principal_axes, root, without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
 
-FLAT = 1e-5  # greatest slope, in L and along any X + tN of unit size, at a minimum
+FLAT = 1e-5  # greatest slope at a minimum, by an entry of L and along any X + tN of unit size
 SEARCHES = 20
 SEARCH = {"maxiter": 2000, "maxfun": 4000, "maxcor": 20, "ftol": 1e-14, "gtol": 1e-7}
 Structure = Literal["diagonal", "full"]
-# f and its slopes by each matrix, symmetric
+# f and its derivatives by each matrix, symmetric
 Objective = Callable[[list[ndarray]], tuple[float, list[ndarray]]]
 
 
@@ -36,8 +35,8 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Half of the recorded variance from speed and half at rest; ``dispersions`` do not matter."""
-    covariance = mean_covariance(recorded.noise)
+    """Parameters with half of the recorded variance from A and half from B."""
+    covariance = base.mean_covariance(recorded.noise)
     square = np.mean(recorded.chain.nominal_step(recorded.q, recorded.v) ** 2, axis=(0, 1))
     kept = np.diag(np.diag(covariance)) if options.structure == "diagonal" else covariance
     gain = kept / np.sqrt(np.outer(square, square)) / 2
@@ -59,28 +58,27 @@ def _estimate(floor: ndarray, gain: ndarray, joints: tuple[str, ...]) -> Estimat
 def fit_scaled(
     noise: ndarray, dq: ndarray, measurement: ndarray, structure: Structure
 ) -> tuple[ndarray, ndarray, float]:
-    """A ⪰ 0 in rad² and B ⪰ 0 (n, n) of greatest likelihood for ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) at
-    every step, and the mean log likelihood of a step in nats, of a density in rad⁻ⁿ.
+    """Fit A ⪰ 0 in rad² and B ⪰ 0 (n, n) to ω ~ N(0, Σ_m + A + D(q̇)BD(q̇)) by maximum likelihood;
+    return both and the mean log likelihood of a step in nats (rad⁻ⁿ).
 
     ``noise`` ω and ``dq``, nominal steps of the joints, are (takes, M, n) in rad, Σ_m (n, n) in
-    rad². Raises ModelDomainError where the likelihood has no bound or a joint never moves,
-    SolverError where the search does not end at an optimum.
+    rad². Raises ModelDomainError if the likelihood is not bounded or a joint never moves,
+    SolverError if the search does not end at an optimum.
     """
-    _ = principal_axes(measurement)  # raises where it is no covariance
+    _ = principal_axes(measurement)  # raises if it is no covariance
     n = noise.shape[-1]
     w, x = noise.reshape(-1, n), dq.reshape(-1, n)
     rest = ~np.any(x, axis=-1)
-    _require_bound(w, measurement)
-    if np.any(rest):  # a singular floor would give the noise a density without bound
-        _require_bound(w[rest], measurement)
-    # each joint in units of its own noise and its own speed, as a search needs it
+    for group in (w, w[rest]) if np.any(rest) else (w,):  # A alone has to explain the noise at rest
+        _require_bounded_density(group, measurement)
+    # each joint in units of its noise and its speed, for the search
     scale, speed = np.sqrt(np.diag(w.T @ w / len(w))), np.sqrt(np.mean(x**2, axis=0))
     if not np.all(speed > 0):
         message = "noise that grows with speed cannot be determined where a joint never moves"
         raise ModelDomainError(message, rms_step=speed.tolist())
     outer = np.outer(scale, scale)
     each = [np.eye(n)[:, [j]] for j in range(n)] if structure == "diagonal" else [np.eye(n)]
-    directions, half = 2 * each, len(each)  # P of A = ΣPXPᵀ, X ⪰ 0, then those of B
+    directions, half = 2 * each, len(each)  # P of A = ΣPXPᵀ, X ⪰ 0, then of B
     unit_noise, unit_speed, added = (w / scale).T.copy(), (x / speed).T.copy(), measurement / outer
 
     def covariances(matrices: list[ndarray]) -> tuple[ndarray, ndarray]:
@@ -92,17 +90,15 @@ def fit_scaled(
         value, *slopes = negative_log_likelihood(unit_noise, unit_speed, floor + added, gain)
         return value, [p.T @ slope @ p for slope in slopes for p in directions[:half]]
 
-    # half of the noise's variances at rest, half at the joints' usual speeds
+    # begins with half of the variances at rest and half at the rms speeds of the joints
     matrices, value = minimise(loss, [0.5 * np.eye(p.shape[1]) for p in directions])
     floor, gain = covariances(matrices)
     log_likelihood = -value - 0.5 * n * np.log(2 * np.pi) - np.log(scale).sum()
     return floor * outer, gain * outer / np.outer(speed, speed), float(log_likelihood)
 
 
-def _require_bound(noise: ndarray, measurement: ndarray) -> None:
-    """Raise ModelDomainError where the second moment of ``noise`` (N, n) and Σ_m together are
-    singular or not finite: a density then has no bound.
-    """
+def _require_bounded_density(noise: ndarray, measurement: ndarray) -> None:
+    """Raise ModelDomainError if the second moment of ``noise`` (N, n) plus Σ_m is singular."""
     total = noise.T @ noise / len(noise) + measurement
     scale = np.sqrt(np.diag(total))
     regular = np.all(np.isfinite(scale)) and np.all(scale > 0)
@@ -114,10 +110,10 @@ def _require_bound(noise: ndarray, measurement: ndarray) -> None:
 def negative_log_likelihood(
     w: ndarray, x: ndarray, floor: ndarray, gain: ndarray
 ) -> tuple[float, ndarray, ndarray]:
-    """−mean ln N(w; 0, Σ) but for its constant, Σ = F + D(x)BD(x), and its slopes (n, n) by F and
-    by B; infinite where a Σ is singular. ``w`` and ``x`` (n, N) are noise and speeds of the steps,
-    F (n, n) includes the measurement's covariance. With Σ = LLᵀ the slope by Σ is Σ⁻¹ −
-    (Σ⁻¹w)(Σ⁻¹w)ᵀ, entry by entry over all steps at once.
+    """−mean ln N(w; 0, Σ) up to a constant, Σ = F + D(x)BD(x), and its derivatives (n, n) by F and
+    by B; infinite if a Σ is singular. ``w`` and ``x`` (n, N) are noise and speeds of the steps,
+    F (n, n) includes the measurement's covariance. With Σ = LLᵀ the derivative by Σ is
+    Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, computed entry by entry over all steps at once.
     """
     n, count = w.shape
     lower, inverse = np.zeros((2, n, n, count))
@@ -153,9 +149,9 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
     begins at ``matrices`` (k, k), where f is finite, of a scale near one.
 
     A quasi-Newton search in L, X = LLᵀ, needs no constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL
-    for G = ∂f/∂X. But a singular L may be stationary without being a minimum, which has GX = 0 and
-    G ⪰ 0: where G has a negative part −N, f falls along X + tN, and the search goes on from there.
-    Raises SolverError where the search does not end at a minimum.
+    for G = ∂f/∂X. A singular L may be stationary without being a minimum, which has GX = 0 and
+    G ⪰ 0: if G has a negative part −N, f falls along X + tN, and the search continues from there.
+    Raises SolverError if the search does not end at a minimum.
     """
     from scipy.optimize import minimize
 
@@ -176,12 +172,11 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
     for _ in range(SEARCHES):
         start = np.concatenate([root(matrix).ravel() for matrix in matrices])
         result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
-        steepest, message = float(np.abs(result.jac).max()), result.message
-        # its own word is not taken: its line search may stop where values cannot be distinguished
+        # result.success is not decisive: the line search may stop at differences of rounding
+        steepest = float(np.abs(result.jac).max())
         if not (steepest < FLAT and np.isfinite(result.fun)):
             break
         matrices = [factor @ factor.T for factor in split(result.x)]
-        # the negative part of each slope
         slopes = objective(matrices)[1]
         falls = [without_measurement(-(slope + slope.T) / 2, 0.0)[0] for slope in slopes]
         size = max(np.linalg.norm(fall, 2) for fall in falls)
@@ -192,7 +187,5 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
                 break
         else:  # f falls in no direction, or by no more than rounding
             return matrices, float(result.fun)
-    raise SolverError(
-        f"the search over positive semidefinite matrices did not end at a minimum: {message}",
-        slope=steepest,
-    )
+    message = "the search over positive semidefinite matrices did not end at a minimum"
+    raise SolverError(f"{message}: {result.message}", slope=steepest)

@@ -1,13 +1,13 @@
 """Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for whole batches.
 
-J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper names "LU or QR depending
-on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each is another law:
+J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper says "LU or QR depending
+on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each decomposition is another law:
 
-- ``pivoted_lu``: J₁ = PᵀL, J₂ = U. It depends on the units of the task rows (here m and rad), the
-  axes of the task (here of the arm's base) and the order of the joints, not of the rows.
-- ``qr``: of J. As the law of B is invariant under rotations, J₁ = I and J₂ = J is the same model,
-  and is computed. It depends on the units of the rows alone.
-- ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. It depends on no unit, axis or order: ‖a‖ = ‖J⁺v‖.
+- ``pivoted_lu``: J₁ = PᵀL, J₂ = U. The law depends on the units of the task rows (m and rad), the
+  axes of the task (of the arm's base) and the order of the joints, not on the order of the rows.
+- ``qr``: of J. As the law of B is invariant under rotations, it is computed as the same model with
+  J₁ = I and J₂ = J. The law depends on the units of the rows alone.
+- ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. ‖a‖ = ‖J⁺v‖: no dependence on units, axes, order.
 - ``given``: J₁ is a constant, as diag(ℓ, ℓ, 1), which turns metres into angles of lever arm ℓ.
 """
 
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from pipeline.models.wishart.fit import Options
 
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
-LEAST_CONDITION = 1e-9  # least singular value of a given J₁ as a share of its greatest
+LEAST_CONDITION = 1e-9  # least over greatest singular value of a given J₁
 
 
 @dataclass(frozen=True)
 class Decomposition:
-    """One decomposition: ``name`` of :data:`COMPUTED`, or ``given`` with its ``left`` J₁ (m, m);
-    ModelDomainError for an unknown name or a J₁ that is not regular.
+    """Decomposition by its ``name``, one of :data:`COMPUTED`, or ``given`` with ``left`` J₁ (m, m).
+    Raises ModelDomainError for an unknown name or a J₁ that is not regular.
     """
 
     name: str
@@ -44,39 +44,33 @@ class Decomposition:
         if self.left is None and self.name in COMPUTED:
             return
         if self.left is None or self.name != "given":
-            raise ModelDomainError(
-                f"the decomposition must be one of {', '.join(COMPUTED)} or given, which alone "
-                "needs the first factor of the Jacobian",
-                decomposition=self.name,
-            )
+            message = f"the decomposition must be one of {', '.join(COMPUTED)} or given, which "
+            message += "alone needs the first factor of the Jacobian"
+            raise ModelDomainError(message, decomposition=self.name)
         try:
             matrix = np.array(self.left, dtype=float)
-            singular = np.linalg.svd(matrix, compute_uv=False)
-            regular = len(set(matrix.shape)) == 1 and singular[-1] > LEAST_CONDITION * singular[0]
-        except (TypeError, ValueError, IndexError, np.linalg.LinAlgError):
+            regular = np.linalg.cond(matrix) * LEAST_CONDITION < 1
+            object.__setattr__(self, "left", tuple(map(tuple, matrix.tolist())))
+        except (TypeError, ValueError, np.linalg.LinAlgError):
             regular = False
-        if not regular:
+        if not (regular and len(set(matrix.shape)) == 1):
             message = "the given first factor of the Jacobian must be a finite, regular matrix"
             raise ModelDomainError(f"{message}, as many rows as columns", left=str(self.left))
-        object.__setattr__(self, "left", tuple(map(tuple, matrix.tolist())))
 
     def require_size(self, m: int) -> None:
-        """Raise ModelDomainError where a given J₁ is not of ``m`` task rows."""
+        """Raise ModelDomainError for a given J₁ of another size than ``m`` task rows."""
         if self.left is not None and len(self.left) != m:
-            raise ModelDomainError(
-                f"the given first factor must have as many rows as the task, {m}, "
-                f"and has {len(self.left)}",
-                left=self.left,
-            )
+            message = f"the given first factor must have as many rows as the task, {m}, and has "
+            raise ModelDomainError(message + str(len(self.left)), left=self.left)
 
 
 PIVOTED_LU = Decomposition("pivoted_lu")
-CONTROL = Decomposition("qr_transposed")  # beside every other, as it depends on no unit
+CONTROL = Decomposition("qr_transposed")  # for comparison: it depends on no unit, axis or order
 
 
-def chosen(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """The decomposition that ``options`` name for these ``task`` rows and ``joints``; by_shape is
-    pivoted LU of a square Jacobian, QR of one with more joints.
+def decomposition_of(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
+    """Decomposition that ``options`` name for these ``task`` rows and ``joints``; ``by_shape`` is
+    pivoted LU for a square Jacobian and QR for more joints than task rows.
     """
     by_shape = "pivoted_lu" if len(task) == len(joints) else "qr"
     name = by_shape if options.decomposition == "by_shape" else options.decomposition
@@ -87,7 +81,7 @@ def factors(
     chain: Mechanism, q: ndarray, v: ndarray, decomposition: Decomposition
 ) -> tuple[ndarray, ndarray, ndarray]:
     """a = J₁⁻¹v (..., m), J₂⁺ (..., n, m) and ½ ln det J₂J₂ᵀ (...,) of J = J₁J₂, Eq. (LUDecom), at
-    joint angles ``q`` (..., n) in rad for the command ``v`` (m,) or (..., m) or longer. Raises
+    joint angles ``q`` (..., n) in rad for the command ``v`` (..., m) or (..., m + n). Raises
     SingularJacobianError.
     """
     chain.require_regular(q)
@@ -97,8 +91,8 @@ def factors(
 def split(
     jacobian: ndarray, v: ndarray, decomposition: Decomposition
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """The :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) for the task step ``v``
-    (..., m), whose leading axes broadcast; meaningless where J has not full row rank.
+    """Return :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) and task step ``v``
+    (..., m), whose leading axes broadcast; not finite or rounding if J lacks full row rank.
     """
     m, n = jacobian.shape[-2:]
     decomposition.require_size(m)
@@ -127,20 +121,20 @@ def split(
 
 
 def _eliminate(rows: ndarray) -> None:
-    """[J | X] (m, n + k, ...) → L⁻¹P[J | X] of PJ = LU with partial pivoting, in place."""
+    """Replace [J | X] (m, n + k, ...) by L⁻¹P[J | X] of PJ = LU with partial pivoting."""
     for k in range(len(rows)):
         greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
         for i in range(k + 1, len(rows)):
-            here = greatest == i
-            rows[k], rows[i] = np.where(here, rows[i], rows[k]), np.where(here, rows[k], rows[i])
+            swap = greatest == i
+            rows[k], rows[i] = np.where(swap, rows[i], rows[k]), np.where(swap, rows[k], rows[i])
         multiples = rows[k + 1 :, k] / rows[k, k]
         rows[k + 1 :] -= multiples[:, None] * rows[k]
-        rows[k + 1 :, k] = 0.0  # zero but for rounding
+        rows[k + 1 :, k] = 0.0  # removes rounding
 
 
 def orthonormalize(rows: ndarray, n: int) -> ndarray:
-    """Make of ``rows`` [J | X] (m, n + k, ...), in place, R⁻ᵀ[J | X] of J = RᵀQᵀ by modified
-    Gram–Schmidt of the first ``n`` columns, the diagonal of R positive; return ln det R (...,).
+    """Replace ``rows`` [J | X] (m, n + k, ...) by R⁻ᵀ[J | X] of J = RᵀQᵀ, by modified Gram–Schmidt
+    of the first ``n`` columns, the diagonal of R positive; return ln det R (...,).
     """
     log_determinant = np.zeros(rows.shape[2:])
     for k in range(len(rows)):

@@ -1,5 +1,5 @@
 """σ_B of the Wishart model: options, estimators by moments, by the paper's convex problem on every
-step and by maximum likelihood, and σ̂_B over the weight that the paper leaves open.
+step and by maximum likelihood, and σ̂_B as a function of the weight that the paper does not state.
 """
 
 from __future__ import annotations
@@ -16,23 +16,22 @@ from pydantic import Field, model_validator
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
-from pipeline.models import options as base
+from pipeline.models import steps as base
 from pipeline.models.model import task_step
 from pipeline.models.steps import Estimate, Recorded, Truth, moving_steps, take_variances
-from pipeline.models.wishart.decomposition import CONTROL, Decomposition, chosen, factors
+from pipeline.models.wishart.decomposition import CONTROL, Decomposition, decomposition_of, factors
 from pipeline.models.wishart.law import StepSquares, WishartModel, dispersion_of_trace, step_squares
 from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
 
-if TYPE_CHECKING:  # it loads the compiler
+if TYPE_CHECKING:  # it loads numba
     from pipeline.models.wishart.perturbation import Perturbations
 
-RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ tried, in rad
+RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ of the curve, in rad
 TOLERANCE = 1e-3  # of ln of the ratio at which σ̂_B meets the moment estimate
-SIGMA_B_RANGE = (0.01, 2.0)  # of the likelihood; the widest is beyond all that have a density
-MARGIN = 1e-4  # of ln σ_B, below the widest that has a density
-COARSE = 0.05  # of ln σ_B: how near the greatest likelihood is sought before a spline is read
-# of that spline over ln σ_B, on either side, and its nodes: they leave an error below 1e-4
-REACH, NODES = 0.4, 9
+SIGMA_B_RANGE = (0.01, 2.0)  # of the likelihood; all σ_B with a density are below the upper end
+MARGIN = 1e-4  # of ln σ_B, below the greatest that has a density
+COARSE = 0.05  # of ln σ_B, tolerance of the search before the spline
+REACH, NODES = 0.4, 9  # of the spline over ln σ_B on either side; its error is below 1e-4
 Estimator = Literal["moments", "paper", "likelihood"]
 
 
@@ -42,14 +41,14 @@ class Options(base.Options):
 
     estimator: Estimator = "moments"
     decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = "by_shape"
-    left: list[list[float]] | None = None  # rows of J₁, of the decomposition given alone
-    # of the paper's estimator alone: ε of B⁻¹ ⪰ εI, and the factor on α₂/α₁, which follows from
+    left: list[list[float]] | None = None  # rows of J₁, for the decomposition given alone
+    # for the paper's estimator alone: ε of B⁻¹ ⪰ εI, and a factor on the α₂/α₁ that follows from
     # the noise at rest
     floor: Annotated[float, Field(gt=0, lt=1)] = 0.2
     ratio_factor: Annotated[float, Field(gt=0)] = 1.0
 
     @model_validator(mode="after")
-    def _values_that_go_together(self) -> Self:
+    def _require_left(self) -> Self:
         if (self.decomposition == "given") != (self.left is not None):
             raise validation.Fault("left", "the decomposition given, and no other, needs left")
         if self.left is not None and any(len(row) != len(self.left) for row in self.left):
@@ -58,32 +57,33 @@ class Options(base.Options):
 
 
 class DispersionFit(NamedTuple):
-    """σ̂_B, and its estimate from chosen takes."""
+    """σ̂_B of all takes and of any takes."""
 
     sigma_b: float
     from_takes: Callable[[ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
     diagnostics: Mapping[str, float] = {}
+    problems: tuple = ()  # weights (α₁, α₂) and objectives (takes·M,) of the convex problems
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """σ_B by the estimator that ``options`` name; raises what that estimator raises."""
-    given = recorded, chosen(options, recorded.chain.task, recorded.joints)
+    """Estimate σ_B by the estimator of ``options``; raises what that estimator raises."""
+    decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
     match options.estimator:
         case "moments":
-            fit = fit_moments(*given)
+            fit = fit_moments(recorded, decomposition)
         case "likelihood":
-            fit = fit_likelihood(*given)
+            fit = fit_likelihood(recorded, decomposition)
         case "paper":
-            fit = fit_paper(*given, options.floor, options.ratio_factor)
+            fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
+    parameters = _parameters(fit.sigma_b, decomposition)
     values = {"sigma_b": fit.sigma_b}
-    parameters = _parameters(fit.sigma_b, given[1])
     return Estimate(parameters, values, diagnostics, from_takes=fit.from_takes)
 
 
-def compared(options: Options) -> dict[str, Options]:
-    """Every estimator, under the decomposition of ``options`` and under the control."""
+def estimator_options(options: Options) -> dict[str, Options]:
+    """Options of every estimator, for the decomposition of ``options`` and for the control."""
     cases = {"": options}
     if options.decomposition != CONTROL.name:
         control = replace(options, decomposition=CONTROL.name, left=None)
@@ -96,8 +96,8 @@ def compared(options: Options) -> dict[str, Options]:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Each of ``dispersions``, whatever was recorded."""
-    decomposition = chosen(options, recorded.chain.task, recorded.joints)
+    """Parameters with each of ``dispersions``."""
+    decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
     return [
         Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, decomposition), {"sigma_b": sigma_b})
         for sigma_b in dispersions
@@ -109,26 +109,27 @@ def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
     return {"kind": "wishart", "sigma_b": sigma_b, "decomposition": decomposition.name} | left
 
 
-def examined(
+def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """The greatest gap between the closed form and (BsampOpt) at ``checks`` of the steps that move,
-    and the table ``sigma_b_weights``, σ̂_B of (BsampOpt) over α₂/α₁, of the recorded takes and,
-    where there is an ``estimate``, of as many takes that are drawn from its model.
+    """Greatest gap between the closed form and (BsampOpt) at ``checks`` of the moving steps, and
+    the table ``sigma_b_weights``: σ̂_B of (BsampOpt) over α₂/α₁ for the recorded takes and, with an
+    ``estimate``, for as many takes drawn from its model.
     """
-    decomposition, metrics = chosen(options, recorded.chain.task, recorded.joints), {}
+    decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
+    metrics = {}
     try:
         fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
-        metrics = _convex_check(recorded, decomposition, fit, options, checks, rng)
+        metrics = _convex_check(recorded, decomposition, fit, options.floor, checks, rng)
         moments = fit_moments(recorded, decomposition).sigma_b
     except ModelDomainError as error:
         print(f"fit: no curve over the weights of the convex problem: {error}")
         return metrics, {}
-    takes, rows = {"recorded": recorded}, []
+    sources, rows = {"recorded": recorded}, []
     if estimate is not None:
-        takes["drawn"] = _drawn_from(estimate.model, recorded, rng)
-    for source, steps in takes.items():
-        steps = problem_steps(steps, decomposition)
+        sources["drawn"] = _drawn_takes(estimate.model, recorded, rng)
+    for source, takes in sources.items():
+        steps = problem_steps(takes, decomposition)
 
         def sigma_b(ratio: float, steps=steps) -> float:
             weights = 1 / (1 + ratio), ratio / (1 + ratio)
@@ -139,35 +140,30 @@ def examined(
         rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
         if (meeting := _meeting_ratio(sigma_b, curve, moments)) is not None:
             rows.append((meeting, moments, "moments", source))
-    used = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
-    rows.append((used, fit.sigma_b, "used", "recorded"))
+    ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
+    rows.append((ratio, fit.sigma_b, "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
     return metrics, {"sigma_b_weights": table}
 
 
-def _convex_check(recorded, decomposition, fit, options, checks, rng) -> dict[str, float]:
-    """Gap of :func:`fit_paper`'s ``fit`` at ``checks`` of the moving steps that ``rng`` chooses."""
-    # imported here: CVXPY takes longer to import than most models to fit
-    from pipeline.models.convex import perturbation_gap
-    from pipeline.models.wishart.perturbation import objective_weights
+def _convex_check(recorded, decomposition, fit, floor, checks, rng) -> dict[str, float]:
+    """Gap of :func:`fit_paper`'s ``fit`` at ``checks`` random moving steps."""
+    from pipeline.models.convex import perturbation_gap  # here: CVXPY takes long to import
 
+    weights, objectives = fit.problems
     n, v = recorded.q.shape[-1], task_step(recorded.chain, recorded.v)
-    weights = fit.diagnostics["noise_at_rest_rms_rad"], v.shape[-1], options.ratio_factor
-    weights = objective_weights(*weights)
-    _, solved = solve_problems(problem_steps(recorded, decomposition), weights, options.floor)
     v = np.broadcast_to(v, (*recorded.q.shape[:2], v.shape[-1])).reshape(-1, v.shape[-1])
     moving = np.flatnonzero(np.any(v, axis=1))
     checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
     jacobians = recorded.chain.jacobian(recorded.q.reshape(-1, n)[checked])
     steps = v[checked], recorded.noise.reshape(-1, n)[checked]
-    given = jacobians, *steps, decomposition, weights, options.floor
-    gap = perturbation_gap(solved.objective[checked], *given)
+    gap = perturbation_gap(objectives[checked], jacobians, *steps, decomposition, weights, floor)
     return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
 
 
-def _drawn_from(model: WishartModel, recorded: Recorded, rng: Generator) -> Recorded:
-    """Steps of the ``model`` from the recorded poses and commands, with measurement noise."""
-    from pipeline.models.draws import draw_steps  # here, as it loads the compiler
+def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Recorded:
+    """Steps of ``model`` from the recorded poses and commands, with measurement noise."""
+    from pipeline.models.draws import draw_steps  # here: it loads numba
 
     q, v = recorded.q, recorded.v
     drawn, _ = draw_steps(model, recorded.chain, q, v, rng)
@@ -175,22 +171,22 @@ def _drawn_from(model: WishartModel, recorded: Recorded, rng: Generator) -> Reco
     return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
 
 
-def _meeting_ratio(sigma_b: Callable, curve: ndarray, wanted: float) -> float | None:
-    """α₂/α₁ in rad at which ``sigma_b`` returns ``wanted``, between two of RATIOS whose ``curve``
-    σ̂_B falls through it; None where it does nowhere.
+def _meeting_ratio(sigma_b: Callable, curve: ndarray, target: float) -> float | None:
+    """α₂/α₁ in rad at which ``sigma_b`` falls through ``target``; None if it does not. ``curve`` is
+    σ̂_B at RATIOS.
     """
     from scipy.optimize import brentq
 
-    crossings = np.flatnonzero((curve > wanted)[:-1] & ~(curve > wanted)[1:])
+    crossings = np.flatnonzero((curve > target)[:-1] & ~(curve > target)[1:])
     if not len(crossings):
         return None
     ends = np.log(RATIOS[crossings[0] : crossings[0] + 2])
-    return float(np.exp(brentq(lambda x: sigma_b(np.exp(x)) - wanted, *ends, xtol=TOLERANCE)))
+    return float(np.exp(brentq(lambda x: sigma_b(np.exp(x)) - target, *ends, xtol=TOLERANCE)))
 
 
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
-    """σ̂_B at which the mean of tr Cov over the takes and steps, plus the trace of the measurement
-    noise, is the recorded total variance. Raises SingularJacobianError, and ModelDomainError as
+    """σ̂_B at which the mean of tr Cov over the takes and steps plus the trace of the measurement
+    noise is the recorded total variance. Raises SingularJacobianError, and ModelDomainError as
     :func:`take_variances` and :func:`dispersion_of_trace`.
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
@@ -199,15 +195,15 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionF
 
     def from_takes(takes: ndarray) -> dict[str, float]:
         traces, measured = variances(takes)
-        own = StepSquares(*(each[takes].mean() for each in squares))
-        return {"sigma_b": dispersion_of_trace(own, float(traces.mean()) - measured, m)}
+        means = StepSquares(*(each[takes].mean() for each in squares))
+        return {"sigma_b": dispersion_of_trace(means, float(traces.mean()) - measured, m)}
 
     return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
 
 
 def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[ndarray, ...]:
-    """ω (takes, M, n) in rad, J₁⁻¹v (takes, M, m) and J₂⁺ (takes, M, n, m) of the problems; raises
-    SingularJacobianError.
+    """ω (takes, M, n) in rad, J₁⁻¹v (takes, M, m) and J₂⁺ (takes, M, n, m) of the convex problems;
+    raises SingularJacobianError.
     """
     v = np.broadcast_to(recorded.v, (*recorded.q.shape[:-1], recorded.v.shape[-1]))
     return recorded.noise, *factors(recorded.chain, recorded.q, v, decomposition)[:2]
@@ -216,8 +212,8 @@ def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[nda
 def solve_problems(
     steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
 ) -> tuple[ndarray, Perturbations]:
-    """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI of the ``floor`` ε, of :func:`problem_steps`
-    under the ``weights`` (α₁, α₂): σ̂_B² of each, Eq. (NormStd) with E[B] = I, (takes, M), and the
+    """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI with ``floor`` ε, for :func:`problem_steps`
+    with ``weights`` (α₁, α₂). Return σ̂_B² (takes, M) of each, Eq. (NormStd) with E[B] = I, and the
     optimal perturbations, take by take.
     """
     from pipeline.models.wishart.perturbation import fit_perturbations
@@ -234,9 +230,9 @@ def fit_paper(
     recorded: Recorded, decomposition: Decomposition, floor: float, ratio_factor: float = 1.0
 ) -> DispersionFit:
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with ``floor`` ε of
-    B⁻¹ ⪰ εI and ``ratio_factor`` on α₂/α₁, which follows from the noise recorded at rest, or the
-    known Σ_m of a motion that never rests; ModelDomainError without either. Resampled takes keep
-    the weights of all.
+    B⁻¹ ⪰ εI. α₂/α₁ is ``ratio_factor`` times a ratio that follows from the noise recorded at rest,
+    or from the known Σ_m for a motion that never rests; ModelDomainError without either. Resampled
+    takes keep the weights of all takes.
     """
     from pipeline.models.wishart.perturbation import objective_weights
 
@@ -264,13 +260,14 @@ def fit_paper(
         counts = np.bincount(takes, minlength=len(squares))
         return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
 
-    return DispersionFit(float(dispersions.mean()), from_takes, diagnostics)
+    sigma_b, problems = float(dispersions.mean()), (weights, fits.objective)
+    return DispersionFit(sigma_b, from_takes, diagnostics, problems)
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
-    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over the steps with a command, p the exact density
-    of a step plus the measurement noise, without which the slowest steps would decide. Raises
-    SingularJacobianError and ModelDomainError.
+    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over steps with a command. p is the exact density of
+    a step plus the measurement noise, without which the slowest steps would determine σ̂_B.
+    Raises SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
@@ -289,11 +286,11 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     )
     nodes = np.linspace(max(low, coarse.x - REACH), min(high, coarse.x + REACH), NODES)
     log_likelihoods = np.stack([by_take(x) for x in nodes], axis=1)
-    best = _greatest(nodes, log_likelihoods.sum(axis=0))
+    best = _spline_maximum(nodes, log_likelihoods.sum(axis=0))
     at_end = best in (low, high)
 
     def from_takes(takes: ndarray) -> dict[str, float]:
-        best = _greatest(nodes, log_likelihoods[takes].sum(axis=0))
+        best = _spline_maximum(nodes, log_likelihoods[takes].sum(axis=0))
         if not at_end and best in (nodes[0], nodes[-1]):
             message = "the likelihood of these takes is greatest beyond where it was evaluated"
             raise ModelDomainError(message, takes=takes.tolist())
@@ -303,8 +300,8 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     return DispersionFit(float(np.exp(best)), from_takes, diagnostics)
 
 
-def _greatest(x: ndarray, values: ndarray) -> float:
-    """Argument at which the spline through ``values`` (N,) at ``x`` (N,) is greatest."""
+def _spline_maximum(x: ndarray, values: ndarray) -> float:
+    """Argument of the maximum of the spline through ``values`` (N,) at ``x`` (N,)."""
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(x, values)

@@ -1,16 +1,16 @@
 """Density of J₂⁺B⁻¹a with normal noise by quadrature, compiled.
 
-T = N(0, I)/√g, g ~ χ²(d−m+2) (:mod:`.law`), so given z and g a step with measurement noise Σ_m is
-normal of mean z·b, b = J₂⁺a, and covariance Σ_m + (z²/g)MMᵀ, M = r·J₂⁺(I − eeᵀ) of rank m − 1. In
+T = N(0, I)/√g, g ~ χ²(d−m+2) (:mod:`.law`). Given z and g a step with measurement noise Σ_m is
+normal with mean z·b, b = J₂⁺a, and covariance Σ_m + (z²/g)MMᵀ, M = r·J₂⁺(I − eeᵀ) of rank m − 1. In
 units in which Σ_m = I, with u_i and √λ_i the left singular vectors and values of M, c_i = u_iᵀy and
 k_i = u_iᵀb,
 
     −2 ln N = ‖y⊥ − z·b⊥‖² + Σ_i [(c_i − z·k_i)²/(1 + λ_i z²/g) + ln(1 + λ_i z²/g)] + constant.
 
-It is integrated over s = ln z and h = ln g by a rule that follows the integrand (Naylor and Smith,
-Applied Statistics 31, 1982): centred on its mode and scaled by its Fisher information there, then
-by the mean and covariance under that first rule. In coordinates sinh t the trapezoidal rule
-converges fast for exponential and normal tails. In NumPy a fit takes ten times as long.
+The density is integrated over s = ln z and h = ln g by an adaptive rule (Naylor and Smith, Applied
+Statistics 31, 1982). A first rule is centred on the mode of the integrand and scaled by its Fisher
+information, the second by the mean and covariance under the first. In coordinates sinh t the
+trapezoidal rule converges fast for exponential and normal tails.
 """
 
 import numpy as np
@@ -20,40 +20,40 @@ from pipeline.core.compiled import compiled, inner
 from pipeline.models.wishart.law import frames
 
 NODES = 17  # of the rule for each of s and h
-ALONG, DIRECTION = 3, 3  # numbers before those of the directions, and of each direction
+ALONG, DIRECTION = 3, 3  # terms of a step before its directions, and of each direction
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
-ASCENTS, HALVINGS = 60, 8  # steps of Fisher scoring, and halvings of one, at most
-SETTLED = 1e-3  # standard deviations: the mode need not be nearer
-LEAST_SHARE = 1e-3  # of the first covariance in the second, where all mass is at one node
-FADED = -45.0  # logarithm of the share of the greatest term below which a node has no mass
+ASCENTS, HALVINGS = 60, 8  # greatest numbers of steps of Fisher scoring, and of halvings of a step
+SETTLED = 1e-3  # tolerance of the mode in standard deviations
+LEAST_SHARE = 1e-3  # of the first covariance in the second, in case all mass is at one node
+FADED = -45.0  # ln of the share of the greatest term below which a node has no mass
 
 
 def blurred_log_density(
     step: ndarray, a: ndarray, back: ndarray, measurement: ndarray, d: float, nodes: int = NODES
 ) -> ndarray:
     """(N,) log density of J₂⁺B⁻¹a + ε at ``step`` (N, n) in rad, q_{k+1} − q_k without its part in
-    the null space of J, for ``a`` (N, m) not zero and ``back`` J₂⁺ (N, n, m); ``measurement`` (n,
-    n) the covariance of ε in rad², positive definite, ``d`` the degrees of freedom of B. With the
-    default ``nodes`` for each integral the relative error of the density is below 1e-4.
+    the null space of J. ``a`` (N, m) is not zero, ``back`` is J₂⁺ (N, n, m), ``measurement`` (n, n)
+    the positive definite covariance of ε in rad², ``d`` the degrees of freedom of B. The relative
+    error of the density is below 1e-4 with the default ``nodes`` for each integral.
     """
     from scipy.special import gammaln
 
     lower, m = np.linalg.cholesky(measurement), a.shape[-1]
     white = np.linalg.inv(lower)
-    numbers = _mixture(step @ white.T, a, white @ back)
+    terms = _mixture(step @ white.T, a, white @ back)
     shape, freedom = (d - m + 1) / 2, float(d - m + 2)
     t, spacing = np.linspace(-RANGE, RANGE, nodes, retstep=True)
     constant = shape * np.log(d / 2) - gammaln(shape)
     constant -= freedom / 2 * np.log(2) + gammaln(freedom / 2)
     rule = np.stack([np.sinh(t), spacing * np.cosh(t)])
-    integrals = _integrate(numbers, float(d), (float(shape), freedom), rule)
+    integrals = _integrate(terms, float(d), (float(shape), freedom), rule)
     normal = np.log(np.diag(lower)).sum() + 0.5 * len(lower) * np.log(2 * np.pi)
     return integrals + constant - normal
 
 
 def _mixture(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
     """(N, 3 + 3(m − 1)) z₀ = b⊥ᵀy⊥/‖b⊥‖², ‖b⊥‖² and ‖y⊥ − z₀b⊥‖², then c_i, k_i and λ_i of each
-    direction; ``y`` and ``back`` are times L⁻¹, Σ_m = LLᵀ.
+    direction, in units in which Σ_m = I.
     """
     n, m = back.shape[1:]
     r = np.sqrt(np.vecdot(a, a))[:, None, None]
@@ -71,7 +71,7 @@ def _mixture(y: ndarray, a: ndarray, back: ndarray) -> ndarray:
 
 @inner
 def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> float:
-    """ln of the integrand but for what depends neither on s nor on h."""
+    """ln of the integrand up to a constant."""
     (shape, freedom), z = law, np.exp(s)
     spread, rest = z * z * np.exp(-h), z - case[0]
     value = case[1] * rest * rest + np.exp(h) - freedom * h
@@ -83,8 +83,8 @@ def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> f
 
 @inner
 def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, float, float]:
-    """A mode (s, h) by Fisher scoring with halved steps, and the covariance (ss, sh, hh) there."""
-    # from where the noise-free step would be, or from the law's own middle where that is none
+    """Mode (s, h) by Fisher scoring with halved steps, and the covariance (ss, sh, hh) there."""
+    # starts at the step without measurement noise, or at the middle of the law
     (shape, freedom), s, h = law, np.log(max(case[0], 0.1)), np.log(d)
     ss = sh = hh = 0.0
     for _ in range(ASCENTS):
@@ -118,26 +118,25 @@ def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, flo
 
 
 @compiled
-def _integrate(numbers: ndarray, d: float, law: tuple[float, float], rule: ndarray) -> ndarray:
-    """(N,) ln of the integral but for constants, from the ``numbers`` of :func:`_mixture`, at the
+def _integrate(terms: ndarray, d: float, law: tuple[float, float], rule: ndarray) -> ndarray:
+    """(N,) ln of the integral up to a constant, from the ``terms`` of :func:`_mixture`, with the
     nodes and weights ``rule`` (2, K) of the scaled s and h.
     """
     (shape, freedom), xi, weight, nodes = law, rule[0], rule[1], rule.shape[1]
-    result, shape_of_grid = np.empty(len(numbers)), (nodes, nodes)
+    result, shape_of_grid = np.empty(len(terms)), (nodes, nodes)
     exponent, mass = np.empty(shape_of_grid), np.empty(shape_of_grid)
     rows = np.empty((4, nodes))
     factor, spread, squares, product = rows[0], rows[1], rows[2], rows[3]
-    # the normal's determinant is apart from the exponent, a root for each direction
-    faded = FADED * max(1, (numbers.shape[1] - ALONG) // DIRECTION - 1)
-    for n in range(len(numbers)):
-        case = numbers[n]
+    # the exponent does not contain the normal's determinant, a square root for each direction
+    faded = FADED * max(1, (terms.shape[1] - ALONG) // DIRECTION - 1)
+    for n in range(len(terms)):
+        case = terms[n]
         centre_s, centre_h, ss, sh, hh = _mode(case, d, law)
         for last in (False, True):
             root_s = np.sqrt(ss)
             slant = sh / root_s
             root_h = np.sqrt(hh - slant * slant)
-            # e^h at a node is a product of two factors, and the normal's determinant a square root:
-            # one exponential a node is left
+            # one exponential a node: e^h is a product of two factors, the determinant a square root
             for j in range(nodes):
                 factor[j] = np.exp(root_h * xi[j])
             top = -np.inf
@@ -163,8 +162,8 @@ def _integrate(numbers: ndarray, d: float, law: tuple[float, float], rule: ndarr
             for i in range(nodes):
                 ds = root_s * xi[i]
                 for j in range(nodes):
-                    here, dh = exponent[i, j] - top, slant * xi[i] + root_h * xi[j]
-                    share = mass[i, j] * np.exp(here) if here > faded else 0.0
+                    lower, dh = exponent[i, j] - top, slant * xi[i] + root_h * xi[j]
+                    share = mass[i, j] * np.exp(lower) if lower > faded else 0.0
                     total += share
                     mean_s, mean_h = mean_s + share * ds, mean_h + share * dh
                     new_ss, new_sh = new_ss + share * ds * ds, new_sh + share * ds * dh

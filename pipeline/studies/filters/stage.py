@@ -19,7 +19,7 @@ from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, particle_filter
 from pipeline.models import kinds
 from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
-from pipeline.models.options import Options as Model
+from pipeline.models.steps import Options as Model
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import Filtered, compared, no_filter, posterior_scores

@@ -19,8 +19,7 @@ from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.laboratory.session import Session, open_session
 from pipeline.laboratory.swing import JointPath, desired_path
-from pipeline.models.noise import process_noise
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
 TOGETHER = 50  # takes that are simulated at once, so many that memory does not count

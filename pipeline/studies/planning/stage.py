@@ -17,7 +17,7 @@ from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobian
 from pipeline.figures import style
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
-from pipeline.models.noise import process_noise
+from pipeline.models.steps import process_noise
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.statistics.takes import drawn_takes, percentile_interval

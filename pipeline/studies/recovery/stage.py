@@ -16,7 +16,7 @@ from pipeline.models.bootstrap import replicate, resampled_estimator
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model, estimate, truths
 from pipeline.models.model import MotionModel
-from pipeline.models.options import Options as Model
+from pipeline.models.steps import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.cases.case import Camera, Choices, Recordings, camera_of
-from pipeline.cases.evidence import Evidence, evaluate
+from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import claim_verdicts, readings
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
@@ -22,7 +22,7 @@ from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.run import ArmNames
+from pipeline.verdicts.run import ArmNames, Evidence
 from pipeline.wrench.study import run_study
 
 CHANCE = "random numbers"

@@ -20,8 +20,8 @@ from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
-from pipeline.models.joint_steps_fit import LEAST_SHARE, PLAIN, fit_joint_steps
-from pipeline.models.other_motions import UNTOLD, MotionSteps, joint_ranges, motion_of, pooled
+from pipeline.models.joint_steps import LEAST_SHARE, PLAIN, fit_joint_steps
+from pipeline.models.other_motions import UNTOLD, MotionSteps, all_steps, joint_ranges, motion_of
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.motions import logged_motions
@@ -127,7 +127,7 @@ def exported(
 
 def _plain(model: str, motions: Sequence[MotionSteps], dataset: Any) -> dict[str, Any]:
     joints, motion = tuple(dataset.robot.joints), dataset.motion
-    fit = fit_joint_steps(model, *pooled(motions), joints, pose_noise=motion.pose_noise or 0.0)
+    fit = fit_joint_steps(model, *all_steps(motions), joints, pose_noise=motion.pose_noise or 0.0)
     return {
         "parameters": fit.model.parameters(),
         "estimates": {},
@@ -186,7 +186,7 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
         required = "a greatest likelihood or least error at a finite u"
         not_known = [{"parameter": "alpha and u apart", "found": found, "required": required}]
     if share > 0:  # the ranges of the commands that the closed loop has corrected
-        v = mean_path(recorded).corrected(recorded.q, share)
+        v = mean_path(recorded).corrected_commands(recorded.q, share)
         noise = recorded.q_next - recorded.q - recorded.chain.nominal_step(recorded.q, v)
         recorded = replace(recorded, v=v, noise=noise)
     return {

@@ -17,7 +17,6 @@ LEFT_OUT = (
     "pipeline.core.validation",
     "pipeline.models",
     "pipeline.models.kinds",
-    "pipeline.models.options",
     "pipeline.models.steps",
 )
 HEAD = '''"""Reader of the motion models of `python -m pipeline export`; NumPy 2.2 is all it needs.

@@ -19,7 +19,7 @@ ROTATION = np.linalg.qr(np.random.default_rng(24).standard_normal((3, 3)))[0]
 @every_reading
 @pytest.mark.parametrize(("m", "n"), [(3, 3), (2, 4), (3, 6), (6, 7)])
 def test_the_factors_are_those_of_libraries_for_any_number_of_joints(m, n, decomposition):
-    """Signs of rows of J₂, which QR leaves open, turn no law: what is compared is free of them."""
+    """The signs of the rows of J₂, which QR does not fix, cancel in the compared quantities."""
     rng = np.random.default_rng(m + n)
     left = None if decomposition.left is None else rng.standard_normal((m, m))
     reading = Decomposition(decomposition.name, left)
@@ -79,8 +79,8 @@ def moments(jacobian: np.ndarray, v: np.ndarray, reading: Decomposition) -> np.n
 def test_what_a_decomposition_does_not_depend_on(
     name, turned, scaled, rows, joints, chain, poses, step
 ):
-    """The law after a rotation of the task, in other units of its rows, and with its rows or its
-    joints in another order; the decompositions that change are the controls.
+    """Compare the law after a rotation of the task, in other units of its rows, and with another
+    order of its rows or joints; the decompositions that change are the controls.
     """
     units, reading = np.diag([1000.0, 1000.0, 1.0]), Decomposition(name)
     cyclic = np.eye(3)[[1, 2, 0]]

@@ -1,4 +1,4 @@
-"""The law of a Wishart step against Algorithm 1, which draws and inverts the matrix: draws, moments
+"""Law of a Wishart step against Algorithm 1, which draws and inverts the matrix: draws, moments
 and the density, in its limits, with measurement noise by two routes, and for arms of any number of
 joints and task rows.
 """
@@ -64,9 +64,7 @@ def test_moments_end_where_the_theory_says(chain, step):
 
 
 def excess(draws: np.ndarray, low: np.ndarray, high: np.ndarray, log_density, rng) -> float:
-    """By how many standard errors more of ``draws`` lie in a box than the density's integral over
-    it says.
-    """
+    """Share of ``draws`` in a box minus the integral of the density over it, in standard errors."""
     hits = np.mean(np.all((draws > low) & (draws < high), axis=1))
     inside = np.exp(log_density(rng.uniform(low, high, (20_000, 3)))) * np.prod(high - low)
     return (hits - inside.mean()) / np.hypot(
@@ -111,7 +109,7 @@ def test_at_rest_there_is_no_density_without_measurement_noise(chain, poses, ste
     ("sigma_b", "error"), [(0.05, 5e-6), (0.25, 1e-4), (0.5, 3e-4), (0.8, 1e-3), (1.2, 5e-3)]
 )
 def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
-    """For steps that the law draws, with noise far below, near and far above it."""
+    """For draws of the law, with measurement noise far below, near and far above the step's."""
     rng = np.random.default_rng(5)
     d = wishart.degrees_of_freedom(sigma_b, 3)
     a, back, _ = factors(chain, poses, step, PIVOTED_LU)
@@ -120,7 +118,7 @@ def test_the_quadrature_converges(chain, poses, step, sigma_b, error):
         noise = scale * MEASUREMENT
         problem = x + rng.standard_normal(x.shape) @ np.linalg.cholesky(noise).T, a, back, noise, d
         fine = blurred_log_density(*problem, nodes=81)
-        # beyond σ_B = 1 single steps are so long that rounding alone is worth more
+        # above σ_B = 1 single steps are so long that rounding is larger
         assert np.quantile(np.abs(blurred_log_density(*problem) - fine), 0.99) < error
         # control: too few nodes
         assert np.abs(blurred_log_density(*problem, nodes=5) - fine).max() > 10 * error
@@ -130,8 +128,8 @@ SIGMA_B = 0.3
 
 
 def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
-    """An arm, a pose, a command, the model and a measurement covariance, whose standard deviations
-    are about ``share`` of those of the step.
+    """Arm, pose, command, model and a measurement covariance, whose standard deviations
+    are about ``share`` of the standard deviations of the step.
     """
     arm = random_arm(n, m)
     q, v = motion(arm, 1, 0)
@@ -144,7 +142,7 @@ def scene(n: int, m: int, name: str = "qr_transposed", share: float = 0.5):
 
 @pytest.mark.parametrize(("n", "m"), SIZES)
 def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
-    """By the definition, over the quantiles of both, in plain NumPy and SciPy."""
+    """Mean over the quantiles of z and g, in plain NumPy and SciPy."""
     arm, q, v, model, noise = scene(n, m)
     a, back, _ = factors(arm, q, v, model.decomposition)
     d, r = wishart.degrees_of_freedom(SIGMA_B, m), np.linalg.norm(a)
@@ -171,7 +169,7 @@ def test_it_is_the_mean_of_normals_over_the_law_of_z_and_g(n, m):
 
 @pytest.mark.parametrize("n", [n for n, m in SIZES if m == n])
 def test_without_measurement_it_integrates_to_one(n):
-    """By importance sampling from a wider law, whose draws leave no part of this one out."""
+    """Importance sampling from a wider law."""
     arm, q, v, model, _ = scene(n, n)
     rng, spread = np.random.default_rng(13), model.covariance(arm, q, v)
     wider = stats.multivariate_t(model.mean(arm, q, v), 1.3 * spread, df=6, seed=rng)

@@ -9,8 +9,7 @@ from random_arm import motion, random_arm
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models.convex import perturbation_gap, solve_perturbation
 from pipeline.models.draws import draw_steps
-from pipeline.models.noise import process_noise
-from pipeline.models.steps import Recorded
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.models.wishart import perturbation
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.models.wishart.fit import fit_paper, problem_steps, solve_problems
