@@ -21,7 +21,7 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.run import Evidence, Reference, Run, TestName, parsed_entries
+from pipeline.verdicts.run import Evidence, Reference, Run, TestName, parse_entries
 from pipeline.verdicts.wording import TEXTS, number, page, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
@@ -86,7 +86,7 @@ def parse_items(entries: object) -> list[Item]:
     ConfigError with the item and the key.
     """
     counted, items = Counter(), []
-    for item in parsed_entries(Item, entries, "item", "label"):
+    for item in parse_entries(Item, entries, "item", "label"):
         counted[item.kind] += 1
         items.append(replace(item, number=counted[item.kind]))
     return items
@@ -187,7 +187,7 @@ class Erratum:
 
 def parse_errata(entries: object) -> list[Erratum]:
     """Return the entries of a YAML list. Raises ConfigError with the entry and the key."""
-    return parsed_entries(Erratum, entries, "erratum")
+    return parse_entries(Erratum, entries, "erratum")
 
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:

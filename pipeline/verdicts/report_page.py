@@ -16,7 +16,7 @@ from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
+from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
 
 TEXT = TEXTS["report"]
 ROBOTS: dict[str, str] = TEXT["robots"]
@@ -147,7 +147,7 @@ def failures(here: Run, decided: Sequence[Decided]) -> str:
             if verdict != d.NOT_REPRODUCED:
                 continue
             first, *others = [case for case in cases if case.holds is False]
-            text = case_text(first).removesuffix(" ✗")
+            text = d.case_text(first).removesuffix(" ✗")
             text += f" and {len(others)} more cases" * bool(others)
             reason = f" Reason: {claim.why[whose.dataset]}." if whose.dataset in claim.why else ""
             lines.append(f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, {text}.{reason}")

@@ -16,7 +16,6 @@ from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.models.kinds import options_type
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
-from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
 from pipeline.studies.simulated import PhysicsFactors, disturbed, measured, observe, perform
 
@@ -119,16 +118,14 @@ def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
 @pytest.mark.parametrize("part", PARTS)
 def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laboratory, part):
     own, steps = PARTS[part]
-    dynamics, motion = replace(laboratory.dynamics, **(AT_REST | own)), laboratory.motion
+    dynamics = replace(laboratory.dynamics, **(AT_REST | own))
     path, sample = simulated(laboratory, dynamics, 1, steps)
     # control: deviations of half the size, or that last three times as long
     other = {name: np.multiply(value, 0.5).tolist() for name, value in own.items()}
     if part == "sway, lasting":
         other = {"sway_time": 3 * dynamics.sway_time}
     right, wrong = (
-        distance(
-            deviations(laboratory.chain, motion, each, path).covariance[steps, :, steps], sample
-        )
+        distance(stage.deviations(laboratory, each, path)[0][steps, :, steps], sample)
         for each in (dynamics, replace(dynamics, **other))
     )
     assert right < 2.0 < 3.0 < wrong

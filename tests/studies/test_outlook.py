@@ -10,8 +10,15 @@ from scipy.stats import wishart
 from study_runs import options_of
 
 from pipeline.core.errors import ConfigError
-from pipeline.studies.outlook.hexapod import equal_models, pose_of
-from pipeline.studies.outlook.stage import error_rows, lever, motion_of, recorded_rows, slope_rows
+from pipeline.studies.outlook.stage import (
+    equal_models,
+    error_rows,
+    lever,
+    motion_of,
+    pose_of,
+    recorded_rows,
+    slope_rows,
+)
 from pipeline.wrench.bounds import Bounds
 
 OPTIONS = options_of("outlook", "paper")
