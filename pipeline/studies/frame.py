@@ -81,7 +81,7 @@ class Study:
 
 
 def trials(
-    settings: SimpleNamespace, label: str, function: Callable, cases: Iterable, **common: object
+    settings: SimpleNamespace, label: str, function: Callable, cases: Iterable, /, **common: object
 ) -> list:
     """Return ``function(case, **common)`` for each of the ``cases``, evaluated in parallel."""
     trial = partial(function, **common)

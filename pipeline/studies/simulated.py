@@ -1,9 +1,8 @@
 """Recordings of the laboratory's arm in memory, without cameras or files.
 
-Session and takes are those that the stage `record` draws from the same seed. Each measured pose
-gets the white noise of the recorded poses at rest, each depth frame the noise of the recorded depth
-camera at an equal share of the motion. The simulation has no faults and offsets of markers, no
-articulation of depth images and no estimate of clocks.
+Session and takes are those of the stage `record` with the same seed. Each measured pose gets white
+noise as the recorded poses have at rest, each depth frame the noise of the recorded depth camera at
+an equal share of the motion. Markers have no faults and no offsets; clocks are known.
 """
 
 from collections.abc import Sequence
@@ -134,9 +133,7 @@ def perform(
 
 
 def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
-    """Return the steps between ``poses`` (takes, M+1, n) in rad under the commands of the motion;
-    raises SingularJacobianError.
-    """
+    """Return the steps between ``poses`` (takes, M+1, n) in rad; raises SingularJacobianError."""
     table = desired_trajectory(laboratory.chain, laboratory.motion)
     v = commanded_steps(table, laboratory.motion.rate)
     noise = process_noise(laboratory.chain, poses, v)
@@ -156,10 +153,8 @@ def measured(
 def observe(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
-    """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
-    estimated as by the stages.
-
-    Raises SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
+    """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
+    SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
     """
     fitted, kept = (
         perform(laboratory, factors, seed, part, count)

@@ -56,8 +56,8 @@ DECIDES: dict[str, Judge] = dict.fromkeys(HOLDS, lambda r: r.value.notna()) | {
 
 
 class Rule(NamedTuple):
-    """A rule in ``words``, the keys of a claim that it ``needs``, and two masks of cases: those in
-    which it ``holds``, and those that it ``decides``. An interval about zero decides no order.
+    """A rule in ``words``, the keys of a claim that it ``needs``, the masks of cases in which it
+    ``holds`` and that it ``decides``: an interval about zero decides no order.
     """
 
     words: str
@@ -84,18 +84,16 @@ class Unless:
 
 @options(frozen=True)
 class Claim:
-    """One claim: its place, statement, evidence, rule and tolerance.
+    """One claim with its evidence, rule and tolerance; raises ConfigError with the key.
 
     - ``about``: the recordings that decide the claim: any, a real robot's, or the paper's own;
-    - ``each``: names and lists of their values, or ``joint`` and ``every``. The claim has one case
-      per combination, and its references hold the names as placeholders;
+    - ``each``: names and lists of their values, or ``joint`` and ``every``: one case per
+      combination, references hold the names as placeholders;
     - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
     - ``standard_error``: one reference, or several that add in squares;
-    - ``by``: marks a claim that the construction of the models forces (no verdict) or that their
-      level decides, for the reason ``because``;
+    - ``by``: the construction of the models forces the claim (no verdict) or their level decides
+      it, for the reason ``because``;
     - ``why``: reasons for which the claim fails, by name of the dataset.
-
-    Raises ConfigError with the key.
     """
 
     id: str

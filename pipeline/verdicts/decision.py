@@ -27,10 +27,8 @@ Recordings = Literal["none", "synthetic", "real", "paper"]
 
 
 class Case(namedtuple("Case", ["case", *COMPARED, "published", "distance", "holds"])):
-    """Numbers of one case of a claim in a run; a missing or infinite number is None.
-
-    ``distance`` is the published value minus ours in standard errors; ``holds`` is None if the rule
-    does not decide the case.
+    """Numbers of one case of a claim in a run, None where missing or infinite; ``distance`` is
+    (published − ours) in standard errors, ``holds`` None if the rule does not decide the case.
     """
 
 
@@ -53,9 +51,7 @@ class Decided(NamedTuple):
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
-    """Return the verdicts of every run, then those without a recording; ``papers_own`` names the
-    paper's own datasets.
-    """
+    """Return the verdicts of every run, then those without a recording."""
     columns = []
     for run in runs:
         whose = "synthetic" if run.synthetic else "real"
@@ -67,9 +63,8 @@ def decide_each(
 def decide(
     claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, arm: ArmNames
 ) -> list[Verdict]:
-    """Return a verdict on every claim from the ``evidence`` of a run on ``recordings`` of ``arm``.
-
-    A claim that numbers joints has no evidence on an arm whose joints have no numbers.
+    """Return a verdict on every claim from the ``evidence`` of a run on ``recordings`` of ``arm``;
+    a claim that numbers joints has no evidence on an arm whose joints have no numbers.
     """
     return [_decide_claim(claim, evidence, recordings, arm) for claim in claims]
 

@@ -45,10 +45,10 @@ class ArmNames(NamedTuple):
 @options(frozen=True)
 class Reference:
     """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
-    columns equal ``rows``.
+    columns equal ``rows``; raises ConfigError without key or column.
 
     ``{joint 2}`` stands for the second of the :attr:`ArmNames.numbered` joints, any other
-    ``{name}`` for a case's value of that name. Raises ConfigError without key or column.
+    ``{name}`` for a case's value of that name.
     """
 
     file: str
@@ -75,9 +75,7 @@ class Reference:
         return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
 
     def in_case(self, case: Mapping[str, object]) -> "Reference":
-        """Return this reference with the values of ``case`` in its placeholders. Raises ConfigError
-        where the case lacks a name.
-        """
+        """Return this reference with the values of ``case``; ConfigError if it lacks a name."""
 
         def value(place: re.Match) -> str:
             if place[1] not in case:
@@ -110,8 +108,8 @@ class Reference:
 
 
 def parse_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
-    """Return a ``structure`` for each of ``entries``. Raises ConfigError with the ``kind`` of
-    entry, its ``name`` and the key, also where two entries have one name.
+    """Return a ``structure`` for each of ``entries``; raises ConfigError with ``kind`` of entry,
+    ``name`` and key, also if two entries have one name.
     """
     if not isinstance(entries, list):
         raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
@@ -129,9 +127,7 @@ def parse_entries(structure: type[T], entries: object, kind: str, name: str = "i
 
 @dataclass(frozen=True)
 class Run:
-    """Results of a run: names of joints and task rows, models (name → kind), metrics and tables by
-    file stem.
-    """
+    """Results of a run; models are kinds by name, metrics and tables by file stem."""
 
     dataset: str
     scale: str
@@ -163,8 +159,8 @@ class Run:
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
-    """Read the runs of ``folder`` in the order of their datasets, ``first`` before all others.
-    Raises ContractError if that run is missing or a file was not written by ``Run.to_json``.
+    """Return the runs in ``folder``, the dataset ``first`` before the others in their order; raises
+    ContractError if it is missing or :meth:`Run.to_json` did not write a file.
     """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:

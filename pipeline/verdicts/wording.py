@@ -42,9 +42,10 @@ def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def listed(names: Sequence[str]) -> str:
+def listed(names: Iterable[str]) -> str:
     """Return ``names`` separated by commas, with "and" before the last."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+    *first, last = names
+    return " and ".join(filter(None, [", ".join(first), last]))
 
 
 def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:

@@ -3,17 +3,17 @@ of their law; filters have scores beside the training mean, over durations and o
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from study_runs import options_of
 
 from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.laboratory import session
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
-from pipeline.models.kinds import options_type
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
@@ -154,11 +154,11 @@ def test_a_filter_of_half_the_error_has_half_the_rms_and_ln_2_more_a_joint():
 
 @pytest.mark.slow
 def test_long_deviations_are_filtered_and_short_ones_are_not(laboratory):
-    model = ("additive", options_type("additive")("additive", estimator="paper"))
-    chosen, ratios = FilterOptions(200, "systematic", 0.5), {}
+    chosen = SimpleNamespace(particles=200, scheme="systematic", threshold=0.5)
+    settings, ratios = SimpleNamespace(filter=chosen, seed=3), {}
+    options = options_of("filters", model="additive", training=20, test=8)
     rows = {
-        factor: stage.duration_rows(factor, laboratory, model, chosen, (20, 8), seed=3)
-        for factor in (0.1, 10.0)
+        factor: stage.duration_rows(factor, laboratory, settings, options) for factor in (0.1, 10.0)
     }
     for factor, each in rows.items():
         errors = each[each["score"] == RMS]

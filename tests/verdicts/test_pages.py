@@ -71,7 +71,7 @@ def test_the_results_of_the_readme_are_between_its_marks(decided):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
     text = report_page.readme_with_results(f"{before}earlier\n{after}", RUNS[0], decided)
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
-    assert "σ̂_B is 0.227; printed is 0.25.\n" in text
+    assert "σ̂_B is 0.227; the printed value is 0.25.\n" in text
     with pytest.raises(ContractError, match="put them back"):
         report_page.readme_with_results(before, RUNS[0], decided)
 
@@ -153,7 +153,7 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
         "The highest log score of a predictor is 12 nats a step (autoregressive baseline), "
         "2 [1.5, 2.5] above the best matrix model's.",
         "The best particle filter has a log score 0.75 [0.65, 0.85] below the training mean's, "
-        "the linear autoregressive filter 0.5 [0.4, 0.6] above it.",
+        "the linear autoregressive filter's is 0.5 [0.4, 0.6] above it.",
     ]
 
 

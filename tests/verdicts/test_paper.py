@@ -42,7 +42,7 @@ SMALL = paper.parse_items([EQUATION, *FURTHER])
     ],
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
-    assert paper.cited(docstring, SMALL) == names
+    assert paper.cited_items(docstring, SMALL) == names
 
 
 @pytest.mark.parametrize(

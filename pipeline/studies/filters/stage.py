@@ -1,6 +1,4 @@
-"""filters: scores of every filter of the run between the training mean's and those of the best
-linear filter, which knows the laboratory's law, also over the duration of the arm's deviations.
-"""
+"""filters: scores of the run's filters between the training mean and the best linear filter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +21,6 @@ from pipeline.laboratory.options import DynamicsOptions
 from pipeline.laboratory.swing import desired_joints
 from pipeline.models import kinds
 from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
-from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.filters import Filtered, no_filter
@@ -57,8 +54,8 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     if not contracts.exists("angles", ARTICULATE):
         raise NoAnswerError("it has no depth camera")
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    noise, f = contracts.read("kinect_noise", ARTICULATE), settings.filter
-    laboratory, training = Laboratory.of_run(settings, recorded, noise), measured_poses(recorded)
+    noise, training = contracts.read("kinect_noise", ARTICULATE), measured_poses(recorded)
+    laboratory = Laboratory.of_run(settings, recorded, noise)
     law = deviations(laboratory, laboratory.dynamics, training.mean(axis=0))
     takes = {take.take: take for take in measurements(contracts.read("angles", ARTICULATE), noise)}
     joints = contracts.read("joints", TRACK)
@@ -66,13 +63,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     frames, dt = [takes[name] for name in order], 1 / settings.dataset.motion.rate
     own = score_rows(linear_filters(recorded, training, poses, frames, dt, law), recorded.joints)
     run = long_scores(pd.read_csv(AGAINST_NONE.format(settings.dataset.name)), recorded.joints)
-    common = {
-        "laboratory": laboratory,
-        "model": (options.model, config.model_options([options.model])[options.model]),
-        "filter_options": FilterOptions(f.particles, f.scheme, f.threshold),
-        "sizes": (options.training, options.test),
-        "seed": settings.seed,
-    }
+    common = {"laboratory": laboratory, "settings": settings, "options": options}
     rows = trials(settings, "filters: durations", duration_rows, options.factors, **common)
     yardstick = own[own["filter"] == YARDSTICK]
     return {"filters": concatenate([run, yardstick]), "filters_lasting": concatenate(rows)}
@@ -85,8 +76,6 @@ def deviations(
     (M+1, n) in rad, and the covariance (M+1, n, n) of the jitter of the exposure, in rad².
 
     Both are of first order in the disturbances that :mod:`pipeline.laboratory.dynamics` draws.
-    Raises SingularJacobianError.
-
     With d_k = q(t_k) − E q(t_k)
 
         Cov(d_k, d_l) = p_k p_l J_k⁻¹ diag(σ²) J_l⁻ᵀ ρ(t_k − t_l)          sway
@@ -96,6 +85,7 @@ def deviations(
 
     σ, p the sway and its share at the speed, ρ and ρ' correlations of lagged noise. The play is
     2Φ(g) − 1 of a normal g: uniform, of variance 1/3 and of the correlation (6/π) asin(ρ'/2).
+    Raises SingularJacobianError.
     """
     trajectory = laboratory.motion
     t = servo_times(trajectory, dynamics)
@@ -125,10 +115,8 @@ def deviations(
 def _servo_covariance(
     goal: np.ndarray, speed: np.ndarray, at: np.ndarray, dynamics: DynamicsOptions
 ) -> np.ndarray:
-    """Return the covariance (K, K) in rad² of a joint's angle at the servo's steps ``at`` (K,), of
-    first order in its speed errors and its start; ``goal`` and ``speed`` (N,) in rad and rad/s.
-
-    The servo's deviation e_i from its goal becomes (1 − gΔt)e_i + … + ε_i·Δt(speed_i + g(−ē_i)).
+    """Return the covariance (K, K) in rad² of a joint's angle at the servo's steps ``at``: of first
+    order, its deviation becomes e_{i+1} = (1 − gΔt)e_i + … + ε_i·Δt(speed_i + g(−ē_i)).
     """
     dt = 1 / dynamics.rate
     keep = 1 - dynamics.servo_gain * dt
@@ -157,7 +145,7 @@ def linear_filters(
     """Return the training mean, the linear filter of the takes' autocorrelation and the yardstick.
 
     ``training`` (N, M+1, n) and ``test`` (T, M+1, n) are poses in rad at steps of ``dt`` s, the
-    ``frames`` those of the test takes in their order; ``law`` is the result of :func:`deviations`.
+    ``frames`` those of the test takes; ``law`` is the result of :func:`deviations`.
     """
     pose, arguments = recorded.measurement / 2, (frames, dt, recorded.chain)
     mean, covariance, _ = autocorrelated_filter(training, pose, *arguments)
@@ -170,32 +158,29 @@ def linear_filters(
 
 
 def duration_rows(
-    factor: float,
-    laboratory: Laboratory,
-    model: tuple[str, Model],
-    filter_options: FilterOptions,
-    sizes: tuple[int, int],
-    seed: int,
+    factor: float, laboratory: Laboratory, settings: SimpleNamespace, options: SimpleNamespace
 ) -> pd.DataFrame:
     """Return rows of ``filters_lasting`` with lags of sway and play ``factor`` times as long."""
     factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
     dynamics = disturbed(laboratory.dynamics, factors)
-    takes, camera = observe(laboratory, factors, seed, *sizes)
+    takes, camera = observe(laboratory, factors, settings.seed, options.training, options.test)
     recorded = replace(takes.training, known_measurement=2 * laboratory.pose_noise)
     path, dt = mean_path(recorded), 1 / motion.rate
     law = deviations(laboratory, dynamics, path.poses)
     test, frames = np.stack(list(takes.test.values())), list(camera.takes.values())
     filters = linear_filters(recorded, takes.poses, test, frames, dt, law)
-    name, model_options = model
-    fit = fit_closed_loop(recorded, model_options, kinds.estimate(recorded, model_options))
+    model = config.model_options([options.model])[options.model]
+    fit = fit_closed_loop(recorded, model, kinds.estimate(recorded, model))
+    chosen = settings.filter
+    filtering = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
     loop = (fit.estimate.model, laboratory.chain, path.commands(fit.share), dt, takes.start)
     posteriors = [
-        particle_filter(*loop, frame, filter_options, rng.stream(seed, "filters.lasting", number))
-        for number, frame in enumerate(frames)
+        particle_filter(*loop, frame, filtering, rng.stream(settings.seed, "filters.lasting", i))
+        for i, frame in enumerate(frames)
     ]
     error = np.stack([each.mean for each in posteriors]) - test
     covariance = np.stack([each.covariance for each in posteriors])
-    filters[closed(name)] = Filtered(error, covariance, laboratory.pose_noise)
+    filters[closed(options.model)] = Filtered(error, covariance, laboratory.pose_noise)
     lag = round(motion.rate / laboratory.clock.rate)
     left = np.einsum("kiki->i", law[0][:-lag, :, lag:]) / np.einsum("kiki->i", law[0])
     rows = score_rows(filters, laboratory.joints)

@@ -1,6 +1,4 @@
-"""outlook: the models on the two systems that the paper names as extensions, a hexapod and cables
-that tow a load in space.
-"""
+"""outlook: the models on the extensions of the paper, a hexapod and cables that tow a load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -70,12 +68,11 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 @dataclass(frozen=True)
 class Hexapod:
-    """A platform on six legs whose lengths are its joints (Gough 1962, Stewart 1965): joints of the
-    legs on base and platform (6, 3) in m, each in its own frame, and the length in m by which
-    angular rows are multiplied.
+    """A platform on six legs whose lengths are its joints (Gough 1962, Stewart 1965).
 
-    A pose (12,) is the platform's frame in the base's: position (3, m) and rotation (9, row by
-    row). The task's rows are velocity and, times the length, angular velocity in the base's axes.
+    ``base`` and ``platform`` (6, 3) in m are the legs' ends, each in its own frame; ``length`` in m
+    multiplies the angular rows. A pose (12,) is position (3, m) and rotation (9, row by row) of the
+    platform in the base's frame; the task's rows are velocity and angular velocity in its axes.
     """
 
     base: np.ndarray
@@ -98,9 +95,7 @@ class Hexapod:
 
 @dataclass(frozen=True)
 class PlatformMotion(Mechanism):
-    """Commanded steps ``v`` (K, 6) in m from K poses with legs ``q`` (K, 6) in m and J⁻¹
-    ``inverse`` (K, 6, 6), the only poses of this mechanism.
-    """
+    """Commanded steps ``v`` (K, 6) in m from K poses with legs ``q`` (K, 6) in m."""
 
     task: ClassVar[tuple[str, ...]] = SPACE
     robot: Hexapod
@@ -122,8 +117,8 @@ class PlatformMotion(Mechanism):
         return np.linalg.inv(self.inverse_jacobian(q))
 
     def covariances(self, model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
-        """Return the covariances (K, 6, 6) in m² of the legs after one step and, of first order in
-        their noise, of the next pose, J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length.
+        """Return the covariances (K, 6, 6) in m² of the legs after one step and of the next pose,
+        of first order J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length.
         """
         legs, jacobian = model.covariance(self, self.q, self.v), self.jacobian(self.q)
         return legs, jacobian @ legs @ np.swapaxes(jacobian, -1, -2)
@@ -135,11 +130,10 @@ def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
 
 
 def motion_of(options: SimpleNamespace) -> PlatformMotion:
-    """Return the hexapod's motion at constant velocity and angular velocity between two poses, in
-    equal steps.
+    """Return the hexapod's motion between two poses at constant velocity and angular velocity.
 
-    Raises ConfigError if a leg is beyond its limits, or if the legs do not hold the platform at a
-    pose or in between, as J⁻¹ is singular there (Gosselin and Angeles 1990).
+    Raises ConfigError if a leg is beyond its limits or J⁻¹ is singular on the way, so that the legs
+    do not hold the platform (Gosselin and Angeles 1990).
     """
     robot = Hexapod(np.array(options.base), np.array(options.platform), options.length)
     start, end = map(pose_of, np.array(options.position), np.array(options.turn))
@@ -165,9 +159,8 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
 
 
 def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str, MotionModel]:
-    """Return every model by name, with rms noise of the legs ``noise`` times their rms step;
-    ``bound`` is u over the greatest norm of J⁻¹. Raises ConfigError if no Wishart model has that
-    noise.
+    """Return the models by name, each with rms noise of the legs of ``noise`` times their rms step;
+    ``bound`` is u over the greatest norm of J⁻¹. Raises ConfigError without such a Wishart model.
     """
     steps = np.matvec(motion.inverse, motion.v)
     trace = noise**2 * float(np.mean(np.vecdot(steps, steps)))
@@ -241,9 +234,8 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
 def recorded_rows(
     bounds: Bounds, agents: int, sizes: tuple[int, int, int], rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Return rows of the table ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from
-    bounds (the mean over ``sizes[0]`` systems), and with Σ_S and Ψ_S from ``sizes[2]`` recorded
-    directions of each cable of the very system.
+    """Return rows of ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from bounds, a
+    mean over ``sizes[0]`` systems, and with Σ_S and Ψ_S from ``sizes[2]`` directions of a cable.
     """
     size = lever(bounds)
     sigma_s = averaged_sigma_s(draw_systems(bounds, sizes[0], agents, rng).in_units_of(size))

@@ -1,6 +1,4 @@
-"""planning: sum of the variances along the motion that a model plans as the least uncertain, beside
-other motions of the same task path, performed by two arms of the laboratory in four physics.
-"""
+"""planning: noise on the motion that a model plans as the least uncertain, beside other motions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -64,9 +62,7 @@ class Bench:
     def of_dataset(
         cls, file: Path, task: Sequence[str], options: SimpleNamespace, seed: int
     ) -> "Bench":
-        """Return the arm of a dataset's option ``file`` and the rows ``task`` to plan, its own if
-        none are named; raises ConfigError.
-        """
+        """Return the arm of a dataset's option ``file``; an empty ``task`` plans all its rows."""
         section = read_yaml(file)
         robot = validated(Robot, section["robot"], "robot", file)
         motion, dynamics = (
@@ -84,18 +80,15 @@ class Bench:
         return desired_path(self.built, self.trajectory)
 
     def command(self, path: np.ndarray) -> np.ndarray:
-        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad, see
-        :mod:`pipeline.models.model`; (M, m) of a task that leaves no choice.
-        """
+        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad; (M, m) without choice."""
         table = trajectory_table(self.chain, path, self.trajectory.rate, self.joints)
         return commanded_steps(table, self.trajectory.rate)
 
     def poses(self, path: np.ndarray, name: str) -> np.ndarray:
-        """Return the poses (takes, M+1, n) in rad of the takes ``name`` that perform the ``path``
-        (M+1, n) in rad; every path has equal random numbers, and the poses no measurement noise.
+        """Return poses (takes, M+1, n) in rad of the takes ``name`` that perform ``path`` (M+1, n),
+        without measurement noise and with equal random numbers for every path.
 
-        Raises ConfigError for a path that the arm cannot follow, SingularJacobianError where the
-        sway has no law.
+        Raises ConfigError if the arm cannot follow, SingularJacobianError if the sway has no law.
         """
         motion, built, dynamics = JointPath(path, self.trajectory.rate), self.built, self.dynamics
         motion.require_followable(built)
@@ -152,10 +145,8 @@ def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
 
 
 def planned(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
-    """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``.
-
-    Raises InfeasibleError, and ModelDomainError for a model without a covariance or with the same
-    covariance at every step.
+    """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``; raises InfeasibleError,
+    and ModelDomainError for a model without a covariance or with the same one at every step.
     """
     cost, path = uncertainty(model, bench.chain, "trace"), bench.recorded
     problem = problem_of(bench, options, 0.0)

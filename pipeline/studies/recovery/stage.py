@@ -81,9 +81,7 @@ def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLa
 
 def draw_data(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
     """Return ``recorded`` with the noise ω of every step drawn from ``truth`` plus N(0, Σ_m), the
-    recorded measurement noise: the law of a step that the likelihoods assume.
-
-    Raises SingularJacobianError, and ModelDomainError if the motion never rests.
+    law that the likelihoods assume; raises SingularJacobianError, ModelDomainError without Σ_m.
     """
     q, v = recorded.q, recorded.v
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)

@@ -1,6 +1,4 @@
-"""Cases of the grid: one decision that the paper leaves open is taken otherwise, or one factor of
-the laboratory (physics, trajectory, instruments, particles, cables) is changed.
-"""
+"""Cases of the grid: another decision on what the paper leaves open, another laboratory."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -40,9 +38,9 @@ def decision_cases(
 ) -> list[NamedCase]:
     """Return the base case, then every case in which one decision changes its options.
 
-    ``lever`` in m is the distance at which the given decomposition, diag(lever, lever, 1) of the
-    ``task`` x, z, φ, weighs an error in angle like one in position. ``others`` is the number of
-    cases with other random numbers, and of cases with other test takes.
+    An error in angle weighs like one in position at the distance ``lever`` in m, in the given
+    decomposition diag(lever, lever, 1) of x, z, φ. ``others`` is the number of cases with other
+    random numbers, and of cases with other test takes.
     """
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
@@ -91,10 +89,10 @@ def cameras(
     periods: tuple[float, float],
     window: int,
 ) -> Mapping[str, Camera]:
-    """Return the depth camera on each of the CLOCKS, its noise estimated on that clock.
+    """Return the depth camera with times and noise on each of the CLOCKS.
 
-    ``angles`` has times on the motion clock by the estimated ``offsets`` in s of the takes;
-    ``periods`` in s are those of a frame and of a step.
+    ``angles`` has times by the estimated ``offsets`` in s of the takes' clocks; ``periods`` in s
+    are those of a frame and of a step.
     """
     (frame, step), t = periods, angles["t"]
     times = (t, t - angles["take"].map(offsets), t + frame, t - frame, np.rint(t / step) * step)
@@ -119,9 +117,7 @@ class Condition(NamedTuple):
 def conditions(
     factors: Mapping[str, Sequence], seeds: Sequence[int], study: str, combined: Sequence[str] = ()
 ) -> list[Condition]:
-    """Return the base condition, each level alone, then combinations of the factors ``combined``,
-    each with every one of the ``seeds``.
-    """
+    """Return base condition, each level alone and combinations of ``combined``, by seed."""
     points = [(), *(((name, level),) for name, levels in factors.items() for level in levels)]
     for levels in product(*([1.0, *factors[name]] for name in combined)):
         point = tuple((name, x) for name, x in zip(combined, levels, strict=True) if x != 1.0)
@@ -137,9 +133,7 @@ def verdicts(
     options: SimpleNamespace,
     wrench: Wrench,
 ) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.cases.readings.decided` for one condition; ``options`` are
-    the study's, ``wrench`` the run's.
-    """
+    """Return the rows of :func:`pipeline.cases.readings.decided` for one condition."""
     if condition.study == "motion":
         evidence = motion_evidence(condition, laboratory, case, options)
     else:

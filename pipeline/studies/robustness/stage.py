@@ -1,6 +1,4 @@
-"""robustness: verdicts on the claims under other decisions on what the paper leaves open, other
-physics of the laboratory and other random numbers.
-"""
+"""robustness: verdicts under other decisions, physics of the laboratory and random numbers."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -48,9 +46,7 @@ Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of de
 
 
 def evaluate_grid(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the table ``robustness``: verdicts by level, of claims with evidence in any case of a
-    grid. Raises ConfigError for an unknown factor.
-    """
+    """Return the table ``robustness``: verdicts by level; ConfigError for an unknown factor."""
     known = [*FACTORS, "particles"]
     if unknown := sorted(set(options.factors) - set(known)):
         message = f"no factor {', '.join(unknown)}; there are {', '.join(known)}"

@@ -2,19 +2,16 @@
 
 A Wishart step J₂⁺B⁻¹a, a = J₁⁻¹v, r = ‖a‖, has the covariance
 r²·J₂⁺R·diag(Var z, (E z²/(d−m))·I)·RᵀJ₂⁺ᵀ, R orthonormal with first column a/r, d = (m+1)/σ_B².
-The models at the printed parameters give three kinds of quantities on a path. A standard deviation
-is the root of the mean variance over all steps:
+On a path the models at the printed parameters give ratios of standard deviations (root of the mean
+variance over all steps):
 
-- Σ_ω and σ_B: standard deviation of joint j under the Wishart model over the printed one; j = 1, 2,
-  as the matrix models do not capture the excess of joint 3 (:data:`SIZES` has the alternatives);
-- (α, u): standard deviation under the Gaussian model over the printed one, variances summed over
-  the joints;
-- small difference: standard deviation under the Wishart model over the Gaussian model's, variances
-  summed over the joints.
+- Σ_ω and σ_B: of joint j, Wishart model over printed; j = 1, 2, as the matrix models do not capture
+  the excess of joint 3 (:data:`SIZES` has the alternatives);
+- (α, u): variances summed over the joints, Gaussian model over printed;
+- small difference: variances summed over the joints, Wishart over Gaussian model.
 
-The printed numbers put each quantity at 1 within a tolerance of a factor f: its logarithm is normal
-about 0 with standard deviation ln f, independently. The likelihood of a decomposition is the mean
-over the paths of ∏ N(ln x; 0, ln² f).
+The logarithm of each ratio is normal about 0 with standard deviation ln f, f the tolerance,
+independently. The likelihood of a decomposition is the mean over the paths of ∏ N(ln x; 0, ln² f).
 """
 
 from collections.abc import Mapping, Sequence
@@ -55,12 +52,11 @@ def wishart_parts(
     reading: str, jacobian: np.ndarray, inverse: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return A_j = r²·(J₂⁺J₂⁺ᵀ)_jj and C_j = (J⁺v)_j², both (n, ...), from J (m, n, ...),
-    J⁺ (n, m, ...) and the commanded step v (m, ...): a joint's step has the variance
-    across·(A − C) + along·C (:func:`pipeline.models.wishart.law.step_variances`).
+    J⁺ (n, m, ...) and the commanded step v (m, ...), the batch last for contiguous entries: a joint
+    has the variance across·(A − C) + along·C (:func:`pipeline.models.wishart.law.step_variances`).
 
-    The batch comes last, so that every entry is contiguous over it. QR of J has J₁ = I, as
-    rotations do not change the law of B. LU has J₁ = PᵀL of PJ = LU, P a fixed order of three rows
-    or partial pivoting.
+    QR of J has J₁ = I, as rotations do not change the law of B. LU has J₁ = PᵀL of PJ = LU, P a
+    fixed order of three rows or partial pivoting.
     """
     (m, n), nominal = jacobian.shape[:2], np.einsum("ij...,j...->i...", inverse, v)
     identity = np.zeros((m, m, *jacobian.shape[2:]))
@@ -203,8 +199,8 @@ def densities(
 def evidence_rows(
     drawn: Widths, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
 ) -> pd.DataFrame:
-    """Return rows of the table ``evidence`` for the prior of the paths ``drawn``: each of the
-    ``tolerances`` f, and the integral over f in ``span``, uniform in ln ln f.
+    """Return rows of ``evidence`` for the prior of the paths ``drawn``: by tolerance f, and for the
+    integral over f in ``span``, uniform in ln ln f.
     """
     quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
     grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []

@@ -1,10 +1,10 @@
 """Random paths of the paper's arm: the prior of the study.
 
-The prior has three kinds of equal weight: straight lines in the joints and in the task (x, z, φ),
-each one way or there and back with equal probability, and ellipses through the start in the joints
-or in the task alike. The start is uniform within the joint limits and the direction isotropic in
-the joints' speeds; the fastest joint has the drawn peak speed. A path is feasible if every pose
-keeps the joint limits and ‖J⁻¹‖_F < û. Neither collisions nor the models of the noise select paths.
+Three kinds have equal weight: straight lines in the joints and in the task (x, z, φ), each one way
+or there and back with equal probability, and ellipses through the start in the joints or the task.
+The start is uniform within the joint limits, the direction isotropic in the joints' speeds; the
+fastest joint has the drawn peak speed. A path is feasible if every pose keeps the joint limits and
+‖J⁻¹‖_F < û. Neither collisions nor the models of the noise select paths.
 """
 
 from dataclasses import dataclass
@@ -24,11 +24,10 @@ SPEED_TOLERANCE = 0.02  # relative, of the peak speed of a path of the task
 
 @dataclass(frozen=True)
 class TimeLaw:
-    """Timing of a motion: rest, linear ramp, constant speed, linear ramp, rest; each way takes half
-    the time in a motion there and back. Ranges are those of uniform laws.
+    """Timing of a motion: rest, linear ramp, constant speed, linear ramp, rest; ranges are uniform.
 
-    ``once`` is the share of the duration that the motion takes: below 1 the motion is faster and
-    repeated. Means over all steps do not depend on the number of repetitions.
+    A motion there and back takes half the time each way. ``once`` is the share of the duration that
+    the motion takes: below 1 the motion is faster and repeated, with equal means over the steps.
     """
 
     steps: int
@@ -39,9 +38,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the share (P, steps+1) of P paths done at each pose; ``back`` (P,) masks the paths
-        there and back.
-        """
+        """Return the share (P, steps+1) of P paths done at each pose; ``back`` (P,) is a mask."""
         count = (len(back), 1)
         duration = self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
@@ -131,8 +128,8 @@ def _feasible_paths(
 
 
 def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-    """Return the angles (..., 3) in rad that put the tip at ``pose`` (..., 3) = (x, z, φ), NaN out
-    of reach. ``elbow`` (...), the sign of det J, selects one of the two solutions.
+    """Return the angles (..., 3) in rad for the tip ``pose`` (..., 3) = (x, z, φ), NaN out of
+    reach; ``elbow`` (...), the sign of det J, selects one of the two solutions.
     """
     first, second, tool = chain.lengths
     heading = np.arctan2(chain.links[2, 0], chain.links[2, 1]) + pose[..., 2]

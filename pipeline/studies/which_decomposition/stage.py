@@ -1,6 +1,4 @@
-"""which_decomposition: decompositions of the Jacobian that the paper's printed numbers allow, over
-random paths of its arm; the decompositions on an arm in space and at the recorded level.
-"""
+"""which_decomposition: decompositions of the Jacobian that the paper's printed numbers allow."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -15,14 +13,10 @@ from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.cases.readings import read_claims
 from pipeline.core import config, rng
-from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.figures import style
-from pipeline.models.steps import Recorded
-from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
-from pipeline.recordings.steps import training_steps
 from pipeline.studies.frame import Study, Tables, concatenate, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published, Widths
@@ -49,16 +43,8 @@ PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
 SHOWN = (laws.PIVOTED, "lu_xzp", "lu_zxp", laws.QR, laws.QR_TRANSPOSED)  # in the page's table
 
 
-def time_laws(options: SimpleNamespace) -> dict[str, tuple[TimeLaw, int]]:
-    """Return each time law with the number of paths of each kind in a chunk."""
-    still = (0.0, 0.0)
-    full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
-    ramped = TimeLaw(STEPS, RATE, options.rest, options.ramp, options.peak)
-    return {RAMPED: (ramped, options.paths), FULL_SPEED: (full, options.full_speed_paths)}
-
-
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the study's tables; ``level`` only if the measurement noise is known."""
+    """Return the study's tables."""
     stated, chain = laws.published_values(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
     common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
     label = "which_decomposition: paths"
@@ -76,31 +62,26 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     ]
     sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
-    tables = {
+    return {
         "evidence": concatenate(likelihoods),
         "widths": concatenate(sizes),
         "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
         "units": unit_rows(chain_of(robot_of(SPACE_ARM)), q, options.turns, stated.sigma_b),
     }
-    try:
-        recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-        tables["level"] = level_rows(recorded)
-    except ModelDomainError as reason:
-        print(f"which_decomposition: no level of the recordings: {reason}")
-    return tables
 
 
 def widths_of_chunk(
     chunk: int, chain: PlanarChain, options: SimpleNamespace, stated: Published, seed: int
 ) -> dict[str, Widths]:
-    """Return the widths of both models on the paths of one ``chunk``, by time law; the arm is
-    ``chain`` with a last link of random length.
-    """
+    """Return by time law the widths on paths of the arm with a last link of random length."""
     stream, parts = rng.stream(seed, "which_decomposition", chunk), {}
-    links = chain.links.copy()
+    links, still = chain.links.copy(), (0.0, 0.0)
     links[-1] *= stream.uniform(*options.tool) / chain.lengths[-1]
     chain = replace(chain, links=links)
-    for name, (law, count) in time_laws(options).items():
+    full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
+    ramped = TimeLaw(STEPS, RATE, options.rest, options.ramp, options.peak)
+    timed = {RAMPED: (ramped, options.paths), FULL_SPEED: (full, options.full_speed_paths)}
+    for name, (law, count) in timed.items():
         drawn = {kind: draw_paths(chain, law, kind, stated.u, count, stream) for kind in KINDS}
         widths = [laws.widths(chain, paths, stated, kind) for kind, paths in drawn.items()]
         parts[name] = laws.concatenate_widths(widths)
@@ -108,8 +89,8 @@ def widths_of_chunk(
 
 
 def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -> pd.DataFrame:
-    """Return the table ``units``: the decompositions in other units, and in axes turned about z by
-    ``turns`` in degrees, at equally spaced poses ``q`` (K, n) of an arm with six task rows.
+    """Return the table ``units`` at equally spaced poses ``q`` (K, n) of an arm in space: noise in
+    other units, and in axes turned about z by ``turns`` in degrees.
     """
     jacobian, pseudoinverse = chain.jacobian(q), chain.inverse_jacobian(q)
     cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, np.diag([1000.0] * 3 + [1.0] * 3))]
@@ -127,36 +108,6 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
             variance = laws.wishart_variance(parts, len(v), sigma_b)
             rows.append((reading, unit, degrees, np.sqrt(variance.sum() / parts[1].sum())))
     return pd.DataFrame(rows, columns=["reading", "unit", "turn", "noise"])
-
-
-def level_rows(recorded: Recorded) -> pd.DataFrame:
-    """Return the table ``level``: σ_B by moments (the mean trace of model and measurement noise is
-    the recorded trace), NaN where a pivot vanishes. Raises ModelDomainError without measurement
-    noise.
-    """
-    chain, (takes, steps, n) = recorded.chain, recorded.q.shape
-    m, q = len(chain.task), recorded.q.reshape(-1, n)
-    v = np.broadcast_to(recorded.v[..., :m], (takes, steps, m)).reshape(-1, m).T.copy()
-    jacobian, inverse = (
-        np.moveaxis(of(q), 0, -1).copy() for of in (chain.jacobian, chain.inverse_jacobian)
-    )
-    variance = recorded.noise.var(axis=0, ddof=1).mean(axis=0) - np.diag(recorded.measurement)
-    plain = tuple(PLAIN) if m == n == 3 else ()
-    levels = [("recorded", np.nan, variance)]
-    for reading in (laws.PIVOTED, *plain, laws.QR, laws.QR_TRANSPOSED):
-        parts = [part.mean(axis=-1) for part in laws.wishart_parts(reading, jacobian, inverse, v)]
-        try:
-            squares = StepSquares(*(part.sum() for part in parts))
-            sigma_b = dispersion_of_trace(squares, variance.sum(), m)
-        except ModelDomainError:
-            sigma_b = np.nan
-        levels.append((reading, sigma_b, laws.wishart_variance(parts, m, sigma_b)))
-    rows = [
-        (j, np.sqrt(max(one, 0.0)), reading, sigma_b)
-        for reading, sigma_b, variances in levels
-        for j, one in enumerate(variances, start=1)
-    ]
-    return pd.DataFrame(rows, columns=["joint", "std", "reading", "sigma_b"])
 
 
 def robot_of(dataset: str) -> Robot:
@@ -199,7 +150,6 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "evidence": evidence_table(rows_of_first(evidence, "size")),
         "span": options.span,
         "choices": "; ".join(choices),
-        "level": level_text(tables["level"]) if "level" in tables else "",
         "ramped": ramped,
         "constant": constant,
         "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
@@ -218,18 +168,6 @@ def odds(rows: pd.DataFrame, readings: list[str]) -> str:
     """Return the least and the greatest likelihood of ``readings`` as odds (3:1 or 1:3)."""
     ends = rows[rows["reading"].isin(readings)]["likelihood"].agg(["min", "max"])
     return " to ".join(f"{number(x)}:1" if x >= 1 else f"1:{number(1 / x)}" for x in ends)
-
-
-def level_text(level: pd.DataFrame) -> str:
-    """Return the page's item on the recorded level: σ_B and standard deviations by joint."""
-    texts = []
-    for reading in ("recorded", *GENERAL):
-        own = level[level["reading"] == reading]
-        sigma_b = "" if reading == "recorded" else f" (σ̂_B {number(own['sigma_b'].iloc[0])})"
-        stds = "/".join(number(1000 * std) for std in own["std"])
-        texts.append(f"{NAMES.get(reading, reading)} {stds}{sigma_b}")
-    first = "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints"
-    return f"{first}\n  are, in mrad: {'; '.join(texts)}.\n"
 
 
 def evidence_table(rows: pd.DataFrame) -> str:
