@@ -51,7 +51,7 @@ SIZES = FACTORS[1:9]  # disturbances that have a size
 LAGS = ("sway_time", "clearance_time")
 
 
-def disturbed(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
+def disturb(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
     """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
     by = {name: factors.disturbances * getattr(factors, name) for name in SIZES}
     scaled = {name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()}
@@ -121,7 +121,7 @@ def perform(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
 ) -> list[SimulatedTake]:
     """Simulate ``count`` takes of a ``part`` (train or test) as `record` draws them."""
-    dynamics, motion = disturbed(laboratory.dynamics, factors), laboratory.motion
+    dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
     opened = session.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
     takes = []
     for number in range(count):
@@ -140,7 +140,7 @@ def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
     return Recorded(laboratory.chain, poses[:, :-1], v, noise, laboratory.joints)
 
 
-def measured(
+def measure_poses(
     takes: Sequence[SimulatedTake], covariance: np.ndarray, factor: float, stream
 ) -> np.ndarray:
     """Return (takes, M+1, n) poses in rad, noise of ``factor`` times the root of ``covariance``."""
@@ -161,7 +161,7 @@ def observe(
         for part, count in (("train", training), ("test", test))
     )
     poses, others = (
-        measured(takes, laboratory.pose_noise, factors.motion_capture, stream)
+        measure_poses(takes, laboratory.pose_noise, factors.motion_capture, stream)
         for number, takes in enumerate((fitted, kept))
         for stream in [rng.stream(seed, "simulated.capture", number)]
     )

@@ -174,8 +174,8 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
         parted = kept.groupby("part").size()
         counted = ", ".join(f"{count} {part}" for part, count in parted.items())
         text = f"Takes kept: {counted}; left out: {len(gone)}."
-        listed = table(["take", "reason"], gone[["take", "reason"]].to_numpy())
-        parts["Takes left out"] = f"{text}\n\n{listed}" if len(gone) else text
+        rows = table(["take", "reason"], gone[["take", "reason"]].to_numpy())
+        parts["Takes left out"] = f"{text}\n\n{rows}" if len(gone) else text
     parts["Export"] = CARD["export"]
     parts["Other datasets"] = "\n".join(
         f"- {one.dataset}: {answer(one).splitlines()[0]}"

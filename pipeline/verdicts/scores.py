@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.core.filters import CLOSED, MEMORY, NONE, models_of
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import TEXTS, interval, listed, number, plain_name, table
+from pipeline.verdicts.wording import TEXTS, interval, join_names, number, plain_name, table
 
 MATRIX_KINDS = ("wishart", "gaussian")
 ALL = "all"  # group of all steps
@@ -68,7 +68,7 @@ def choice(run: Run) -> str:
         name = plain_name(means[passing].idxmax())
         parts = [f"**{name}**: its log score is above that of every baseline."]
     else:
-        plain = {plain_name(n): listed(map(plain_name, names)) for n, names in above.items()}
+        plain = {plain_name(n): join_names(map(plain_name, names)) for n, names in above.items()}
         rivals = "; ".join(f"{name} not above {names}" for name, names in plain.items())
         text = f"On {run.dataset} **no matrix model** has a log score above every baseline:"
         parts = [f"{text} {rivals}."]
@@ -77,7 +77,7 @@ def choice(run: Run) -> str:
     best = means.idxmax()
     text = f"Highest log score for this motion: {plain_name(best)}"
     if equal := _not_below(run, best, means.index):
-        text += f" (the difference to {listed(map(plain_name, equal))} is not significant)"
+        text += f" (the difference to {join_names(map(plain_name, equal))} is not significant)"
     return " ".join([*filter(None, [spread_note(run)]), *parts, f"{text}."])
 
 

@@ -17,7 +17,7 @@ from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.statistics.filters import Filtered, no_filter
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
-from pipeline.studies.simulated import PhysicsFactors, disturbed, measured, observe, perform
+from pipeline.studies.simulated import PhysicsFactors, disturb, measure_poses, observe, perform
 
 JOINTS = ["a", "b"]
 STILL = PhysicsFactors(disturbances=0.0)
@@ -46,12 +46,12 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(lab
 def test_a_factor_scales_its_disturbance_alone(laboratory, factors, scaled):
     own = laboratory.dynamics
     changed = {name: factor * getattr(own, name) for name, factor in scaled.items()}
-    assert disturbed(own, PhysicsFactors(**factors)) == replace(own, **changed)
+    assert disturb(own, PhysicsFactors(**factors)) == replace(own, **changed)
 
 
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory):
     takes, factor = perform(laboratory, STILL, 5, "train", 8), 3.0
-    poses = measured(takes, laboratory.pose_noise, factor, np.random.default_rng(3))
+    poses = measure_poses(takes, laboratory.pose_noise, factor, np.random.default_rng(3))
     noise = poses - np.stack([take.poses for take in takes])
     root = factor * np.linalg.cholesky(laboratory.pose_noise)
     squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)

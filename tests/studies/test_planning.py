@@ -54,7 +54,7 @@ def test_the_motions_share_their_task_path_and_no_more(bench, motions):
 @pytest.mark.slow
 def test_a_plan_has_the_least_sum_by_its_model(bench, motions):
     model = GaussianModel(0.5, 12.0)
-    plan = stage.planned(bench, model, OPTIONS)
+    plan = stage.plan_motion(bench, model, OPTIONS)
     sums = [stage.predicted_sum(bench, model, path) for path in motions.values()]
     assert stage.predicted_sum(bench, model, plan) < min(sums)
 
@@ -64,7 +64,7 @@ def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
     constant = ScaledModel(1e-6 * np.eye(3))
     for model, words in ((constant, "same at every step"), (wide, "exists only")):
         with pytest.raises(ModelDomainError, match=words):
-            stage.planned(bench, model, OPTIONS)
+            stage.plan_motion(bench, model, OPTIONS)
     assert np.isnan(stage.predicted_sum(bench, wide, bench.recorded))
 
 

@@ -34,8 +34,8 @@ from pipeline.studies.frame import (
     number,
     trials,
 )
-from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
-from pipeline.verdicts.wording import listed, table
+from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturb, observe
+from pipeline.verdicts.wording import join_names, table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
@@ -162,7 +162,7 @@ def duration_rows(
 ) -> pd.DataFrame:
     """Return rows of ``filters_lasting`` with lags of sway and play ``factor`` times as long."""
     factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
-    dynamics = disturbed(laboratory.dynamics, factors)
+    dynamics = disturb(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, settings.seed, options.training, options.test)
     recorded = replace(takes.training, known_measurement=2 * laboratory.pose_noise)
     path, dt = mean_path(recorded), 1 / motion.rate
@@ -248,8 +248,8 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         for (name, score), better in sweep.groupby(["filter", "score"], sort=False)["better"]
     ]
     return {
-        "particle": listed(found[False] or ["none"]),
-        "linear": listed(found[True] or ["none"]),
+        "particle": join_names(found[False] or ["none"]),
+        "linear": join_names(found[True] or ["none"]),
         "table": table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
         "least": min(options.factors),
         "greatest": max(options.factors),

@@ -35,8 +35,8 @@ from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval, number, trials
-from pipeline.studies.simulated import PhysicsFactors, disturbed
-from pipeline.verdicts.wording import listed, table
+from pipeline.studies.simulated import PhysicsFactors, disturb
+from pipeline.verdicts.wording import join_names, table
 
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # share of the resamplings
@@ -144,7 +144,7 @@ def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
     }
 
 
-def planned(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
+def plan_motion(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
     """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``; raises InfeasibleError,
     and ModelDomainError for a model without a covariance or with the same one at every step.
     """
@@ -166,13 +166,13 @@ def tables_of(
 ) -> Tables:
     """Return the tables of one arm in one physics, ``case``; ``fixed`` motions need no model."""
     (arm, physics), laws = case, {}
-    dynamics = disturbed(benches[arm].dynamics, PhysicsFactors(**options.physics[physics]))
+    dynamics = disturb(benches[arm].dynamics, PhysicsFactors(**options.physics[physics]))
     bench, motions = replace(benches[arm], dynamics=dynamics), dict(fixed[arm])
     recorded = bench.steps(bench.recorded, "training")
     for name, chosen in models.items():
         try:
             laws[name] = kinds.estimate(recorded, chosen).model
-            motions[name] = planned(bench, laws[name], options)
+            motions[name] = plan_motion(bench, laws[name], options)
         except (InfeasibleError, ModelDomainError, SolverError) as error:
             print(f"planning: {arm}, {physics}: {name} has no plan: {error.message}")
     resampled = drawn_takes(bench.takes, rng.stream(bench.seed, "planning.resampling"))
@@ -273,7 +273,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "sure": sure,
         "pairs": len(least),
         "share": SURE,
-        "medians": listed(medians or ["undefined"]),
+        "medians": join_names(medians or ["undefined"]),
         "verdict": few if sure < SURE * len(least) else "",
         "table": table(header, shown[cells].fillna(MISSING).to_numpy()),
     }

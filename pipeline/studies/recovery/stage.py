@@ -22,7 +22,7 @@ from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Study, Tables, number, trials
-from pipeline.verdicts.wording import listed, table
+from pipeline.verdicts.wording import join_names, table
 
 LOOKS = {  # estimators of σ_B
     "moments": {"label": "moments", "color": style.BLUE, "marker": "o"},
@@ -169,7 +169,7 @@ def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
         ]
         coverage = 100 * part["coverage"]
         yield (
-            f"{name}: bias {listed(biases)} (95 %); the 95 % intervals hold σ_B in "
+            f"{name}: bias {join_names(biases)} (95 %); the 95 % intervals contain σ_B in "
             f"{coverage.min():.0f} to {coverage.max():.0f} % of the data sets."
         )
 
