@@ -1,4 +1,4 @@
-"""Runs a study: loads its options, evaluates it, writes tables, figure and page.
+"""Run a study: load its options, evaluate it, write tables, figure and page.
 
 A study is a folder of ``pipeline/studies`` with
 

@@ -66,12 +66,12 @@ def choice(run: Run) -> str:
     above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
     if passing := [name for name in matrix if not above[name]]:
         name = plain_name(means[passing].idxmax())
-        parts = [f"**{name}**: its log score is above that of every baseline."]
+        parts = [f"**{name}**: its log score is above every baseline's."]
     else:
         plain = {plain_name(n): join_names(map(plain_name, names)) for n, names in above.items()}
         rivals = "; ".join(f"{name} not above {names}" for name, names in plain.items())
-        text = f"On {run.dataset} **no matrix model** has a log score above every baseline:"
-        parts = [f"{text} {rivals}."]
+        text = f"On {run.dataset} **no matrix model** has a log score above every baseline"
+        parts = [f"{text}: {rivals}." if rivals else f"{text}."]
     absent = dict.fromkeys(run.tables["predictions"]["model"])
     parts += [f"{plain_name(name)} has no score." for name in absent if name not in means]
     best = means.idxmax()
@@ -82,7 +82,7 @@ def choice(run: Run) -> str:
 
 
 def _not_below(run: Run, model: str, rivals: Sequence[str]) -> list[str]:
-    """Return the ``rivals`` above whose score the interval of the difference does not lie."""
+    """Return the ``rivals`` that the interval of the difference does not put below ``model``."""
     low = run.tables["prediction_pairs"].query("steps == @ALL and model == @model")
     low = low.set_index("rival")["low"]
     return [name for name in rivals if name != model and not low[name] > 0]

@@ -62,7 +62,7 @@ class Bench:
     def of_dataset(
         cls, file: Path, task: Sequence[str], options: SimpleNamespace, seed: int
     ) -> "Bench":
-        """Return the arm of a dataset's option ``file``; an empty ``task`` plans all its rows."""
+        """Return the arm of a dataset's option ``file``; without ``task`` all rows are planned."""
         section = read_yaml(file)
         robot = validated(Robot, section["robot"], "robot", file)
         motion, dynamics = (
@@ -80,7 +80,7 @@ class Bench:
         return desired_path(self.built, self.trajectory)
 
     def command(self, path: np.ndarray) -> np.ndarray:
-        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad; (M, m) without choice."""
+        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad, or (M, m) if m = n."""
         table = trajectory_table(self.chain, path, self.trajectory.rate, self.joints)
         return commanded_steps(table, self.trajectory.rate)
 

@@ -5,10 +5,10 @@ r²·J₂⁺R·diag(Var z, (E z²/(d−m))·I)·RᵀJ₂⁺ᵀ, R orthonormal wi
 On a path the models at the printed parameters give ratios of standard deviations (root of the mean
 variance over all steps):
 
-- Σ_ω and σ_B: of joint j, Wishart model over printed; j = 1, 2, as the matrix models do not capture
-  the excess of joint 3 (:data:`SIZES` has the alternatives);
-- (α, u): variances summed over the joints, Gaussian model over printed;
-- small difference: variances summed over the joints, Wishart over Gaussian model.
+- Σ_ω and σ_B: Wishart model over printed value in joint j = 1, 2, as the matrix models do not
+  capture the excess of joint 3 (:data:`SIZES` has the alternatives);
+- (α, u): Gaussian model over printed value, variances summed over the joints;
+- small difference: Wishart model over Gaussian model, variances summed over the joints.
 
 The logarithm of each ratio is normal about 0 with standard deviation ln f, f the tolerance,
 independently. The likelihood of a decomposition is the mean over the paths of ∏ N(ln x; 0, ln² f).

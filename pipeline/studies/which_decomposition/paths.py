@@ -38,7 +38,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the share (P, steps+1) of P paths done at each pose; ``back`` (P,) is a mask."""
+        """Return the share (P, steps+1) of each path done; ``back`` (P,) marks return paths."""
         count = (len(back), 1)
         duration = self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
