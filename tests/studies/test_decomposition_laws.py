@@ -1,5 +1,5 @@
-"""The likelihood recovers the reading that made the numbers; the closed forms are the laws of
-Algorithm 1; the paths keep the ranges of their prior.
+"""The likelihood recovers the reading that made the numbers; the closed forms agree with Algorithm
+1; the paths keep the ranges of their prior.
 """
 
 import numpy as np
@@ -35,22 +35,22 @@ def stated():
 
 @pytest.fixture(scope="module")
 def paths(arm, stated):
-    """40 paths of every kind, by kind."""
+    """Return 40 paths of every kind, by kind."""
     rng = np.random.default_rng(3)
     return {kind: draw_paths(arm, LAW, kind, stated.u, 40, rng) for kind in KINDS}
 
 
 @pytest.fixture(scope="module")
 def drawn(arm, paths, stated):
-    """Both models on all paths."""
+    """Return the widths of both models on all paths."""
     return laws.concatenate_widths(
         [laws.widths(arm, part, stated, kind) for kind, part in paths.items()]
     )
 
 
 def made_by(drawn, stated, reading, path):
-    """The numbers that would have been printed, had ``reading`` been used on ``path``; the two
-    models alike.
+    """Return the models and the numbers that would have been printed with ``reading`` on ``path``,
+    at equal widths of the two models.
     """
     joints = drawn.wishart[path, laws.READINGS.index(reading)]
     total = np.sqrt(np.mean(joints**2))
@@ -115,14 +115,14 @@ SIGMA_B, DRAWS = 0.25, 40_000
 
 
 def variance(reading, jacobian, v, sigma_b=SIGMA_B):
-    """(n,) of one pose."""
+    """Return the variances (n,) of the joints at one pose."""
     inverse = np.linalg.pinv(jacobian)
     parts = laws.wishart_parts(*(reading, jacobian[..., None], inverse[..., None], v[:, None]))
     return laws.wishart_variance(parts, len(v), sigma_b)[:, 0]
 
 
 def first_factor(reading, jacobian):
-    """J₁ by SciPy and NumPy; LU without pivoting by the quotients of minors."""
+    """Return J₁ by SciPy and NumPy; for LU without pivoting by quotients of minors."""
     m = len(jacobian)
     if reading == PIVOTED:
         permutation, lower, _ = lu(jacobian[:, :m])
@@ -143,7 +143,7 @@ def first_factor(reading, jacobian):
 
 @pytest.fixture(scope="module")
 def poses(arm, paths):
-    """(J, v) at three moving steps."""
+    """Return (J, v) at three moving steps."""
     chosen = [(part, i, 160 - 50 * i) for i, part in enumerate(paths.values())]
     jacobians = [(arm.jacobian(part.q[i, k]), part.step[i, k]) for part, i, k in chosen]
     return [(jacobian, jacobian @ step) for jacobian, step in jacobians]

@@ -1,5 +1,5 @@
-"""Simulated recordings have the laboratory's own motions and noise, and deviations with the moments
-of their law; filters have scores beside the training mean, over durations and on the page.
+"""Simulated recordings have the laboratory's motions and noise, and deviations with the moments of
+their law; filters have scores beside the training mean, over durations and on the page.
 """
 
 from dataclasses import replace
@@ -91,7 +91,7 @@ TAKES = 160
 
 
 def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray, np.ndarray]:
-    """The mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
+    """Return the mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
     draws, motion = np.random.default_rng(seed), laboratory.motion
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     drawn = [draw(laboratory.chain, motion, dynamics, draws) for _ in range(TAKES)]
@@ -132,7 +132,7 @@ def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laborat
 
 
 def known() -> dict[str, Filtered]:
-    """The training mean, and a filter whose errors are half of its."""
+    """Return the training mean, and a filter with half the errors of the training mean."""
     draws = np.random.default_rng(1)
     training, test = (draws.standard_normal((n, 12, 2)) for n in (200, 40))
     mean = no_filter(training, test)

@@ -1,5 +1,5 @@
-"""All motions keep the task path; sums are variances of the takes, with equal draws for every
-motion; a plan is the least by its model.
+"""Motions keep the task path; sums are variances of the takes, with equal draws for every motion; a
+plan has the least sum by its model.
 """
 
 from dataclasses import replace
@@ -23,7 +23,7 @@ OPTIONS = options_of("planning")
 
 
 def coarse(task: list[str]) -> Bench:
-    """The youBot at 25 steps of the motion and 200 of the servo a second."""
+    """Return the youBot at 25 steps of the motion and 200 of the servo a second."""
     own = Bench.of_dataset(CONF / "dataset/youbot.yaml", task, OPTIONS, seed=1)
     motion, dynamics = replace(own.trajectory, rate=25.0), replace(own.dynamics, rate=200.0)
     return replace(own, trajectory=motion, dynamics=dynamics, takes=6)

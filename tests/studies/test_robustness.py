@@ -1,4 +1,4 @@
-"""Conditions whose outcome is known, decisions that change one thing, and the page's counts."""
+"""Conditions with a known outcome, decisions that change one option, and the page's counts."""
 
 from dataclasses import replace
 from types import SimpleNamespace

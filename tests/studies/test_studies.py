@@ -1,5 +1,5 @@
-"""Every study writes its tables, figure and page together, or nothing where a part fails; data of
-the study of recovery have their stated law, and its table counts what estimators return.
+"""Every study writes its tables, figure and page together, or nothing if a part fails; data of the
+study of recovery have the stated law, and its table counts the estimates.
 """
 
 import re
@@ -101,7 +101,7 @@ def test_every_scale_of_a_study_has_the_same_options(name):
 
 @pytest.fixture
 def recorded(project):
-    """The recorded steps of the project."""
+    """Return the recorded steps of the project."""
     settings = config.sections("recovery", ROOT / "pipeline/studies/recovery/dvc.yaml")
     return training_steps(settings.dataset.robot, settings.dataset.motion)
 

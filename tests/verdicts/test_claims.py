@@ -1,6 +1,6 @@
-"""Every rule holds where it should and nowhere else, and none holds for want of a number; a
-reference finds the one number it addresses; malformed claims are refused by name and key; a run is
-read again as it was; verdicts follow from claims, numbers and whose recordings they are.
+"""A rule holds on its side of the yardstick alone and never without its numbers; a reference finds
+the one number at its place; malformed claims are refused by name and key; a run is read as it was
+written; verdicts follow from claims, numbers and the kind of recordings.
 """
 
 import json
@@ -199,7 +199,7 @@ NUMBERS = {"additive_error": 0.01, "wishart_error": 0.015}
 
 
 def verdict(recordings="synthetic", arm=ARM, claim=CLAIM, numbers=NUMBERS, more=None, **changes):
-    """Verdict on ``claim`` with ``changes`` from ``numbers`` and ``more`` of them."""
+    """Return the verdict on ``claim`` with ``changes`` from ``numbers`` and ``more`` numbers."""
     evidence = {"metrics/motion": numbers | (more or {})}
     (result,) = d.decide(parse_claims([claim | changes]), evidence, recordings, arm)
     return result
@@ -215,7 +215,7 @@ AROUND_ZERO, BELOW_ZERO = ({"than": 0.1, "low": -0.2, "high": high} for high in 
 
 
 def powers(powers, thresholds) -> dict[str, float]:
-    """Powers and thresholds of both models."""
+    """Return powers and thresholds of both models."""
     power, threshold = ([f"{model}_{key}" for model in MODELS] for key in ("power", "threshold"))
     return dict(zip(power, powers, strict=True)) | dict(zip(threshold, thresholds, strict=True))
 
