@@ -12,9 +12,8 @@ from pipeline.core.columns import PLANE
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.wishart.decomposition import COMPUTED, decomposition_of
 from pipeline.verdicts.claims import Claim, parse_claims
-from pipeline.verdicts.decision import decide
+from pipeline.verdicts.decision import case_text, decide
 from pipeline.verdicts.run import ArmNames, Evidence
-from pipeline.verdicts.wording import case_text
 
 PAPER = Path("reports/claims.yaml")
 HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")

@@ -1,16 +1,16 @@
-"""The frame that runs a study: load its options, evaluate it, write tables, figure and page.
+"""Run a study: load its options, evaluate it, write tables, figure and page.
 
 A study is a folder of ``pipeline/studies`` with
 
 - ``stage.py``: the question as docstring, ``evaluate``, ``facts`` and ``draw``, and
   ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
-- ``params.yaml``: the options of each scale, of equal names and kinds in all;
+- ``params.yaml``: the options of each scale, of equal names and kinds in all scales;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of its tables, in the notation of pipeline/core/tables.yaml;
-- ``page.md``: its page with the figure's caption, the fields that ``facts`` returns in braces.
+- ``page.md``: its page with the figure's caption, and in braces the fields of ``facts``.
 
-The arguments of ``draw`` are tables, by their names. The study NAME writes ``data/studies/NAME``
-(its tables, checked), ``reports/studies/NAME`` (the figure, and each table as CSV) and the page
+The arguments of ``draw`` are tables by name. The study NAME writes ``data/studies/NAME`` (its
+tables, checked), ``reports/studies/NAME`` (the figure, and each table as CSV) and the page
 ``reports/studies/NAME.md``: all of them or none.
 """
 
@@ -27,8 +27,7 @@ from matplotlib.figure import Figure
 
 from pipeline.core import config, contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import ConfigError, PipelineError
-from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.errors import PipelineError
 from pipeline.figures.style import save
 from pipeline.verdicts import wording
 from pipeline.verdicts.wording import MISSING
@@ -38,15 +37,16 @@ CSV_DIGITS = "%.6g"
 ROUNDING = 1e-12
 Tables = dict[str, pd.DataFrame]
 number = partial(wording.number, digits=3)
+concatenate = partial(pd.concat, ignore_index=True)
 
 
 class NoAnswerError(PipelineError):
-    """The dataset lacks the recordings that a study evaluates; its page states the message."""
+    """Raised if the dataset lacks the recordings of a study, whose page states the message."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study, in the folder of the module that defines ``evaluate``."""
+    """A study in the folder of the module that defines ``evaluate``."""
 
     evaluate: Callable[[SimpleNamespace, SimpleNamespace], Tables]  # settings, options
     facts: Callable[[Tables, SimpleNamespace], dict[str, object]]  # tables, options
@@ -57,7 +57,6 @@ class Study:
         folder = Path(sys.modules[self.evaluate.__module__].__file__).parent
         name = folder.name
         settings = config.sections(name, folder / "dvc.yaml")
-        require_equal_kinds(folder / "params.yaml")
         options = SimpleNamespace(**config.study_options(folder, dict))
         page = (folder / "page.md").read_text(encoding="utf-8")
         try:
@@ -81,34 +80,18 @@ class Study:
         contracts.write_text(page, REPORTS / f"{name}.md")
 
 
-def require_equal_kinds(file: Path) -> None:
-    """Raise ConfigError for an option of ``file`` that a scale lacks or has in another kind."""
-    scales = read_yaml(file)
-    for key in sorted(set().union(*scales.values())):
-        values = {scale: section.get(key) for scale, section in scales.items()}
-        kinds = {float if isinstance(value, int) else type(value) for value in values.values()}
-        if len(kinds) > 1:
-            message = f"must be of one kind in every scale, got {values}"
-            raise ConfigError(message, key=key, file=file)
-
-
 def trials(
-    settings: SimpleNamespace, label: str, function: Callable, cases: Iterable, **common: object
+    settings: SimpleNamespace, label: str, function: Callable, cases: Iterable, /, **common: object
 ) -> list:
-    """Return ``function(case, **common)`` of each of the ``cases``, evaluated side by side."""
-    run = partial(function, **common)
-    return list(run_trials(run, cases, compute=settings.compute, label=label))
-
-
-def joined(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    """Return the rows of all ``parts``."""
-    return pd.concat(parts, ignore_index=True)
+    """Return ``function(case, **common)`` for each of the ``cases``, evaluated in parallel."""
+    trial = partial(function, **common)
+    return list(run_trials(trial, cases, compute=settings.compute, label=label))
 
 
 def interval(middle: float, low: float, high: float) -> str:
-    """Return a signed difference with the ends of its interval in brackets, if it has one."""
+    """Return a signed difference with its interval in brackets, if it has one."""
     if pd.isna(middle):
         return MISSING
-    # the rounding error of an exact zero has no sign
+    # an exact zero with a rounding error is written without a sign
     middle, low, high = (0.0 if abs(x) < ROUNDING else x for x in (middle, low, high))
     return f"{middle:+.3g}" + ("" if pd.isna(low) else f" [{low:+.3g}, {high:+.3g}]")

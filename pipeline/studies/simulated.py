@@ -1,9 +1,8 @@
 """Recordings of the laboratory's arm in memory, without cameras or files.
 
-Session and takes are those that the stage `record` draws from the same seed. Each measured pose
-gets the white noise of the recorded poses at rest, each depth frame the noise of the recorded depth
-camera at an equal share of the motion. The simulation has no faults and offsets of markers, no
-articulation of depth images and no estimate of clocks.
+Session and takes are those of the stage `record` with the same seed. Each measured pose gets white
+noise as the recorded poses have at rest, each depth frame the noise of the recorded depth camera at
+an equal share of the motion. Markers have no faults and no offsets; clocks are known.
 """
 
 from collections.abc import Sequence
@@ -51,7 +50,7 @@ SIZES = FACTORS[1:9]  # disturbances that have a size
 LAGS = ("sway_time", "clearance_time")
 
 
-def disturbed(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
+def disturb(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
     """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
     by = {name: factors.disturbances * getattr(factors, name) for name in SIZES}
     scaled = {name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()}
@@ -121,7 +120,7 @@ def perform(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
 ) -> list[SimulatedTake]:
     """Simulate ``count`` takes of a ``part`` (train or test) as `record` draws them."""
-    dynamics, motion = disturbed(laboratory.dynamics, factors), laboratory.motion
+    dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
     opened = session.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
     takes = []
     for number in range(count):
@@ -133,16 +132,14 @@ def perform(
 
 
 def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
-    """Return the steps between ``poses`` (takes, M+1, n) in rad under the commands of the motion;
-    raises SingularJacobianError.
-    """
+    """Return the steps between ``poses`` (takes, M+1, n) in rad; raises SingularJacobianError."""
     table = desired_trajectory(laboratory.chain, laboratory.motion)
     v = commanded_steps(table, laboratory.motion.rate)
     noise = process_noise(laboratory.chain, poses, v)
     return Recorded(laboratory.chain, poses[:, :-1], v, noise, laboratory.joints)
 
 
-def measured(
+def measure_poses(
     takes: Sequence[SimulatedTake], covariance: np.ndarray, factor: float, stream
 ) -> np.ndarray:
     """Return (takes, M+1, n) poses in rad, noise of ``factor`` times the root of ``covariance``."""
@@ -155,17 +152,15 @@ def measured(
 def observe(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
-    """Simulate ``training`` and ``test`` takes and the depth camera of the latter, its noise
-    estimated as by the stages.
-
-    Raises SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
+    """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
+    SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
     """
     fitted, kept = (
         perform(laboratory, factors, seed, part, count)
         for part, count in (("train", training), ("test", test))
     )
     poses, others = (
-        measured(takes, laboratory.pose_noise, factors.motion_capture, stream)
+        measure_poses(takes, laboratory.pose_noise, factors.motion_capture, stream)
         for number, takes in enumerate((fitted, kept))
         for stream in [rng.stream(seed, "simulated.capture", number)]
     )

@@ -1,21 +1,75 @@
-"""Claims of the paper and of the project as ``reports/claims.yaml`` states them."""
+"""Claims of the paper and of the project in ``reports/claims.yaml``, and the rules of verdicts.
 
-from collections.abc import Sequence
+A rule is a function of a table with a row for each case. Columns are NaN where a claim has no such
+number: ``value`` is ours and ``than`` the value compared with; ``low`` and ``high`` bound the
+value, or under an order the difference ``value − than``; ``threshold`` and ``power`` belong to a
+test of the run; ``published``, ``tolerance`` and ``limit`` are stated in the claim; ``yardstick``
+is the published value or the limit; ``distance`` is (published − value)/``standard_error``.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from itertools import product
-from typing import Literal
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import numpy as np
+import pandas as pd
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options
-from pipeline.verdicts.rules import ENDS, ORDERS, RULES
-from pipeline.verdicts.run import Number, Reference, parsed_entries
+from pipeline.statistics.curves import POWER
+from pipeline.verdicts.run import Number, Reference, parse_entries
 
-CONSTRUCTION, LEVEL = "construction", "level"  # what forces a claim, and what decides it
+CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
 NONE = "none"  # a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
 COMPARED = ("value", "than", "low", "high", "threshold", "power")
 STATED = (*COMPARED, "published", "limit", "tolerance", "standard_error")
 EVERY = "every"  # joint of a dataset's arm
+ENDS = {"low", "high"}
+ORDERS = ("less", "greater")  # rules that need an interval of the difference
+Judge = Callable[[pd.DataFrame], pd.Series]
+
+HOLDS: dict[str, Judge] = {
+    "within_relative": lambda r: (r.value - r.published).abs() <= r.tolerance * r.published.abs(),
+    "within_absolute": lambda r: (r.value - r.published).abs() <= r.tolerance,
+    "below": lambda r: r.value < r.yardstick,
+    "above": lambda r: r.value > r.yardstick,
+    "varies": lambda r: r.value > r.limit,
+    "follows": lambda r: r.value >= r.threshold,
+    "less": lambda r: r.high < 0,
+    "greater": lambda r: r.low > 0,
+    "decreasing": lambda r: pd.Series(np.diff(r.value, prepend=np.inf) < 0, r.index),
+    "equivalent": lambda r: np.maximum(-r.low, r.high) < r.tolerance * r.than.abs(),
+    "interval_contains": lambda r: (
+        (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
+    ),
+    "standard_errors": lambda r: r.distance.abs() < r.limit,
+}
+DECIDES: dict[str, Judge] = dict.fromkeys(HOLDS, lambda r: r.value.notna()) | {
+    **dict.fromkeys(ORDERS, lambda r: (r.low > 0) | (r.high < 0)),
+    "varies": lambda r: (r.value <= r.limit) | (r.value > r.threshold),
+    "follows": lambda r: r.power >= POWER,
+}
+
+
+class Rule(NamedTuple):
+    """A rule in ``words``, the keys of a claim that it ``needs``, the masks of cases in which it
+    ``holds`` and that it ``decides``: an interval about zero decides no order.
+    """
+
+    words: str
+    needs: set[str]
+    holds: Judge
+    decides: Judge
+
+
+RULES = {
+    name: Rule(rule["words"], {*rule["needs"]}, HOLDS[name], DECIDES[name])
+    for name, rule in read_yaml(Path(__file__).with_name("rules.yaml")).items()
+}
 
 
 @options(frozen=True)
@@ -30,15 +84,16 @@ class Unless:
 
 @options(frozen=True)
 class Claim:
-    """One claim: its place, statement, evidence, rule and tolerance.
+    """One claim with its evidence, rule and tolerance; raises ConfigError with the key.
 
-    ``about`` says whose recordings decide it: any, a real robot's, or the paper's own. ``each``
-    maps names to lists of values, or the name ``joint`` to ``every``; the claim has one case per
-    combination, and its references hold the names as placeholders. ``published`` is one number for
-    all cases or one for each, and ``parameter`` the paper's name of it. ``standard_error`` holds
-    one reference or several, which add in squares. ``by`` marks a claim that the construction of
-    the models forces (no verdict) or their level decides, for the reason ``because``. ``why`` maps
-    names of datasets to the reasons why the claim fails there. Raises ConfigError with the key.
+    - ``about``: the recordings that decide the claim: any, a real robot's, or the paper's own;
+    - ``each``: names and lists of their values, or ``joint`` and ``every``: one case per
+      combination, references hold the names as placeholders;
+    - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
+    - ``standard_error``: one reference, or several that add in squares;
+    - ``by``: the construction of the models forces the claim (no verdict) or their level decides
+      it, for the reason ``because``;
+    - ``why``: reasons for which the claim fails, by name of the dataset.
     """
 
     id: str
@@ -84,7 +139,7 @@ class Claim:
             message = f"{rule} needs a published value or a limit of ours, not both"
             raise ConfigError(message, key="limit")
         if self.rule in ORDERS and self.by != CONSTRUCTION:
-            needs |= ENDS  # an order without an interval is no verdict
+            needs |= ENDS
         for key in sorted({"limit", "tolerance", "threshold", "power"} - needs - yardstick):
             if key in stated:
                 raise ConfigError(f"{rule} has none", key=key)
@@ -93,13 +148,13 @@ class Claim:
         self.references()
 
     def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
-        """Return every combination of the values of ``each`` on an arm with these ``joints``."""
+        """Return every combination of the values of ``each`` for an arm with these ``joints``."""
         values = [joints if listed == EVERY else listed for listed in self.each.values()]
         return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
 
     @property
     def numbers_joints(self) -> bool:
-        """True if the claim numbers joints or is about the specimen: an arm like the paper's."""
+        """True if the claim numbers joints or is about the paper's own arm."""
         return self.about == "specimen" or any(ref.joint_numbers for ref in self.references())
 
     @property
@@ -116,7 +171,7 @@ class Claim:
         return RULES[self.rule].words.format(**numbers)
 
     def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:
-        """Return every reference of every case on an arm with these ``joints``."""
+        """Return every reference of every case for an arm with these ``joints``."""
         named = [getattr(self, key) for key in COMPARED if getattr(self, key) is not None]
         named += self.standard_errors
         return [reference.in_case(case) for case in self.cases(joints) for reference in named]
@@ -131,5 +186,5 @@ class ClaimsFile:
 
 
 def parse_claims(entries: object) -> list[Claim]:
-    """Return the claims of a YAML list. Raises ConfigError with the claim and the key."""
-    return parsed_entries(Claim, entries, "claim")
+    """Return the claims of a YAML list; raises ConfigError with the claim and the key."""
+    return parse_entries(Claim, entries, "claim")

@@ -1,4 +1,4 @@
-"""Verdicts on claims: a function of the claims and a run's numbers alone."""
+"""Verdicts on claims, which depend on the claims and the numbers of a run alone."""
 
 from collections import namedtuple
 from collections.abc import Sequence
@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, Claim
-from pipeline.verdicts.rules import RULES
+from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, RULES, Claim
 from pipeline.verdicts.run import ArmNames, Evidence, Reference, Run
+from pipeline.verdicts.wording import interval, number
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
@@ -19,7 +19,7 @@ NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 COMMAND = "dvc repro publish"  # writes all evidence into the dataset's reports
-WITHOUT_RECORDING = "no recording"  # name of the column of claims that need none
+WITHOUT_RECORDING = "no recording"  # column of the claims that need no recording
 PRINTED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
 PRINTED += ("quantity", "unit", "test", "reason")
 
@@ -27,15 +27,13 @@ Recordings = Literal["none", "synthetic", "real", "paper"]
 
 
 class Case(namedtuple("Case", ["case", *COMPARED, "published", "distance", "holds"])):
-    """One case of a claim in a run by its name; a number that is missing or not finite is None.
-
-    ``distance`` is the published value minus ours in standard errors; ``holds`` is None if the
-    rule does not decide the case, on whatever recordings.
+    """Numbers of one case of a claim in a run, None where missing or infinite; ``distance`` is
+    (published − ours) in standard errors, ``holds`` None if the rule does not decide the case.
     """
 
 
 class Verdict(NamedTuple):
-    """Verdict on a claim in a run."""
+    """Verdict on a claim in a run, with the claim's cases."""
 
     claim: Claim
     verdict: str
@@ -43,7 +41,7 @@ class Verdict(NamedTuple):
 
 
 class Decided(NamedTuple):
-    """Verdicts from one dataset's recordings, or on claims that need none (``recordings`` none)."""
+    """Verdicts of one dataset; with ``recordings`` "none" on the claims that need no recording."""
 
     dataset: str
     recordings: Recordings
@@ -53,7 +51,7 @@ class Decided(NamedTuple):
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
-    """Return verdicts from every run, then without a recording; ``papers_own`` are datasets."""
+    """Return the verdicts of every run, then those without a recording."""
     columns = []
     for run in runs:
         whose = "synthetic" if run.synthetic else "real"
@@ -65,22 +63,22 @@ def decide_each(
 def decide(
     claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, arm: ArmNames
 ) -> list[Verdict]:
-    """Return a verdict on every claim from the numbers of a run on ``recordings``: none, synthetic,
-    of a real robot, or the paper's own, of an ``arm``.
-
-    Where joints have no numbers there is no evidence on claims that number them.
+    """Return a verdict on every claim from the ``evidence`` of a run on ``recordings`` of ``arm``;
+    a claim that numbers joints has no evidence on an arm whose joints have no numbers.
     """
-    return [_decide(claim, evidence, recordings, arm) for claim in claims]
+    return [_decide_claim(claim, evidence, recordings, arm) for claim in claims]
 
 
-def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNames) -> Verdict:
+def _decide_claim(
+    claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNames
+) -> Verdict:
     if claim.numbers_joints and not arm.numbered:
         evidence = {}
-    rule, each = RULES[claim.rule], claim.cases(arm.joints)
-    r = _read(claim, each, evidence, arm)
+    rule, named = RULES[claim.rule], claim.cases(arm.joints)
+    r = _rule_table(claim, named, evidence, arm)
     keys = sorted({"value"} | (rule.needs & {*COMPARED, "standard_error"}))
     there = r[keys].notna().all(axis=1)
-    # a rule that compares cases with each other says nothing where one is missing
+    # the rule decreasing compares cases with each other: it needs all of them
     known = there & (there.all() or claim.rule != "decreasing")
     void = False
     if (unless := claim.unless) is not None:
@@ -89,54 +87,70 @@ def _decide(claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNa
     decides, holds = known & rule.decides(r) & (not void), rule.holds(r)
     half = NORMAL_QUANTILE * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
-    numbers = r[list(Case._fields[1:-1])].replace([np.inf, -np.inf], np.nan).astype(object)
-    numbers = numbers.where(numbers.notna(), None)
-    numbers["holds"] = holds.astype(object).where(decides, None)
-    names = [_name(case, arm) for case in each]
-    cases = tuple(Case(*row) for row in zip(names, *map(numbers.get, numbers), strict=True))
-
-    def verdict() -> str:
-        if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
-            return NO_RECORDING
-        # on an arm without joints nothing holds, though no case fails
-        if void or not len(known) or not known.all():
-            return NO_EVIDENCE
-        if claim.by == CONSTRUCTION:
-            return FORCED
-        if claim.about == "specimen" and recordings == "real":
-            return NO_EVIDENCE
-        if claim.about != "method" and recordings == "synthetic":
-            return SYNTHETIC_CANNOT
-        if (decides & ~holds).any():
-            return NOT_REPRODUCED  # one case refutes a claim on all
-        return REPRODUCED if decides.all() else NO_EVIDENCE
-
-    return Verdict(claim, verdict(), cases)
+    rows = r.replace([np.inf, -np.inf], np.nan).astype(object)
+    rows = rows.where(rows.notna(), None).assign(holds=holds.astype(object).where(decides, None))
+    rows["case"] = [
+        ", ".join(arm.named(v) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
+        for case in named
+    ]
+    cases = tuple(map(Case._make, rows[[*Case._fields]].itertuples(index=False)))
+    evident = not void and len(known) > 0 and known.all()
+    return Verdict(claim, _verdict_word(claim, recordings, evident, decides, holds), cases)
 
 
-def _name(case: dict, arm: ArmNames) -> str:
-    texts = (arm.named(v) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
-    return ", ".join(texts)
+def _verdict_word(
+    claim: Claim, recordings: Recordings, evident: bool, decides: pd.Series, holds: pd.Series
+) -> str:
+    if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
+        return NO_RECORDING
+    if not evident:
+        return NO_EVIDENCE
+    if claim.by == CONSTRUCTION:
+        return FORCED
+    if claim.about == "specimen" and recordings == "real":
+        return NO_EVIDENCE
+    if claim.about != "method" and recordings == "synthetic":
+        return SYNTHETIC_CANNOT
+    if (decides & ~holds).any():
+        return NOT_REPRODUCED  # one case refutes a claim on all
+    return REPRODUCED if decides.all() else NO_EVIDENCE
 
 
-def _read(claim: Claim, each: list[dict], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
-    """Table of a rule (:mod:`pipeline.verdicts.rules`): a row for each case."""
+def _rule_table(claim: Claim, cases: list[dict], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
+    """Return the table of a rule (:mod:`pipeline.verdicts.claims`) with a row for each case."""
 
     def numbers(reference: Reference | None) -> np.ndarray:
-        values = [reference and reference.in_case(case).look_up(evidence, arm) for case in each]
+        values = [reference and reference.in_case(case).look_up(evidence, arm) for case in cases]
         return np.array(values, dtype=float)
 
     errors = [numbers(part) for part in claim.standard_errors or [None]]
     r = pd.DataFrame({key: numbers(getattr(claim, key)) for key in COMPARED})
     r["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
     for key in ("published", "tolerance", "limit"):
-        r[key] = np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(each))
+        r[key] = np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
     r["yardstick"] = r.published.fillna(r.limit)
     return r.assign(distance=(r.published - r.value) / r.standard_error)
 
 
+def case_text(case: Case) -> str:
+    """Return name, value, interval and the value or limit compared with; ✗ if the case fails."""
+    if case.value is None:
+        return f"{case.case} –".strip()
+    text = f"{case.case}: {number(case.value)}" if case.case else number(case.value)
+    if case.than is not None:
+        text += f" against {number(case.than)}"
+    if case.low is not None and case.high is not None:
+        prefix = "difference " if case.than is not None else ""
+        text += f" ({prefix}{interval(case.low, case.high)})"
+    if case.threshold is not None:
+        text += f" (limit {number(case.threshold)})"
+    if case.power is not None and case.holds is None:
+        return f"{text}, power {number(case.power)}"
+    return f"{text} ✗" if case.holds is False else text
+
+
 def verdict_data(decided: Sequence[Decided]) -> list[dict]:
-    """Return each claim with its verdicts by dataset that decides it, as JSON can hold them."""
+    """Return each claim with its verdicts by dataset as JSON values."""
     entries = []
     for row in zip(*(whose.verdicts for whose in decided), strict=True):
         claim = row[0].claim

@@ -1,6 +1,4 @@
-"""The model card: the motion model to use for an arm, its formula and numbers, what the recordings
-cannot tell, and the evidence; the rule that recommends a model for another motion.
-"""
+"""The model card: recommended model, its formula and numbers, its limits and the evidence."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,21 +9,18 @@ from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictor
 from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
 
 CARD = TEXTS["card"]
-EACH = "each"  # the mean over all held-out motions
+EACH = "each"  # mean over all held-out motions
 MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
-MOVING = 0.1  # of a joint's greatest recorded spread, above which a held-out spread counts
-STILL = 0.1  # of the greatest joint speed, below which a joint counts as standing still
+MOVING = 0.1  # share of a joint's greatest recorded spread above which a held-out spread counts
+STILL = 0.1  # share of the greatest joint speed below which a joint counts as standing still
 HEAVY = 4  # kurtosis above which tails are called heavier than normal
-FEW_TAKES = 10  # below it an interval from resampled takes is not printed
+FEW_TAKES = 10  # number of takes below which no interval from resampled takes is printed
 
 
 def recommended(
     scores: pd.DataFrame, spread: pd.DataFrame, motions: pd.DataFrame
 ) -> tuple[str | None, str]:
-    """Return the name of the model for another motion by the card's rule, or None, and the reason.
-
-    ``scores``, ``spread`` and ``motions`` are the tables other_motions, motion_spread and motions.
-    """
+    """Return the model for another motion by the card's rule, or None, and the reason."""
     means = scores[scores["motion"] == EACH].set_index("model")["score"].dropna()
     if means.empty:
         return None, "no model has a score on every held-out motion"
@@ -43,7 +38,7 @@ def recommended(
 
 
 def answer(run: Run) -> str:
-    """Return the card's first paragraphs: model, formula, takes and motions, unknowns and tails."""
+    """Return the card's first paragraphs: model, formula, takes and motions, limits and tails."""
     t = run.tables
     if "other_motions" not in t:
         return CARD["not_held_out"]
@@ -54,7 +49,7 @@ def answer(run: Run) -> str:
     known, tails = (t[name][t[name]["model"] == model] for name in ("plain_parameters", "tails"))
     parts = [f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."]
     parts += [_formula(model, known)] if len(known) else []
-    parts.append(f"Fitted to {counted}. {_untold(run, model)}")
+    parts.append(f"Fitted to {counted}. {_limits(run, model)}")
     if len(tails):
         ends = [number(float(f"{tails['kurtosis'].agg(end):.3g}")) for end in ("min", "max")]
         size = "heavier tails than" if tails["kurtosis"].max() > HEAVY else "tails like"
@@ -79,14 +74,14 @@ def _formula(model: str, known: pd.DataFrame) -> str:
 
 
 def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Greatest recorded |q̇| of each joint in rad/s, and the part of joints that stood still."""
+    """Return the greatest recorded |q̇| in rad/s by joint: of all, and of those that stood still."""
     speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
     fastest = speeds[["least", "greatest"]].abs().max(axis=1)
     return fastest, fastest[fastest < STILL * fastest.max()]
 
 
-def _untold(run: Run, model: str) -> str:
-    """The parameters of ``model`` without a number, and the poses and speeds that were not seen."""
+def _limits(run: Run, model: str) -> str:
+    """Return the parameters of ``model`` without a number, the poses and speeds not recorded."""
     rows = run.tables["untold"].query("model == @model")
     text = "".join(
         f" No number for the {parameter} of {', '.join(own['joint'])} ({own['found'].iloc[0]})."
@@ -100,7 +95,7 @@ def _untold(run: Run, model: str) -> str:
 
 
 def held_out(run: Run) -> str:
-    """Return log scores by model and held-out motion (of one motion the mean over its takes)."""
+    """Return log scores by model and held-out motion; for a single motion the mean over takes."""
     scores, motions = run.tables["other_motions"], run.tables["motions"]
     wide = scores.pivot(index="model", columns="motion", values="score")
     # parts of a single motion's takes are held out in turn
@@ -119,7 +114,7 @@ def held_out(run: Run) -> str:
 
 
 def held_out_spread(run: Run) -> str:
-    """Return predicted and measured rms of a step in µrad by held-out motion and joint."""
+    """Return predicted and measured rms noise of a step by held-out motion and joint."""
     spread, place = run.tables["motion_spread"], ["motion", "joint"]
     if len(run.tables["motions"]) == 1:
         sizes = ["predicted_rad", "measured_rad"]
@@ -138,19 +133,19 @@ def held_out_spread(run: Run) -> str:
 def held_out_tails(run: Run) -> str:
     """Return kurtosis and coverage of the held-out noise by model and joint."""
     tails = run.tables["tails"]
-    numbers = tails[["kurtosis", "one_sigma", "two_sigma", "three_sigma"]].map("{:.3g}".format)
-    numbers.insert(0, "joint", tails["joint"])
-    numbers.insert(0, "model", tails["model"].map(plain_name))
-    return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], numbers.to_numpy())
+    columns = ["kurtosis", "one_sigma", "two_sigma", "three_sigma"]
+    cells = tails[["model", "joint"]].join(tails[columns].map("{:.3g}".format))
+    cells["model"] = cells["model"].map(plain_name)
+    return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], cells.to_numpy())
 
 
 def few_takes(run: Run) -> bool:
-    """Return True if the takes of ``run`` are too few for an interval from resampled takes."""
+    """Return True if ``run`` has too few takes for an interval from resampled takes."""
     return run.metrics.get("motion", {}).get("recorded_takes", FEW_TAKES) < FEW_TAKES
 
 
 def model_card(run: Run, others: Sequence[Run]) -> str:
-    """Return the card of ``run``, with the recommended models for the arms of ``others``."""
+    """Return the card of ``run`` with the first line of the cards of ``others``."""
     scored = "predictions" in run.tables
     title = f"# Motion model for dataset {run.dataset}, scale {run.scale}"
     if not run.joints:
@@ -179,8 +174,8 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
         parted = kept.groupby("part").size()
         counted = ", ".join(f"{count} {part}" for part, count in parted.items())
         text = f"Takes kept: {counted}; left out: {len(gone)}."
-        listed = table(["take", "reason"], gone[["take", "reason"]].to_numpy())
-        parts["Takes left out"] = f"{text}\n\n{listed}" if len(gone) else text
+        rows = table(["take", "reason"], gone[["take", "reason"]].to_numpy())
+        parts["Takes left out"] = f"{text}\n\n{rows}" if len(gone) else text
     parts["Export"] = CARD["export"]
     parts["Other datasets"] = "\n".join(
         f"- {one.dataset}: {answer(one).splitlines()[0]}"
@@ -193,25 +188,24 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
 
 
 def _parameters(run: Run) -> str:
-    """A row for each estimate with a standard error that the recordings can tell."""
+    """Return a row for each known estimate with a standard error, and why others are unknown."""
     rows, notes, few = [], [], few_takes(run)
     for model in run.models:
         fitted = run.metrics.get(f"fit_{model}", {})
-        absent = _not_told(run, fitted)
-        plain = plain_name(model)
+        absent, plain = _unknown_estimates(run, fitted), plain_name(model)
         notes += [f"- {plain}: no number for {name}: {why}" for name, why in absent.items()]
         for name in fitted:
-            if name in absent or f"{name}_standard_error" not in fitted:
-                continue
-            ends = [fitted.get(f"{name}_interval_{end}", float("nan")) for end in ("low", "high")]
-            error, within = fitted[f"{name}_standard_error"], "–" if few else interval(*ends)
-            rows.append([model, name, fitted[name], error, within])
+            error = fitted.get(f"{name}_standard_error")
+            if name not in absent and error is not None:
+                ends = (fitted.get(f"{name}_interval_{e}", float("nan")) for e in ("low", "high"))
+                cell = "–" if few else interval(*ends)
+                rows.append([model, name, fitted[name], error, cell])
     text = table(["model", "parameter", "value", "standard error", "95 % interval"], rows)
     return "\n\n".join(filter(None, [text, "\n".join(notes)]))
 
 
-def _not_told(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
-    """The estimates among ``fitted`` without a number, and why."""
+def _unknown_estimates(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
+    """Return the estimates among ``fitted`` that the recordings do not determine, and why."""
     absent = {}
     for name in fitted:
         if fitted.get(f"{name}_unbounded"):

@@ -1,10 +1,8 @@
-"""Items of the paper (equations, definitions, theorems, algorithms, figures): what each says, what
-implements it, which tests show it; and its errata: contradictions and gaps, the fact, and what is
-done here.
+"""Items of the paper (equations, definitions, theorems, algorithms, figures) and its errata.
 
-An item is implemented by the public functions, classes and methods whose docstrings name it,
-equations and figures by their label in parentheses, as (NormStd) or (cost)–(const2), all others by
-kind and number, as Theorem 3.
+The code of an item are the public functions, classes and methods whose docstrings cite it:
+equations and figures by label in parentheses, as (NormStd) or (cost)–(const2), other items by kind
+and number, as Theorem 3.
 """
 
 import ast
@@ -21,7 +19,7 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.run import Evidence, Reference, Run, TestName, parsed_entries
+from pipeline.verdicts.run import Evidence, Reference, Run, TestName, parse_entries
 from pipeline.verdicts.wording import TEXTS, number, page, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
@@ -29,7 +27,7 @@ NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algo
 LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
-TESTS_ALONE = "serves tests alone"  # what the docstring of such a function says
+TESTS_ALONE = "serves tests alone"  # words in the docstring of such a function
 MISSING = "(not in this dataset)"
 CLAIMED = ("published", "value", "distance")  # numbers of a claim
 STEPS = 320  # M of the paper's motion
@@ -38,12 +36,10 @@ COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by"
 
 @options(frozen=True)
 class Item:
-    """One item of the paper: its ``place``, what it ``says`` in our words, and the ``tests`` that
-    show it, or why it is ``without_code``.
+    """One item: ``place``, content (``says``), ``tests`` or the reason why it is ``without_code``.
 
-    ``label`` is the paper's, or, with a hyphen, ours for an equation that is numbered without one.
-    ``number`` counts items of a kind in the order of the paper, as it prints them. Raises
-    ConfigError with the key.
+    ``label`` is the paper's, or with a hyphen ours for an equation without one; ``number`` counts
+    the items of a kind as the paper does. Raises ConfigError with the key.
     """
 
     kind: Literal["equation", "figure", "definition", "theorem", "algorithm"]
@@ -63,18 +59,18 @@ class Item:
 
     @property
     def cited_as(self) -> str:
-        """Words by which a docstring cites it, but for the parentheses of a label."""
+        """Words by which a docstring cites the item, without the parentheses of a label."""
         return self.label or f"{NUMBERED[self.kind]} {self.number}"
 
     @property
     def title(self) -> str:
-        """Name on the page."""
+        """Name of the item on the page."""
         labelled = LABELLED.get(self.kind)
         return f"{labelled} {self.number} ({self.label})" if self.label else self.cited_as
 
 
 class Source(NamedTuple):
-    """A function, class or method, its ``file``, and True if it says that it serves tests alone."""
+    """A function, class or method, its ``file``, and True if it serves tests alone."""
 
     name: str
     file: Path
@@ -82,22 +78,17 @@ class Source(NamedTuple):
 
 
 def parse_items(entries: object) -> list[Item]:
-    """Return the items of a YAML list, numbered in its order, which is the paper's. Raises
-    ConfigError with the item and the key.
-    """
+    """Return the items of a YAML list, numbered by kind; raises ConfigError with item and key."""
     counted, items = Counter(), []
-    for item in parsed_entries(Item, entries, "item", "label"):
+    for item in parse_entries(Item, entries, "item", "label"):
         counted[item.kind] += 1
         items.append(replace(item, number=counted[item.kind]))
     return items
 
 
-def cited(docstring: str, items: Sequence[Item]) -> set[str]:
-    """Return what ``docstring`` cites, by :attr:`Item.cited_as`; words in parentheses that are no
-    label cite nothing.
-
-    Raises ConfigError for a theorem, definition or algorithm that the paper does not have, and for
-    what follows "Eq." or "Fig." without being a label of its.
+def cited_items(docstring: str, items: Sequence[Item]) -> set[str]:
+    """Return :attr:`Item.cited_as` of the items that ``docstring`` cites; raises ConfigError for a
+    number, or a label behind "Eq." or "Fig.", that the paper does not have.
     """
     known = [item.cited_as for item in items]
     names = set(CITED_BY_NUMBER.findall(docstring))
@@ -115,7 +106,7 @@ def cited(docstring: str, items: Sequence[Item]) -> set[str]:
 def citations(
     package: Path, items: Sequence[Item], without: Sequence[str] = ()
 ) -> dict[str, list[Source]]:
-    """Return the sources in ``package``, but for folders ``without``, that cite each item."""
+    """Return the sources in ``package`` that cite each item, except in the folders ``without``."""
     sources: dict[str, list[Source]] = {item.cited_as: [] for item in items}
     for file in sorted(package.rglob("*.py")):
         if file.relative_to(package).parts[0] in without:
@@ -123,7 +114,7 @@ def citations(
         module = ".".join(file.relative_to(package.parent).with_suffix("").parts)
         for name, docstring in _documented(ast.parse(file.read_text(encoding="utf-8")), module):
             try:
-                names = cited(docstring, items)
+                names = cited_items(docstring, items)
             except ConfigError as error:
                 raise ConfigError(error.message, file=file, name=name, **error.evidence) from None
             for item in names:
@@ -132,7 +123,7 @@ def citations(
 
 
 def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[str, str]]:
-    """Dotted name and docstring of every public function, class and method."""
+    """Yield dotted name and docstring of every public function, class and method."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             yield (name := f"{owner}.{node.name}"), ast.get_docstring(node) or ""
@@ -158,9 +149,9 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
 
 @options(frozen=True)
 class Erratum:
-    """One entry: ``place`` in the paper and what the ``paper`` says there, the ``fact``, what is
-    ``done`` here, the ``tests`` that show it. ``{name}`` in the prose is the number of that name in
-    ``values``: of the run, or of a claim in the files claims/published, value, distance and walk.
+    """One erratum: ``place`` and content of the ``paper``, the ``fact``, what is ``done`` here, and
+    ``tests``. ``{name}`` in the prose stands for a number in ``values``: of the run, or of a claim
+    in the files claims/published, value, distance and walk.
     """
 
     id: str
@@ -180,18 +171,18 @@ class Erratum:
             raise ConfigError(message, key="values") from None
 
     def prose(self, numbers: dict[str, str]) -> list[str]:
-        """Return what the paper says, the fact and what is done, with ``numbers`` by name."""
+        """Return the texts ``paper``, ``fact`` and ``done`` with ``numbers`` by name."""
         texts = (self.paper, self.fact, self.done)
         return [" ".join(text.format(**numbers).split()) for text in texts]
 
 
 def parse_errata(entries: object) -> list[Erratum]:
-    """Return the entries of a YAML list. Raises ConfigError with the entry and the key."""
-    return parsed_entries(Erratum, entries, "erratum")
+    """Return the errata of a YAML list; raises ConfigError with the erratum and the key."""
+    return parse_entries(Erratum, entries, "erratum")
 
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
-    """Return ``errata.md`` with the numbers of ``run``, the first that is ``decided``."""
+    """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets."""
     evidence, sections = {**run.evidence, **_claim_numbers(decided)}, [TEXTS["errata"]]
     for place, erratum in enumerate(errata, 1):
         values = {n: source.look_up(evidence, run.arm) for n, source in erratum.values.items()}
@@ -208,9 +199,7 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
 
 
 def _claim_numbers(decided: Sequence[Decided]) -> Evidence:
-    """Numbers of the claims by id and case: published, ours, their distance in standard errors, and
-    the standard deviation of a sum of independent steps of the published variance.
-    """
+    """Return numbers by claim and case; walk is the std of a sum of STEPS independent steps."""
     numbers: dict[str, dict[str, float]] = {f"claims/{name}": {} for name in (*CLAIMED, "walk")}
     for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
         for case in cases if verdict != NO_RECORDING else ():

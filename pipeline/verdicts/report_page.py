@@ -1,7 +1,4 @@
-"""The report: which claims hold and which do not, the paper's numbers beside ours, its figures and
-gravest errata, on one page; beside it every claim in every dataset, the recordings of one, and the
-results in the README.
-"""
+"""The report, the pages of all datasets and of the recordings, the results in the README."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,16 +13,16 @@ from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import TEXTS, case_text, interval, number, page, plain_name, table
+from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
 
 TEXT = TEXTS["report"]
 ROBOTS: dict[str, str] = TEXT["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
 MARKS: dict[str, str] = TEXT["marks"]
-UNKNOWN = "no evidence"  # in the table readings
-# numbers of summary.json by model and name of its estimate
+UNKNOWN = "no evidence"  # value of the table readings
+# name in summary.json → model and its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
-# counts of what was not solved, lost, clipped or left out
+# names of counts of losses
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
 
@@ -33,33 +30,26 @@ BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL
 def report_page(
     here: Run, runs: Sequence[Run], decided: Sequence[Decided], parts: Mapping[str, str]
 ) -> str:
-    """Return ``report.md`` of the run ``here``, one of ``runs``: the result, a row a claim, and all
-    else that a reader asks; ``parts`` are headings and texts behind these. A run on the scale smoke
-    says so first and has no verdict.
-    """
+    """Return ``report.md`` of ``here`` with the further sections ``parts``; no verdict on smoke."""
     own = {**parts, "More": TEXT["links"]}
     if here.scale == SMOKE:
         return page([TEXT["trial"].format(here.dataset)], own)
-    robots = [run for run in runs if run is here or run.dataset in ROBOTS]
     counts = TEXT["counts"].format(_counts(here, decided).replace(" / ", "/"))
     head = [f"# Results: dataset {here.dataset}, scale {here.scale}", TEXT["limits"]]
     head += [" ".join([counts, *scores.result(here)]), claims_table(here, decided)]
-    verdicts = {
+    predictors = filter(None, [scores.spread_note(here), scores.predictors(here)])
+    sections = {
         "Claims that fail": failures(here, decided),
-        "Readings of LU or QR": readings(robots),
+        "Readings of LU or QR": readings([r for r in runs if r is here or r.dataset in ROBOTS]),
         "Published against ours": published_and_ours(here, decided),
-        "Predictors": "\n\n".join(
-            filter(None, [scores.spread_note(here), scores.predictors(here)])
-        ),
+        "Predictors": "\n\n".join(predictors),
         "Filters": scores.filters(here),
     }
-    return page(head, verdicts | own)
+    return page(head, sections | own)
 
 
 def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str:
-    """Return the ``text`` of the README with the results of ``here`` between its marks. Raises
-    ContractError if it has none.
-    """
+    """Return the README's ``text`` with the results between its marks, or raise ContractError."""
     if not BLOCK.search(text):
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
@@ -73,23 +63,24 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 
-def counted(verdicts: Sequence[Verdict]) -> tuple[int, int]:
-    """Return how many claims of the paper hold, and how many fail."""
+def held_and_failed(verdicts: Sequence[Verdict]) -> tuple[int, int]:
+    """Return the numbers of the paper's claims that hold and that fail."""
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
     return verdict.count(d.REPRODUCED), verdict.count(d.NOT_REPRODUCED)
 
 
 def _counts(here: Run, decided: Sequence[Decided]) -> str:
-    columns = {_robot(whose): counted(whose.verdicts) for whose in _columns(here, decided)}
-    return "; ".join(f"{name}: {holds} / {fails}" for name, (holds, fails) in columns.items())
+    columns = _columns(here, decided)
+    counts = ("{} / {}".format(*held_and_failed(whose.verdicts)) for whose in columns)
+    return "; ".join(f"{_robot(w)}: {count}" for w, count in zip(columns, counts, strict=True))
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
-    """Return at most seven numbers to compare experiments by: claims, σ̂_B, α̂û, log scores."""
+    """Return at most seven numbers that compare experiments: claims, σ̂_B, α̂û, log scores."""
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
-        numbers |= zip(("hold", "fail"), counted(own.verdicts), strict=True)
+        numbers |= zip(("hold", "fail"), held_and_failed(own.verdicts), strict=True)
     for name, (model, key) in SUMMARY.items():
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
@@ -98,7 +89,7 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
 
 
 def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
-    """Verdicts without a recording, from ``here``, then from the other robots."""
+    """Return the verdicts without a recording, of ``here``, then of the other robots."""
     by_name = {whose.dataset: whose for whose in decided}
     names = dict.fromkeys([d.WITHOUT_RECORDING, here.dataset, *ROBOTS])
     return [by_name[name] for name in names if name in by_name]
@@ -113,7 +104,7 @@ def _rows(columns: Sequence[Decided]) -> Iterator[tuple[Verdict, ...]]:
 
 
 def claims_table(here: Run, decided: Sequence[Decided]) -> str:
-    """Return a row for each claim, of the paper first, with its verdict in every column."""
+    """Return a row for each claim, the paper's first, with its verdict in every column."""
     columns = _columns(here, decided)
     rows = sorted(_rows(columns), key=lambda row: row[0].claim.source == PROJECT)
     body = [[statement(row[0].claim), *map(verdict_cell, row)] for row in rows]
@@ -121,7 +112,7 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def statement(claim: Claim) -> str:
-    """Return the statement of ``claim`` with notes: forced, of the project, of the paper's arm."""
+    """Return the statement of ``claim`` with notes on what decides the claim and whose it is."""
     notes = [TEXT["by"][claim.by]] if claim.by else []
     notes += ["the project's own claim"] if claim.source == PROJECT else []
     notes += ["the paper's own arm"] if claim.about == "specimen" else []
@@ -129,7 +120,7 @@ def statement(claim: Claim) -> str:
 
 
 def verdict_cell(verdict: Verdict) -> str:
-    """Return the sign of a verdict and its value, or how many of the decided cases hold."""
+    """Return the sign of a verdict with the value of its case or the share of cases that hold."""
     sign = MARKS[verdict.verdict]
     decided = [case for case in verdict.cases if case.holds is not None]
     if verdict.verdict in (d.NO_RECORDING, d.FORCED, d.NO_EVIDENCE) or not decided:
@@ -140,14 +131,14 @@ def verdict_cell(verdict: Verdict) -> str:
 
 
 def failures(here: Run, decided: Sequence[Decided]) -> str:
-    """Return a line for each claim that fails in a column: quantity, first failing case, reason."""
+    """Return a line for each claim that fails: quantity, first failing case, reason."""
     lines, columns = [], _columns(here, decided)
     for row in _rows(columns):
         for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
             if verdict != d.NOT_REPRODUCED:
                 continue
             first, *others = [case for case in cases if case.holds is False]
-            text = case_text(first).removesuffix(" ✗")
+            text = d.case_text(first).removesuffix(" ✗")
             text += f" and {len(others)} more cases" * bool(others)
             reason = f" Reason: {claim.why[whose.dataset]}." if whose.dataset in claim.why else ""
             lines.append(f"- **{claim.id}** on {whose.dataset}: {claim.quantity}, {text}.{reason}")
@@ -180,7 +171,7 @@ def readings(runs: Sequence[Run]) -> str:
 
 
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
-    """Return fitted parameters by estimator, then the other published numbers and ours."""
+    """Return the fitted parameters by estimator, then the other published numbers and ours."""
     few, without = few_takes(here), decided[-1]
     own = next(whose for whose in decided if whose.dataset == here.dataset)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
@@ -209,7 +200,7 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """One estimate with its interval; none at a bound, no covariance beyond σ_B's limit."""
+    """Return an estimate with its interval, or what is known of it at a bound."""
     name = f"{key}_{estimator}"
     if name not in fitted:
         return "–"
@@ -225,8 +216,8 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 def figures(
     captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
 ) -> str:
-    """Return the paper's figures in its order, a sentence each (what to look at, else the first),
-    and links to ours; ``sources`` by item draw one of the paper's.
+    """Return the paper's figures in its order with a sentence of each caption, then links to ours;
+    the ``sources`` of an item name its figures.
     """
     ours, lines = dict(captions), []
     for item in (item for item in items if item.kind == "figure"):
@@ -241,27 +232,27 @@ def figures(
 
 
 def gravest_errata(errata: Sequence[Erratum]) -> str:
-    """Return the titles of the gravest errata as links, and how many there are in all."""
+    """Return the titles of the gravest errata as links, and the number of all errata."""
     titles = {erratum.id: erratum.title for erratum in errata}
     lines = [f"- [{titles[name]}](errata.md#{name})" for name in TEXT["gravest"] if name in titles]
     return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])
 
 
 def datasets_page(decided: Sequence[Decided]) -> str:
-    """Return ``reports/datasets.md``: the verdict on every claim from every dataset as a sign."""
+    """Return ``reports/datasets.md``: the sign of every verdict by claim and dataset."""
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in _rows(decided)]
     tally = []
     for name, whose, own in decided:
         forced = sum(verdict.verdict == d.FORCED for verdict in own)
-        tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*counted(own)), forced])
+        tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*held_and_failed(own)), forced])
     head = ["# Every claim in every dataset", TEXTS["datasets"]]
     head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
     return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])
 
 
 def recordings_page(run: Run) -> str:
-    """Return ``recordings.md``: recordings kept and left out, and nonzero totals of losses."""
+    """Return ``recordings.md``: recordings kept and left out, nonzero totals of losses."""
     sections, rows = {}, []
     if "kept" in run.tables:
         kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()

@@ -1,6 +1,4 @@
-"""Numbers of a run: metrics and tables in a file whose changes git shows by line, and the places
-by which claims and errata refer to them.
-"""
+"""Metrics and tables of a run, and references to single numbers of them."""
 
 import io
 import json
@@ -17,41 +15,40 @@ from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.core.validation import options, validated
 
-# file of a dataset's reports without its suffix (metrics/motion, tables/sigma_s) → name → value, or
-# the rows of a table
+# metrics/STEM → values by name; tables/STEM → rows
 Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
 T = TypeVar("T")
 Number = Annotated[float, Field(strict=True)]  # no text and no truth value
 TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
 NUMBERED = 3  # joints of the paper's arm
-PLACEHOLDER, JOINT = re.compile(r"\{([^{}]*)\}"), re.compile(r"\{joint (\d+)\}")
+JOINT = re.compile(r"\{joint (\d+)\}")
+PLACEHOLDER = re.compile(r"\{(?!joint \d+\})([^{}]*)\}")
 
 
 class ArmNames(NamedTuple):
-    """Names of the joints of a run's arm, base to tip, and of the rows of its task."""
+    """Names of an arm's joints, base to tip, and of the rows of its task."""
 
     joints: tuple[str, ...]
     task: tuple[str, ...]
 
     @property
     def numbered(self) -> tuple[str, ...]:
-        """Joints by number: of a planar chain of three with its whole pose as task."""
-        same = len(self.joints) == NUMBERED and self.task == PLANE
-        return self.joints if same else ()
+        """Joints that claims may number: three, of a planar chain whose task is its whole pose."""
+        return self.joints if len(self.joints) == NUMBERED and self.task == PLANE else ()
 
     def named(self, text: str) -> str:
-        """Return ``text`` with a joint's name in the place of each number that the arm has."""
+        """Return ``text`` with the joint's name in place of each ``{joint N}``."""
         names = {str(number): name for number, name in enumerate(self.numbered, 1)}
         return JOINT.sub(lambda place: names.get(place[1], place[0]), text)
 
 
 @options(frozen=True)
 class Reference:
-    """A metric by ``file`` and ``key``, or the ``column`` of the one row of a table whose columns
-    equal ``rows``; ConfigError if it is neither.
+    """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
+    columns equal ``rows``; raises ConfigError without key or column.
 
-    ``{joint 2}`` in any of them is the name of the second of the :attr:`ArmNames.numbered` joints
-    of a dataset; any other ``{name}`` is that name's value in a case.
+    ``{joint 2}`` stands for the second of the :attr:`ArmNames.numbered` joints, any other
+    ``{name}`` for a case's value of that name.
     """
 
     file: str
@@ -66,7 +63,7 @@ class Reference:
 
     @property
     def address(self) -> str:
-        """File in the folder of the dataset's reports, and the place within it."""
+        """File in the dataset's reports, and the place within the file."""
         if self.key:
             return f"{self.file}.json: {self.key}"
         rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
@@ -74,17 +71,13 @@ class Reference:
 
     @property
     def joint_numbers(self) -> list[int]:
-        """Numbers of the joints that it names by their number."""
+        """Numbers of the joints in ``{joint N}``."""
         return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
 
     def in_case(self, case: Mapping[str, object]) -> "Reference":
-        """Return this reference with the values of ``case`` in its placeholders. Raises ConfigError
-        for one that the case does not have.
-        """
+        """Return this reference with the values of ``case``; ConfigError if it lacks a name."""
 
         def value(place: re.Match) -> str:
-            if JOINT.fullmatch(place[0]):
-                return place[0]
             if place[1] not in case:
                 message = f"a placeholder that is not among {', '.join(case) or 'none'}"
                 raise ConfigError(message, file=self.file)
@@ -93,20 +86,20 @@ class Reference:
         return self._with(lambda text: PLACEHOLDER.sub(value, text))
 
     def look_up(self, evidence: Evidence, arm: ArmNames) -> float | None:
-        """Return the number, None if the run has none; ConfigError if several rows fit."""
+        """Return the number, None if the run has none; raises ConfigError if several rows fit."""
         if any(number > len(arm.numbered) for number in self.joint_numbers):
             return None
         named, value = self._with(arm.named), None
-        numbers = evidence.get(self.file)
-        if self.key and isinstance(numbers, Mapping):
-            value = numbers.get(named.key)
-        elif isinstance(numbers, pd.DataFrame) and {named.column, *named.rows} <= {*numbers}:
+        content = evidence.get(self.file)
+        if self.key and isinstance(content, Mapping):
+            value = content.get(named.key)
+        elif isinstance(content, pd.DataFrame) and {named.column, *named.rows} <= {*content}:
             for column, wanted in named.rows.items():
-                numbers = numbers[numbers[column] == wanted]
-            if len(numbers) > 1:
-                message = f"{len(numbers)} rows fit; name more columns"
+                content = content[content[column] == wanted]
+            if len(content) > 1:
+                message = f"{len(content)} rows fit; name more columns"
                 raise ConfigError(message, file=self.file, rows=named.rows)
-            value = numbers[named.column].iloc[0] if len(numbers) else None
+            value = content[named.column].iloc[0] if len(content) else None
         return None if value is None or pd.isna(value) else float(value)
 
     def _with(self, change: Callable[[str], str]) -> "Reference":
@@ -114,9 +107,9 @@ class Reference:
         return Reference(change(self.file), change(self.key), rows, change(self.column))
 
 
-def parsed_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
-    """Return a ``structure`` for each of ``entries``, no two of one ``name``. Raises ConfigError
-    with ``kind``, name and key.
+def parse_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
+    """Return a ``structure`` for each of ``entries``; raises ConfigError with ``kind`` of entry,
+    ``name`` and key, also if two entries have one name.
     """
     if not isinstance(entries, list):
         raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
@@ -134,7 +127,7 @@ def parsed_entries(structure: type[T], entries: object, kind: str, name: str = "
 
 @dataclass(frozen=True)
 class Run:
-    """A run: joints and task rows, models (name → kind), metrics and tables by file stem."""
+    """Results of a run; models are kinds by name, metrics and tables by file stem."""
 
     dataset: str
     scale: str
@@ -147,17 +140,17 @@ class Run:
 
     @property
     def arm(self) -> ArmNames:
-        """Names of its joints and rows."""
+        """Names of the joints and of the task rows."""
         return ArmNames(tuple(self.joints), tuple(self.task))
 
     @property
     def evidence(self) -> Evidence:
-        """The numbers by the names that claims and errata refer to them by."""
+        """Metrics and tables by the file names of :class:`Reference`."""
         metrics = {f"metrics/{stem}": values for stem, values in self.metrics.items()}
         return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
 
     def to_json(self) -> str:
-        """Return JSON in full precision; a table is a list of the lines of its CSV."""
+        """Return JSON of full precision; a table is the list of its CSV lines."""
         values = {**vars(self), "joints": list(self.joints), "task": list(self.task)}
         values["tables"] = {
             stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()
@@ -166,8 +159,8 @@ class Run:
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
-    """Read the runs of a folder by the names of their datasets, ``first`` before all others. Raises
-    ContractError if that one is missing, or for a file that ``Run.to_json`` did not write.
+    """Return the runs in ``folder``, the dataset ``first`` before the others in their order; raises
+    ContractError if it is missing or :meth:`Run.to_json` did not write a file.
     """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
@@ -177,12 +170,12 @@ def read_runs(folder: Path, first: str) -> list[Run]:
 
 
 def read_run(file: Path) -> Run:
-    """Read one run."""
+    """Read one run; raises ContractError where ``Run.to_json`` did not write ``file``."""
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
-        lines = values.pop("tables").items()
-        tables = {stem: pd.read_csv(io.StringIO("\n".join(rows))) for stem, rows in lines}
-        return Run(**values, tables=tables)
+        for stem, lines in values["tables"].items():
+            values["tables"][stem] = pd.read_csv(io.StringIO("\n".join(lines)))
+        return Run(**values)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         message = f"no evidence of a run ({error}); run the stage score with that dataset"
         raise ContractError(message, file=file) from None

@@ -1,15 +1,16 @@
-"""Predictors and filters of the analysed motion beside the mean of the training takes."""
+"""Scores of the predictors and filters of the analysed motion against the training mean."""
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 
 import pandas as pd
 
 from pipeline.core.filters import CLOSED, MEMORY, NONE, models_of
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import TEXTS, interval, listed, number, plain_name, table
+from pipeline.verdicts.wording import TEXTS, interval, join_names, number, plain_name, table
 
 MATRIX_KINDS = ("wishart", "gaussian")
-ALL = "all"  # the group of all steps
+ALL = "all"  # group of all steps
 FILTERS = "filter_against_none"
 BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
 LABELS = {NONE: "training mean", MEMORY: "autoregressive, linear filter"}
@@ -17,13 +18,13 @@ TEXT = TEXTS["scores"]
 
 
 def log_scores(run: Run) -> pd.DataFrame:
-    """Return the log score over all steps by model, of those that have one."""
+    """Return the rows of the log score over all steps by model, without models that have none."""
     rows = run.tables["predictions"].query("steps == @ALL and score == 'log_score'")
     return rows[rows["mean"].notna()].set_index("model")
 
 
 def result(run: Run) -> list[str]:
-    """Return a sentence on the predictors of ``run`` and one on its filters, of those it has."""
+    """Return a sentence on the predictors of ``run`` and one on its filters, if it has them."""
     sentences = []
     if "predictions" in run.tables:
         means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
@@ -47,51 +48,48 @@ def result(run: Run) -> list[str]:
 
 
 def _away(row: pd.Series) -> str:
-    """A difference as a distance with its interval, and its direction."""
+    """Return a difference as a distance with its interval and its direction."""
     if row["difference"] > 0:
         return f"{number(row['difference'])} {interval(row['low'], row['high'])} above"
     return f"{number(-row['difference'])} {interval(-row['high'], -row['low'])} below"
 
 
 def spread_note(run: Run) -> str:
-    """Return the remark on recordings that give no evidence on the standard deviation."""
+    """Return the note for recordings without evidence on the standard deviation, else nothing."""
     return TEXT["no_spread"] if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT else ""
 
 
 def choice(run: Run) -> str:
-    """Return the matrix model of higher log score than all baselines, or none, and the best."""
+    """Return the matrix model with a log score above all baselines, or none, and the best model."""
     means = log_scores(run)["mean"]
     matrix = [name for name, kind in run.models.items() if kind in MATRIX_KINDS and name in means]
     above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
     if passing := [name for name in matrix if not above[name]]:
         name = plain_name(means[passing].idxmax())
-        parts = [f"**{name}**: its log score is above that of every baseline."]
+        parts = [f"**{name}**: its log score is above every baseline's."]
     else:
-        rivals = [f" {plain_name(n)} not above {_listed(names)}" for n, names in above.items()]
-        text = f"On {run.dataset} **no matrix model** has a log score above every baseline:"
-        parts = [f"{text}{';'.join(rivals)}."]
+        plain = {plain_name(n): join_names(map(plain_name, names)) for n, names in above.items()}
+        rivals = "; ".join(f"{name} not above {names}" for name, names in plain.items())
+        text = f"On {run.dataset} **no matrix model** has a log score above every baseline"
+        parts = [f"{text}: {rivals}." if rivals else f"{text}."]
     absent = dict.fromkeys(run.tables["predictions"]["model"])
     parts += [f"{plain_name(name)} has no score." for name in absent if name not in means]
     best = means.idxmax()
     text = f"Highest log score for this motion: {plain_name(best)}"
     if equal := _not_below(run, best, means.index):
-        text += f" (the difference to {_listed(equal)} is not significant)"
+        text += f" (the difference to {join_names(map(plain_name, equal))} is not significant)"
     return " ".join([*filter(None, [spread_note(run)]), *parts, f"{text}."])
 
 
 def _not_below(run: Run, model: str, rivals: Sequence[str]) -> list[str]:
-    """Rivals whose score the interval of the difference does not put below."""
+    """Return the ``rivals`` that the interval of the difference does not put below ``model``."""
     low = run.tables["prediction_pairs"].query("steps == @ALL and model == @model")
     low = low.set_index("rival")["low"]
     return [name for name in rivals if name != model and not low[name] > 0]
 
 
-def _listed(names: Sequence[str]) -> str:
-    return listed([plain_name(name) for name in names])
-
-
 def predictors(run: Run) -> str:
-    """Return a row for each model and baseline, the highest log score first."""
+    """Return a row for each model and baseline, highest log score first."""
     if "predictions" not in run.tables:
         return ""
     log, rows = log_scores(run), run.tables["predictions"].query("score == 'log_score'")
@@ -114,15 +112,14 @@ def coverage(run: Run) -> str:
     means, models = rows.set_index(["steps", "model", "score"])["mean"], [*rows["model"].unique()]
     cells = [
         [steps, joint, *(means[steps, m, f"coverage_of_one_sigma_{joint}"] for m in models)]
-        for steps in rows["steps"].unique()
-        for joint in run.joints
+        for steps, joint in product(rows["steps"].unique(), run.joints)
     ]
     return table(["steps", "joint", *map(plain_name, models)], cells)
 
 
 def filters(run: Run) -> str:
-    """Return a row for each filter, the training mean first; nothing without a depth camera."""
-    if FILTERS not in run.tables:
+    """Return a row for each filter, training mean first; nothing without a depth camera."""
+    if not (verdict := filter_verdict(run)):
         return ""
     rows = run.tables[FILTERS].set_index(["model", "score"])
     names = list(dict.fromkeys(rows.index.get_level_values("model")))
@@ -139,7 +136,7 @@ def filters(run: Run) -> str:
         return number(row["mean"]) + ("" if plain else f" ({_difference(row)})")
 
     cells = [[_labels([name]), *(cell(name, s) for s in scores.values())] for name in names]
-    return f"{filter_verdict(run)} {TEXT['beyond']}\n\n{table(['filter', *scores], cells)}"
+    return f"{verdict} {TEXT['beyond']}\n\n{table(['filter', *scores], cells)}"
 
 
 def filter_verdict(run: Run) -> str:

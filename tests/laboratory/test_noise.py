@@ -22,7 +22,7 @@ from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import mean_covariance, process_noise
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.commands import commanded_steps
-from pipeline.studies.which_decomposition.evidence import published
+from pipeline.studies.which_decomposition.evidence import published_values
 from pipeline.verdicts.claims import parse_claims
 
 ROOT = CONF.parents[1]
@@ -127,7 +127,7 @@ def path_numbers(arm, motion) -> dict[str, float]:
 def numbers(arm, trajectory, dynamics, recorded) -> dict[str, float]:
     """Every number of the table, computed."""
     claims = read_yaml(ROOT / "reports/claims.yaml")["claims"]
-    stated = published(parse_claims(claims))
+    stated = published_values(parse_claims(claims))
     return (
         path_numbers(arm, trajectory)
         | noise_numbers(recorded, stated.covariance)

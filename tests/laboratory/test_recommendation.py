@@ -13,8 +13,13 @@ from pipeline.laboratory.options import DynamicsOptions
 from pipeline.laboratory.swing import JointPath
 from pipeline.models import kinds
 from pipeline.models.joint_steps import PLAIN, fit_joint_steps
-from pipeline.models.other_motions import MotionSteps, all_steps, other_motions, recorded_motions
-from pipeline.studies.simulated import PhysicsFactors, disturbed
+from pipeline.models.other_motions import (
+    MotionSteps,
+    all_steps,
+    other_motions,
+    recorded_motions,
+)
+from pipeline.studies.simulated import PhysicsFactors, disturb
 from pipeline.verdicts.model_card import recommended
 
 RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
@@ -41,7 +46,7 @@ def simulated(physics: PhysicsFactors, seed: int) -> tuple[list[MotionSteps], ob
     rng = np.random.default_rng(seed)
     nominal = chain_of(LWR4)
     values = read_yaml(CONF / "dataset/lwr4_lab.yaml")["laboratory"]["dynamics"]
-    dynamics = disturbed(DynamicsOptions(**values), physics)
+    dynamics = disturb(DynamicsOptions(**values), physics)
     arm = true_chain(nominal, dynamics, rng)
     offset = dynamics.encoder_offset_std * rng.standard_normal(7)
     found: list[MotionSteps] = []

@@ -23,7 +23,7 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
 from pipeline.models.wishart.fit import diagnose
 from pipeline.models.wishart.law import WishartModel
-from pipeline.studies.recovery.stage import drawn
+from pipeline.studies.recovery.stage import draw_data
 
 MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
 TAKES, REST = 60, 20
@@ -272,7 +272,7 @@ def test_resampled_sums_give_the_estimate_of_the_resampled_takes(
     chain, poses, step, kind, estimator, tolerance
 ):
     still = recording(chain, poses, step, np.zeros((8, 20, 3)))
-    data = drawn(WishartModel(0.25), still, np.random.default_rng(2))
+    data = draw_data(WishartModel(0.25), still, np.random.default_rng(2))
     options = kinds.options_type(kind)(kind, estimator=estimator)
     found = estimate(data, options)
     name = {"wishart": "sigma_b", "gaussian": "noise_level"}[kind]

@@ -1,24 +1,23 @@
-"""Simulated recordings have the laboratory's own motions and noise, and deviations with the moments
-of their law; filters have scores beside the training mean, over durations and on the page.
+"""Simulated recordings have the laboratory's motions and noise, and deviations with the moments of
+their law; filters have scores beside the training mean, over durations and on the page.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from study_runs import options_of
 
 from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.laboratory import session
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
-from pipeline.models.kinds import options_type
 from pipeline.statistics.scores import Filtered, no_filter
 from pipeline.studies.filters import stage
-from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
-from pipeline.studies.simulated import PhysicsFactors, disturbed, measured, observe, perform
+from pipeline.studies.simulated import PhysicsFactors, disturb, measure_poses, observe, perform
 
 JOINTS = ["a", "b"]
 STILL = PhysicsFactors(disturbances=0.0)
@@ -47,12 +46,12 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(lab
 def test_a_factor_scales_its_disturbance_alone(laboratory, factors, scaled):
     own = laboratory.dynamics
     changed = {name: factor * getattr(own, name) for name, factor in scaled.items()}
-    assert disturbed(own, PhysicsFactors(**factors)) == replace(own, **changed)
+    assert disturb(own, PhysicsFactors(**factors)) == replace(own, **changed)
 
 
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory):
     takes, factor = perform(laboratory, STILL, 5, "train", 8), 3.0
-    poses = measured(takes, laboratory.pose_noise, factor, np.random.default_rng(3))
+    poses = measure_poses(takes, laboratory.pose_noise, factor, np.random.default_rng(3))
     noise = poses - np.stack([take.poses for take in takes])
     root = factor * np.linalg.cholesky(laboratory.pose_noise)
     squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)
@@ -92,7 +91,7 @@ TAKES = 160
 
 
 def simulated(laboratory, dynamics, seed: int, steps: slice) -> tuple[np.ndarray, np.ndarray]:
-    """The mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
+    """Return the mean path, and covariances (K, n, K, n) of K ``steps`` over the takes."""
     draws, motion = np.random.default_rng(seed), laboratory.motion
     grid = np.arange(round(motion.duration * motion.rate) + 1) / motion.rate
     drawn = [draw(laboratory.chain, motion, dynamics, draws) for _ in range(TAKES)]
@@ -119,23 +118,21 @@ def distance(covariance: np.ndarray, sample: np.ndarray) -> float:
 @pytest.mark.parametrize("part", PARTS)
 def test_each_part_has_the_covariance_of_simulated_takes_and_not_another(laboratory, part):
     own, steps = PARTS[part]
-    dynamics, motion = replace(laboratory.dynamics, **(AT_REST | own)), laboratory.motion
+    dynamics = replace(laboratory.dynamics, **(AT_REST | own))
     path, sample = simulated(laboratory, dynamics, 1, steps)
     # control: deviations of half the size, or that last three times as long
     other = {name: np.multiply(value, 0.5).tolist() for name, value in own.items()}
     if part == "sway, lasting":
         other = {"sway_time": 3 * dynamics.sway_time}
     right, wrong = (
-        distance(
-            deviations(laboratory.chain, motion, each, path).covariance[steps, :, steps], sample
-        )
+        distance(stage.deviations(laboratory, each, path)[0][steps, :, steps], sample)
         for each in (dynamics, replace(dynamics, **other))
     )
     assert right < 2.0 < 3.0 < wrong
 
 
 def known() -> dict[str, Filtered]:
-    """The training mean, and a filter whose errors are half of its."""
+    """Return the training mean, and a filter with half the errors of the training mean."""
     draws = np.random.default_rng(1)
     training, test = (draws.standard_normal((n, 12, 2)) for n in (200, 40))
     mean = no_filter(training, test)
@@ -157,11 +154,11 @@ def test_a_filter_of_half_the_error_has_half_the_rms_and_ln_2_more_a_joint():
 
 @pytest.mark.slow
 def test_long_deviations_are_filtered_and_short_ones_are_not(laboratory):
-    model = ("additive", options_type("additive")("additive", estimator="paper"))
-    chosen, ratios = FilterOptions(200, "systematic", 0.5), {}
+    chosen = SimpleNamespace(particles=200, scheme="systematic", threshold=0.5)
+    settings, ratios = SimpleNamespace(filter=chosen, seed=3), {}
+    options = options_of("filters", model="additive", training=20, test=8)
     rows = {
-        factor: stage.duration_rows(factor, laboratory, model, chosen, (20, 8), seed=3)
-        for factor in (0.1, 10.0)
+        factor: stage.duration_rows(factor, laboratory, settings, options) for factor in (0.1, 10.0)
     }
     for factor, each in rows.items():
         errors = each[each["score"] == RMS]

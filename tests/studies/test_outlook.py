@@ -1,5 +1,5 @@
-"""The outlook's laws against draws of literal matrices through Newton's method, its errors against
-their definitions, and refusals by key.
+"""Laws of the outlook agree with draws of literal matrices through Newton's method, errors with
+their definitions; refusals name the key.
 """
 
 import numpy as np
@@ -10,8 +10,15 @@ from scipy.stats import wishart
 from study_runs import options_of
 
 from pipeline.core.errors import ConfigError
-from pipeline.studies.outlook.hexapod import equal_models, pose_of
-from pipeline.studies.outlook.stage import error_rows, lever, motion_of, recorded_rows, slope_rows
+from pipeline.studies.outlook.stage import (
+    equal_models,
+    error_rows,
+    lever,
+    motion_of,
+    pose_of,
+    recorded_rows,
+    slope_rows,
+)
 from pipeline.wrench.parametric import Bounds
 
 OPTIONS = options_of("outlook", "paper")
@@ -26,15 +33,15 @@ BOUNDS = Bounds(*RANGES, elevation=(0.26, 1.3), attachment=(-0.25, 0.25))
 
 
 def moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """The poses (N, 12) after steps (N, 6) in m, angular ones times the length."""
+    """Return the poses (N, 12) after steps (N, 6) in m, angular ones times the length."""
     turn = Rotation.from_rotvec(step[:, 3:] / ROBOT.length)
     turned = (turn * Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))).as_matrix()
     return np.hstack([pose[:, :3] + step[:, :3], turned.reshape(-1, 9)])
 
 
 def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
-    """(N, 6) way and turn times the length from the pose ``start`` (12,) to those of ``legs``, by
-    Newton's method.
+    """Return by Newton's method the displacement (N, 6) from the pose ``start`` (12,) to the poses
+    of ``legs``, turns times the length.
     """
     poses = np.broadcast_to(start, (len(legs), 12))
     for _ in range(30):

@@ -1,5 +1,5 @@
-"""All motions keep the task path; sums are variances of the takes, with equal draws for every
-motion; a plan is the least by its model.
+"""Motions keep the task path; sums are variances of the takes, with equal draws for every motion; a
+plan has the least sum by its model.
 """
 
 from dataclasses import replace
@@ -17,27 +17,21 @@ from pipeline.models.steps import process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.studies.planning import stage
-from pipeline.studies.planning.bench import Bench, Rig, bench_of
+from pipeline.studies.planning.stage import Bench
+
+OPTIONS = options_of("planning")
 
 
 def coarse(task: list[str]) -> Bench:
-    """The youBot at 25 steps of the motion and 200 of the servo a second."""
-    own = bench_of(CONF / "dataset/youbot.yaml", task, 0.64)
+    """Return the youBot at 25 steps of the motion and 200 of the servo a second."""
+    own = Bench.of_dataset(CONF / "dataset/youbot.yaml", task, OPTIONS, seed=1)
     motion, dynamics = replace(own.trajectory, rate=25.0), replace(own.dynamics, rate=200.0)
-    return replace(own, trajectory=motion, dynamics=dynamics)
+    return replace(own, trajectory=motion, dynamics=dynamics, takes=6)
 
 
 @pytest.fixture(scope="module")
 def bench() -> Bench:
     return coarse(["x", "z"])
-
-
-@pytest.fixture(scope="module")
-def rig(bench) -> Rig:
-    return Rig(bench, bench.dynamics, takes=6, seed=1)
-
-
-OPTIONS = options_of("planning")
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +54,7 @@ def test_the_motions_share_their_task_path_and_no_more(bench, motions):
 @pytest.mark.slow
 def test_a_plan_has_the_least_sum_by_its_model(bench, motions):
     model = GaussianModel(0.5, 12.0)
-    plan = stage.planned(bench, model, OPTIONS)
+    plan = stage.plan_motion(bench, model, OPTIONS)
     sums = [stage.predicted_sum(bench, model, path) for path in motions.values()]
     assert stage.predicted_sum(bench, model, plan) < min(sums)
 
@@ -70,15 +64,15 @@ def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
     constant = ScaledModel(1e-6 * np.eye(3))
     for model, words in ((constant, "same at every step"), (wide, "exists only")):
         with pytest.raises(ModelDomainError, match=words):
-            stage.planned(bench, model, OPTIONS)
+            stage.plan_motion(bench, model, OPTIONS)
     assert np.isnan(stage.predicted_sum(bench, wide, bench.recorded))
 
 
-def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench, rig):
+def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench):
     rng = np.random.default_rng(1)
     choices = [np.arange(6), rng.integers(6, size=6), np.array([3, 3, 5])]
-    sums = stage.realised_sums(rig, {"recorded": bench.recorded}, choices)["recorded"]
-    q = rig.poses(bench.recorded, "take")
+    sums = stage.realised_sums(bench, {"recorded": bench.recorded}, choices)["recorded"]
+    q = bench.poses(bench.recorded, "take")
     noise = process_noise(bench.chain, q, bench.command(bench.recorded))
     for takes, value in zip(choices, sums, strict=True):
         assert value == pytest.approx(noise[takes].var(axis=0, ddof=1).sum(), rel=1e-9)
@@ -92,24 +86,23 @@ def test_orders_agree_in_part_and_equal_predictions_have_no_order():
     assert np.isnan(stage.agreement(equal, sums))
 
 
-def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench, rig):
+def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench):
     moved = bench.recorded + np.array([0.0, 0.0, 0.01])
-    first, second = (rig.poses(path, "take") - path for path in (bench.recorded, moved))
-    training = rig.poses(bench.recorded, "training") - bench.recorded
+    first, second = (bench.poses(path, "take") - path for path in (bench.recorded, moved))
+    training = bench.poses(bench.recorded, "training") - bench.recorded
     spread = first.std()
     assert np.abs(first - second).max() < 0.2 * spread < np.abs(first - training).max()
     # a take does not depend on the number of takes
-    fewer = Rig(bench, rig.dynamics, takes=2, seed=1)
+    fewer = replace(bench, takes=2)
     assert np.array_equal(fewer.poses(bench.recorded, "take"), (first + bench.recorded)[:2])
 
 
-def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench, rig):
+def test_the_task_that_is_planned_changes_nothing_of_the_arm_that_moves(bench):
     whole = coarse([])
     assert (bench.chain.task, whole.chain.task) == (("x", "z"), ("x", "z", "phi"))
-    other = replace(rig, bench=whole)
-    assert np.array_equal(rig.poses(bench.recorded, "take"), other.poses(whole.recorded, "take"))
+    assert np.array_equal(bench.poses(bench.recorded, "take"), whole.poses(whole.recorded, "take"))
     with pytest.raises(ConfigError, match="joint limits"):
-        rig.poses(bench.recorded + 3.0, "take")
+        bench.poses(bench.recorded + 3.0, "take")
 
 
 def test_the_page_counts_plans_of_least_sum():

@@ -1,5 +1,5 @@
-"""Errata that no other test shows: signs, units and orders, moments that do not exist, the depth
-camera's commanded end-effector, the sketch of motion planning, the published Σ_S, and the wrench.
+"""Errata without another test: signs, units and orders, missing moments, the commanded end-effector
+of the depth camera, the sketch of motion planning, the published Σ_S, and the wrench.
 """
 
 from functools import partial

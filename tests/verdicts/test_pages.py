@@ -71,7 +71,7 @@ def test_the_results_of_the_readme_are_between_its_marks(decided):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
     text = report_page.readme_with_results(f"{before}earlier\n{after}", RUNS[0], decided)
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
-    assert "σ̂_B is 0.227; printed is 0.25.\n" in text
+    assert "σ̂_B is 0.227; the printed value is 0.25.\n" in text
     with pytest.raises(ContractError, match="put them back"):
         report_page.readme_with_results(before, RUNS[0], decided)
 
@@ -122,8 +122,8 @@ SCORES = {"rms_error_a_rad": 0.01, "coverage_of_one_sigma_a": 0.7, "log_score": 
 
 
 def filtered(**differences: tuple[float, float]) -> Run:
-    """A run of one joint; by filter the differences to the training mean in rms error and in log
-    score, with an interval of ±0.1.
+    """Return a run of one joint with the differences to the training mean by filter, in rms error
+    and in log score, with an interval of ±0.1.
     """
     rows = [{"model": "none", "score": score, "mean": mean} for score, mean in SCORES.items()]
     for model, (rms, log) in differences.items():
@@ -153,7 +153,7 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
         "The highest log score of a predictor is 12 nats a step (autoregressive baseline), "
         "2 [1.5, 2.5] above the best matrix model's.",
         "The best particle filter has a log score 0.75 [0.65, 0.85] below the training mean's, "
-        "the linear autoregressive filter 0.5 [0.4, 0.6] above it.",
+        "the linear autoregressive filter's is 0.5 [0.4, 0.6] above it.",
     ]
 
 
@@ -174,7 +174,7 @@ COLUMNS = {
 
 
 def moved(predicted: float = 1.1e-4, motions: int = 2) -> dict[str, pd.DataFrame]:
-    """Tables of held-out motions of the joints a and b, of which b hardly moved."""
+    """Return tables of held-out motions of the joints a and b, of which b hardly moved."""
     names = [str(k) for k in range(1, motions + 1)]
     models = {"additive_all": 50.0, "scaled_t": 60.0}
     scores = [(model, k, score, "") for model, score in models.items() for k in (*names, "each")]
@@ -199,8 +199,8 @@ def moved(predicted: float = 1.1e-4, motions: int = 2) -> dict[str, pd.DataFrame
 
 
 def predicted(half: float = 0.1, **matrix: float) -> Run:
-    """A run of one joint whose models have log scores ``matrix``, and baselines those of BASELINES,
-    with intervals of ± ``half``.
+    """Return a run of one joint with the log scores ``matrix`` of models and BASELINES, with
+    intervals of ± ``half``.
     """
     means, rows = BASELINES | matrix, []
     for model, mean in means.items():

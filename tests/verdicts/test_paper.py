@@ -1,5 +1,5 @@
-"""Each item of the paper has its row, functions that cite it and tests that use them; errata and
-claims have the numbers of a run, and the tests that they name exist.
+"""Each item of the paper has its row, functions that cite it and tests that use these functions;
+errata and claims have the numbers of a run and name tests that exist.
 """
 
 import ast
@@ -42,7 +42,7 @@ SMALL = paper.parse_items([EQUATION, *FURTHER])
     ],
 )
 def test_a_docstring_cites_labels_in_parentheses_and_theorems_by_number(docstring, names):
-    assert paper.cited(docstring, SMALL) == names
+    assert paper.cited_items(docstring, SMALL) == names
 
 
 @pytest.mark.parametrize(
@@ -83,8 +83,8 @@ def parsed(file: str) -> tuple[dict[str, ast.AST], dict[str, str]]:
 
 
 def used(file: str, test: str) -> set[str]:
-    """Dotted paths that a test names, itself or through what its file or a helper of the tests
-    defines.
+    """Return the dotted paths that a test names, itself or through its file or a helper of the
+    tests.
     """
     names, waiting, visited = set(), [(file, test)], set()
     while waiting:
@@ -173,7 +173,7 @@ def errata() -> list[paper.Erratum]:
 
 @pytest.fixture(scope="module")
 def youbot() -> Run:
-    """The run on the synthetic youBot, which has every instrument."""
+    """Return the run on the synthetic youBot, which has every instrument."""
     return read_run(ROOT / "reports/datasets/youbot.json")
 
 

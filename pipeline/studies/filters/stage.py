@@ -1,6 +1,4 @@
-"""filters: every filter of the run between the training mean and the best linear filter, which
-knows the laboratory's law; and both over the duration of the arm's deviations.
-"""
+"""filters: scores of the run's filters between the training mean and the best linear filter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.signal import fftconvolve, lfilter
 
 from pipeline.core import config, contracts, rng
 from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
@@ -17,23 +16,33 @@ from pipeline.figures import style
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, particle_filter
+from pipeline.laboratory.dynamics import lagged_correlation, play_share, servo_times, sway_share
+from pipeline.laboratory.options import DynamicsOptions
+from pipeline.laboratory.swing import desired_joints
 from pipeline.models import kinds
 from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
-from pipeline.models.steps import Options as Model
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import Filtered, compared, no_filter, posterior_scores
-from pipeline.studies.filters.deviations import Deviations, deviations
-from pipeline.studies.frame import NoAnswerError, Study, Tables, interval, joined, number, trials
-from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
-from pipeline.verdicts.wording import listed, table
+from pipeline.studies.frame import (
+    NoAnswerError,
+    Study,
+    Tables,
+    concatenate,
+    interval,
+    number,
+    trials,
+)
+from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturb, observe
+from pipeline.verdicts.wording import join_names, table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
 YARDSTICK = "yardstick"  # best linear filter, which knows the law of the arm's deviations
 RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
-LASTS = float(np.exp(-1))  # correlation after a frame, from which a deviation outlasts it
+LASTS = float(np.exp(-1))  # correlation after a frame above which a deviation outlasts the frame
+PLAY = -1  # index of the joint that has play
 COLUMNS = ["filter", "score", "joint", "mean", "difference", "low", "high"]
 
 
@@ -44,26 +53,84 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     if not contracts.exists("angles", ARTICULATE):
         raise NoAnswerError("it has no depth camera")
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    noise, f = contracts.read("kinect_noise", ARTICULATE), settings.filter
-    laboratory, training = Laboratory.of_run(settings, recorded, noise), measured_poses(recorded)
-    parts = (laboratory.chain, laboratory.motion, laboratory.dynamics)
-    law = deviations(*parts, training.mean(axis=0))
+    noise, training = contracts.read("kinect_noise", ARTICULATE), measured_poses(recorded)
+    laboratory = Laboratory.of_run(settings, recorded, noise)
+    law = deviations(laboratory, laboratory.dynamics, training.mean(axis=0))
     takes = {take.take: take for take in measurements(contracts.read("angles", ARTICULATE), noise)}
     joints = contracts.read("joints", TRACK)
     order, poses = contracts.stacked(joints[joints["take"].isin(takes)], "q")
     frames, dt = [takes[name] for name in order], 1 / settings.dataset.motion.rate
     own = score_rows(linear_filters(recorded, training, poses, frames, dt, law), recorded.joints)
     run = long_scores(pd.read_csv(AGAINST_NONE.format(settings.dataset.name)), recorded.joints)
-    common = {
-        "laboratory": laboratory,
-        "model": (options.model, config.model_options([options.model])[options.model]),
-        "filter_options": FilterOptions(f.particles, f.scheme, f.threshold),
-        "sizes": (options.training, options.test),
-        "seed": settings.seed,
-    }
+    common = {"laboratory": laboratory, "settings": settings, "options": options}
     rows = trials(settings, "filters: durations", duration_rows, options.factors, **common)
     yardstick = own[own["filter"] == YARDSTICK]
-    return {"filters": joined([run, yardstick]), "filters_lasting": joined(rows)}
+    return {"filters": concatenate([run, yardstick]), "filters_lasting": concatenate(rows)}
+
+
+def deviations(
+    laboratory: Laboratory, dynamics: DynamicsOptions, path: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the covariance (M+1, n, M+1, n) of the arm's deviations from its mean ``path``
+    (M+1, n) in rad, and the covariance (M+1, n, n) of the jitter of the exposure, in rad².
+
+    Both are of first order in the disturbances that :mod:`pipeline.laboratory.dynamics` draws.
+    With d_k = q(t_k) − E q(t_k)
+
+        Cov(d_k, d_l) = p_k p_l J_k⁻¹ diag(σ²) J_l⁻ᵀ ρ(t_k − t_l)          sway
+                      + e_n e_nᵀ c_k c_l · (2/π) asin(ρ'(t_k − t_l)/2)      play, in rad ± c_k
+                      + response of the servo to its speed errors and to the start
+                      + ripple²/2 · cos(goal_k − goal_l)                    by joint
+
+    σ, p the sway and its share at the speed, ρ and ρ' correlations of lagged noise. The play is
+    2Φ(g) − 1 of a normal g: uniform, of variance 1/3 and of the correlation (6/π) asin(ρ'/2).
+    Raises SingularJacobianError.
+    """
+    trajectory = laboratory.motion
+    t = servo_times(trajectory, dynamics)
+    at = np.searchsorted(t, (np.arange(len(path)) - 0.25) / trajectory.rate)
+    goal, speed = desired_joints(np.clip(t, 0.0, trajectory.duration), trajectory)
+    apart = np.abs(at[:, None] - at)
+
+    share = sway_share(laboratory.chain, speed[at], dynamics)[:, None, None]
+    inverse = laboratory.chain.inverse_jacobian(path, what="step of the mean path")
+    sway = share * inverse * dynamics.sway_std
+    correlation = lagged_correlation(apart, dynamics.sway_time * dynamics.rate)
+    covariance = np.einsum("kia,lja,kl->kilj", sway, sway, correlation)
+
+    play = dynamics.clearance * play_share(speed[at], dynamics)
+    normal = lagged_correlation(apart, dynamics.clearance_time * dynamics.rate)
+    covariance[:, PLAY, :, PLAY] += play[:, None] * play * (2 / np.pi) * np.arcsin(normal / 2)
+
+    for j in range(path.shape[-1]):
+        servo = _servo_covariance(goal[:, j], speed[:, j], at, dynamics)
+        phase = goal[at, None, j] - goal[at, j]
+        covariance[:, j, :, j] += servo + dynamics.encoder_ripple**2 / 2 * np.cos(phase)
+
+    speeds = np.gradient(path, 1 / trajectory.rate, axis=0)
+    return covariance, dynamics.jitter_std**2 * speeds[:, :, None] * speeds[:, None, :]
+
+
+def _servo_covariance(
+    goal: np.ndarray, speed: np.ndarray, at: np.ndarray, dynamics: DynamicsOptions
+) -> np.ndarray:
+    """Return the covariance (K, K) in rad² of a joint's angle at the servo's steps ``at``: of first
+    order, its deviation becomes e_{i+1} = (1 − gΔt)e_i + … + ε_i·Δt(speed_i + g(−ē_i)).
+    """
+    dt = 1 / dynamics.rate
+    keep = 1 - dynamics.servo_gain * dt
+    pushes = goal[:-1] + dt * speed[:-1] - goal[1:]
+    off = np.append(0.0, lfilter([1.0], [1.0, -keep], pushes))
+    passed = dynamics.speed_error_std * dt * (speed - dynamics.servo_gain * off)
+    steps = np.arange(len(goal))
+    since = at[:, None] - 1 - steps
+    left = np.where(since >= 0, keep ** np.maximum(since, 0), 0.0) * passed
+    correlation = lagged_correlation(steps, dynamics.speed_error_time * dynamics.rate)
+    both = np.concatenate([correlation[:0:-1], correlation])[None]
+    errors = fftconvolve(left, both, mode="full", axes=1)[:, len(goal) - 1 : 2 * len(goal) - 1]
+    errors = errors @ left.T
+    start = dynamics.start_std * keep**at
+    return errors + start[:, None] * start
 
 
 def linear_filters(
@@ -72,58 +139,55 @@ def linear_filters(
     test: np.ndarray,
     frames: Sequence[Measurements],
     dt: float,
-    law: Deviations,
+    law: tuple[np.ndarray, np.ndarray],
 ) -> dict[str, Filtered]:
-    """Return the training mean, the linear filter of the takes' autocorrelation and the yardstick
-    of ``law``, from ``training`` (N, M+1, n) and ``test`` poses (T, M+1, n) in rad at steps of
-    ``dt`` s and the ``frames`` of the test takes, in their order.
+    """Return the training mean, the linear filter of the takes' autocorrelation and the yardstick.
+
+    ``training`` (N, M+1, n) and ``test`` (T, M+1, n) are poses in rad at steps of ``dt`` s, the
+    ``frames`` those of the test takes; ``law`` is the result of :func:`deviations`.
     """
     pose, arguments = recorded.measurement / 2, (frames, dt, recorded.chain)
-    own, spread, _ = autocorrelated_filter(training, pose, *arguments)
-    best, least = linear_filter(training.mean(axis=0), law.covariance, *arguments)
+    mean, covariance, _ = autocorrelated_filter(training, pose, *arguments)
+    best, least = linear_filter(training.mean(axis=0), law[0], *arguments)
     return {
         NONE: no_filter(training, test),
-        MEMORY: Filtered(own - test, spread, pose),
-        YARDSTICK: Filtered(best - test, least + law.exposure, pose),
+        MEMORY: Filtered(mean - test, covariance, pose),
+        YARDSTICK: Filtered(best - test, least + law[1], pose),
     }
 
 
 def duration_rows(
-    factor: float,
-    laboratory: Laboratory,
-    model: tuple[str, Model],
-    filter_options: FilterOptions,
-    sizes: tuple[int, int],
-    seed: int,
+    factor: float, laboratory: Laboratory, settings: SimpleNamespace, options: SimpleNamespace
 ) -> pd.DataFrame:
-    """Return rows of ``filters_lasting``: lags of sway and play ``factor`` times as long."""
+    """Return rows of ``filters_lasting`` with lags of sway and play ``factor`` times as long."""
     factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
-    dynamics = disturbed(laboratory.dynamics, factors)
-    takes, camera = observe(laboratory, factors, seed, *sizes)
+    dynamics = disturb(laboratory.dynamics, factors)
+    takes, camera = observe(laboratory, factors, settings.seed, options.training, options.test)
     recorded = replace(takes.training, known_measurement=2 * laboratory.pose_noise)
     path, dt = mean_path(recorded), 1 / motion.rate
-    law = deviations(laboratory.chain, motion, dynamics, path.poses)
+    law = deviations(laboratory, dynamics, path.poses)
     test, frames = np.stack(list(takes.test.values())), list(camera.takes.values())
     filters = linear_filters(recorded, takes.poses, test, frames, dt, law)
-    name, chosen = model
-    fit = fit_closed_loop(recorded, chosen, kinds.estimate(recorded, chosen))
+    model = config.model_options([options.model])[options.model]
+    fit = fit_closed_loop(recorded, model, kinds.estimate(recorded, model))
+    chosen = settings.filter
+    filtering = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
     loop = (fit.estimate.model, laboratory.chain, path.commands(fit.share), dt, takes.start)
     posteriors = [
-        particle_filter(*loop, frame, filter_options, rng.stream(seed, "filters.lasting", number))
-        for number, frame in enumerate(frames)
+        particle_filter(*loop, frame, filtering, rng.stream(settings.seed, "filters.lasting", i))
+        for i, frame in enumerate(frames)
     ]
     error = np.stack([each.mean for each in posteriors]) - test
     covariance = np.stack([each.covariance for each in posteriors])
-    filters[closed(name)] = Filtered(error, covariance, laboratory.pose_noise)
+    filters[closed(options.model)] = Filtered(error, covariance, laboratory.pose_noise)
     lag = round(motion.rate / laboratory.clock.rate)
-    left = np.einsum("kiki->i", law.covariance[:-lag, :, lag:])
-    left = float(np.mean(left / np.einsum("kiki->i", law.covariance)))
+    left = np.einsum("kiki->i", law[0][:-lag, :, lag:]) / np.einsum("kiki->i", law[0])
     rows = score_rows(filters, laboratory.joints)
-    return rows.assign(factor=factor, sway_time=dynamics.sway_time, left=left)
+    return rows.assign(factor=factor, sway_time=dynamics.sway_time, left=np.mean(left))
 
 
 def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.DataFrame:
-    """Return the scores of ``filters``, the training mean among them, and the differences to it."""
+    """Return the scores of ``filters`` and their differences to the training mean."""
     scores = {
         name: posterior_scores(each.error, each.covariance + each.measurement, joints)[0]
         for name, each in filters.items()
@@ -132,7 +196,7 @@ def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.Dat
 
 
 def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:
-    """Return rms error, coverage and log score of a ``table`` of compared scores by joint."""
+    """Return rms error, coverage and log score by joint from a ``table`` of compared scores."""
     names = {f"rms_error_{joint}_rad": (RMS, joint) for joint in joints}
     names |= {f"coverage_of_one_sigma_{joint}": (COVERAGE, joint) for joint in joints}
     names |= {"log_score": (LOG, ALL)}
@@ -143,20 +207,20 @@ def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:
 
 
 def label(name: str) -> str:
-    """Return the name of a filter in words."""
+    """Return the name of a filter on the page."""
     loop = "closed" if name.endswith(CLOSED) else "open"
     return LABELS.get(name, f"{name.removesuffix(CLOSED)}, {loop} loop")
 
 
 def better_or_worse(rows: pd.DataFrame) -> pd.DataFrame:
-    """Flag rms errors and log scores beyond the 95 % interval about the training mean."""
+    """Return the rms errors and log scores, with flags where the 95 % interval excludes zero."""
     proper = rows[rows["score"].isin((RMS, LOG)) & (rows["filter"] != NONE)]
     falls, rises, log = proper["high"] < 0, proper["low"] > 0, proper["score"] == LOG
     return proper.assign(better=rises.where(log, falls), worse=falls.where(log, rises))
 
 
 def error_ratio(rows: pd.DataFrame) -> pd.Series:
-    """Return the mean of each of ``rows`` over the training mean's."""
+    """Return each row's score over the training mean's score."""
     return rows["mean"] / (rows["mean"] - rows["difference"].fillna(0.0))
 
 
@@ -183,8 +247,8 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         for (name, score), better in sweep.groupby(["filter", "score"], sort=False)["better"]
     ]
     return {
-        "particle": listed(found[False] or ["none"]),
-        "linear": listed(found[True] or ["none"]),
+        "particle": join_names(found[False] or ["none"]),
+        "linear": join_names(found[True] or ["none"]),
         "table": table(["filter", *head, "log score (nat)", "minus the mean's"], lines),
         "least": min(options.factors),
         "greatest": max(options.factors),

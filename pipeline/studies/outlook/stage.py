@@ -1,20 +1,27 @@
-"""outlook: the models on the two systems that the paper names as extensions, a hexapod and cables
-that tow a load in space.
-"""
+"""outlook: the models on the extensions of the paper, a hexapod and cables that tow a load."""
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 
+from pipeline.arm.interface import Mechanism
 from pipeline.core import rng
+from pipeline.core.columns import SPACE
+from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.figures import style
+from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.model import MotionModel, frobenius
+from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.wishart.decomposition import Decomposition
+from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
-from pipeline.studies.frame import MISSING, Study, Tables, interval, joined, number
-from pipeline.studies.outlook import hexapod as legs
+from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval, number
 from pipeline.verdicts.wording import table
 from pipeline.wrench.matrix import matrix_model, moment_fit
 from pipeline.wrench.parametric import (
@@ -28,39 +35,163 @@ from pipeline.wrench.parametric import (
 )
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
+LEGS = 6
+DECOMPOSITIONS = ("qr_transposed", "qr")  # the order of the task's rows does not change them
+# Least singular value of J⁻¹ that is trusted, over its greatest possible entry: below it, a leg
+# that is off by a thousandth of the robot's size moves the platform by the whole size.
+LEAST_SINGULAR = 1e-3
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}
 # form of Σ_S, and distance from the parametric model
 ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", covariance_errors)}
 
 
-def motion_of(options: SimpleNamespace) -> legs.PlatformMotion:
-    """Return the hexapod's motion; raises ConfigError for a robot or motion that cannot exist."""
-    robot = legs.Hexapod(np.array(options.base), np.array(options.platform), options.length)
-    ends = map(legs.pose_of, np.array(options.position), np.array(options.turn))
-    return legs.straight(robot, *ends, options.legs, options.places)
-
-
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the study's tables; raises what :func:`motion_of` does."""
+    """Return the study's tables. Raises ConfigError for a robot or motion that cannot exist."""
     motion, study = motion_of(options), settings.wrench
-    models = legs.equal_models(motion, options.noise, options.bound)
+    models = equal_models(motion, options.noise, options.bound)
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
     bounds, systems, errors = replace(study_bounds(study), **ranges), study.systems, []
     for repeat in range(study.repeats):
         stream = rng.stream(settings.seed, "outlook.towing", repeat)
         rows = error_rows(bounds, options.agents, (systems, study.test_systems), stream)
         errors.append(rows.assign(repeat=repeat))
+    sizes = (systems, options.few, options.recorded)
     recorded = [
-        recorded_rows(bounds, m, (systems, options.few, options.recorded), stream)
+        recorded_rows(bounds, m, sizes, rng.stream(settings.seed, "outlook.recorded", m))
         for m in (options.agents[0], options.agents[-1])
-        for stream in [rng.stream(settings.seed, "outlook.recorded", m)]
     ]
     return {
-        "hexapod": legs.hexapod_rows(motion, models),
-        "towing": joined(errors),
-        "towing_slopes": slope_rows(joined(errors)),
-        "towing_recorded": joined(recorded),
+        "hexapod": hexapod_rows(motion, models),
+        "towing": concatenate(errors),
+        "towing_slopes": slope_rows(concatenate(errors)),
+        "towing_recorded": concatenate(recorded),
     }
+
+
+@dataclass(frozen=True)
+class Hexapod:
+    """A platform on six legs whose lengths are its joints (Gough 1962, Stewart 1965).
+
+    ``base`` and ``platform`` (6, 3) in m are the legs' ends, each in its own frame; ``length`` in m
+    multiplies the angular rows. A pose (12,) is position (3, m) and rotation (9, row by row) of the
+    platform in the base's frame; the task's rows are velocity and angular velocity in its axes.
+    """
+
+    base: np.ndarray
+    platform: np.ndarray
+    length: float
+
+    def legs(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the lengths (..., 6) of the legs in m and J⁻¹ (..., 6, 6) at ``pose`` (..., 12).
+
+        Row i of J⁻¹ is nᵢᵀ, (bᵢ × nᵢ)ᵀ over the length: nᵢ the unit vector along leg i from base to
+        platform, bᵢ its joint on the platform from the platform's origin.
+        """
+        rotation = pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)
+        arms = np.einsum("...ij,kj->...ki", rotation, self.platform)
+        legs = pose[..., None, :3] + arms - self.base
+        lengths = np.linalg.norm(legs, axis=-1)
+        n = legs / lengths[..., None]
+        return lengths, np.concatenate([n, np.cross(arms, n) / self.length], axis=-1)
+
+
+@dataclass(frozen=True)
+class PlatformMotion(Mechanism):
+    """Commanded steps ``v`` (K, 6) in m from K poses with legs ``q`` (K, 6) in m."""
+
+    task: ClassVar[tuple[str, ...]] = SPACE
+    robot: Hexapod
+    q: np.ndarray
+    v: np.ndarray
+    inverse: np.ndarray
+
+    def singular(self, q: np.ndarray) -> np.ndarray:
+        """Return the mask (K,), false: :func:`motion_of` refuses a motion to a singular pose."""
+        return np.zeros(np.shape(q)[:-1], dtype=bool)
+
+    def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
+        """Return J⁻¹ (K, 6, 6) at the poses of the motion, whose legs are ``q``."""
+        assert np.array_equal(q, self.q)
+        return self.inverse
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """Return J (K, 6, 6) at the poses of the motion."""
+        return np.linalg.inv(self.inverse_jacobian(q))
+
+    def covariances(self, model: MotionModel) -> tuple[np.ndarray, np.ndarray]:
+        """Return the covariances (K, 6, 6) in m² of the legs after one step and of the next pose,
+        of first order J Cov(q_{k+1}|q_k) Jᵀ, rotations times the length.
+        """
+        legs, jacobian = model.covariance(self, self.q, self.v), self.jacobian(self.q)
+        return legs, jacobian @ legs @ np.swapaxes(jacobian, -1, -2)
+
+
+def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return the pose (12,) at ``position`` (3,) in m with the rotation vector ``turn`` (3,)."""
+    return np.concatenate([position, Rotation.from_rotvec(turn).as_matrix().ravel()])
+
+
+def motion_of(options: SimpleNamespace) -> PlatformMotion:
+    """Return the hexapod's motion between two poses at constant velocity and angular velocity.
+
+    Raises ConfigError if a leg is beyond its limits or J⁻¹ is singular on the way, so that the legs
+    do not hold the platform (Gosselin and Angeles 1990).
+    """
+    robot = Hexapod(np.array(options.base), np.array(options.platform), options.length)
+    start, end = map(pose_of, np.array(options.position), np.array(options.turn))
+    limits, places = options.legs, options.places
+    before, after = (Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end))
+    shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()
+    share = np.linspace(0, 1, places)[:, None]
+    turned = (Rotation.from_rotvec(share * turn) * before).as_matrix().reshape(-1, 9)
+    q, inverse = robot.legs(np.hstack([start[:3] + share * shift, turned]))
+    if q.min() < limits[0] or q.max() > limits[1]:
+        message = f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs "
+        message += f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs"
+        raise ConfigError(message, key="legs")
+    radius = np.linalg.norm(robot.platform, axis=1).max()
+    least = np.linalg.svd(inverse, compute_uv=False)[:, -1].min()
+    signs = np.sign(np.linalg.det(inverse))
+    if least < LEAST_SINGULAR * max(1.0, radius / robot.length) or np.ptp(signs):
+        message = "the motion comes to a pose at which the legs do not hold the platform; choose a "
+        message += "smaller turn, or joints of base and platform that are not similar figures"
+        raise ConfigError(message, key="turn")
+    way = np.concatenate([shift, robot.length * turn])
+    return PlatformMotion(robot, q, np.broadcast_to(way / places, q.shape), inverse)
+
+
+def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str, MotionModel]:
+    """Return the models by name, each with rms noise of the legs of ``noise`` times their rms step;
+    ``bound`` is u over the greatest norm of J⁻¹. Raises ConfigError without such a Wishart model.
+    """
+    steps = np.matvec(motion.inverse, motion.v)
+    trace = noise**2 * float(np.mean(np.vecdot(steps, steps)))
+    models: dict[str, MotionModel] = {
+        "additive": ScaledModel(trace / LEGS * np.eye(LEGS)),
+        "gaussian": GaussianModel(1.0, bound * frobenius(motion.inverse).max()),
+    } | {name: WishartModel(0.1, Decomposition(name)) for name in DECOMPOSITIONS}
+    try:
+        place = (motion, motion.q, motion.v, trace)
+        return {name: model.with_trace(*place) for name, model in models.items()}
+    except ModelDomainError as error:
+        raise ConfigError(f"no Wishart model has {noise:g} of the step", key="noise") from error
+
+
+def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.DataFrame:
+    """Return the table ``hexapod``."""
+    parts = []
+    for name, model in models.items():
+        legs, pose = motion.covariances(model)
+        variances = np.diagonal(pose, axis1=-2, axis2=-1)
+        columns = {
+            "place": np.linspace(0, 1, len(motion.q)),
+            "least_singular_value": np.linalg.svd(motion.inverse, compute_uv=False)[:, -1],
+            "legs": np.sqrt(np.trace(legs, axis1=-2, axis2=-1)),
+            "position": np.sqrt(variances[:, :3].sum(axis=-1)),
+            "rotation": np.sqrt(variances[:, 3:].sum(axis=-1)) / motion.robot.length,
+        }
+        parts.append(pd.DataFrame({"model": name} | columns))
+    return concatenate(parts)
 
 
 def lever(bounds: Bounds) -> float:
@@ -105,9 +236,8 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
 def recorded_rows(
     bounds: Bounds, agents: int, sizes: tuple[int, int, int], rng: np.random.Generator
 ) -> pd.DataFrame:
-    """Return rows of the table ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from
-    bounds (the mean over ``sizes[0]`` systems), and with Σ_S and Ψ_S from ``sizes[2]`` recorded
-    directions of each cable of the very system.
+    """Return rows of ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from bounds, a
+    mean over ``sizes[0]`` systems, and with Σ_S and Ψ_S from ``sizes[2]`` directions of a cable.
     """
     size = lever(bounds)
     sigma_s = averaged_sigma_s(draw_systems(bounds, sizes[0], agents, rng).in_units_of(size))

@@ -1,9 +1,9 @@
-"""planning: sum of the variances along the motion that a model plans as the least uncertain, beside
-other motions of the same task path, performed by two arms of the laboratory in four physics.
-"""
+"""planning: noise on the motion that a model plans as the least uncertain, beside other motions."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,52 +12,128 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.stats import kendalltau
 
+from pipeline.arm.interface import Chain, trajectory_table
+from pipeline.arm.model import chain_of
 from pipeline.core import config, rng
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError, SolverError
+from pipeline.core.options.dataset import Robot
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 from pipeline.figures import style
+from pipeline.laboratory.dynamics import Chance, expose, swing
+from pipeline.laboratory.dynamics import draw as draw_chance
+from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
+from pipeline.laboratory.session import open_session
+from pipeline.laboratory.swing import JointPath, desired_path
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
-from pipeline.models.steps import process_noise
+from pipeline.models.steps import Recorded, process_noise
 from pipeline.planning.motions import best_conditioned, least_uncertain, minimum_norm
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
+from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import MISSING, Study, Tables, interval, joined, number, trials
-from pipeline.studies.planning.bench import Bench, Rig, bench_of
-from pipeline.studies.simulated import PhysicsFactors, disturbed
-from pipeline.verdicts.wording import listed, table
+from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval, number, trials
+from pipeline.studies.simulated import PhysicsFactors, disturb
+from pipeline.verdicts.wording import join_names, table
 
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # share of the resamplings
-DIGITS = 9  # of a prediction; smaller differences are none
+DIGITS = 9  # significant digits of a prediction that are compared
+TOGETHER = 50  # takes that are simulated at once, which bounds the memory
 KEYS = ["arm", "physics"]
 Motions = Mapping[str, np.ndarray]  # by name: (M+1, n) rad, or (choices,) sums of their noise
 
 
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """An arm, its motion and its task; ``takes`` are performed in the physics ``dynamics``."""
+
+    joints: tuple[str, ...]  # names, base to tip
+    built: Chain  # nominal, of the task whose rows sway
+    chain: Chain  # of the task that is planned, the same or fewer rows
+    trajectory: TrajectoryOptions  # of the dataset, at the pace of the study
+    dynamics: DynamicsOptions
+    takes: int
+    seed: int
+
+    @classmethod
+    def of_dataset(
+        cls, file: Path, task: Sequence[str], options: SimpleNamespace, seed: int
+    ) -> "Bench":
+        """Return the arm of a dataset's option ``file``; without ``task`` all rows are planned."""
+        section = read_yaml(file)
+        robot = validated(Robot, section["robot"], "robot", file)
+        motion, dynamics = (
+            validated(kind, section["laboratory"][key], f"laboratory.{key}", file)
+            for key, kind in (("trajectory", TrajectoryOptions), ("dynamics", DynamicsOptions))
+        )
+        times = {n: getattr(motion, n) / options.pace for n in ("duration", "rest", "ramp")}
+        built, motion = chain_of(robot), replace(motion, **times)
+        chain = chain_of(replace(robot, task=list(task))) if task else built
+        return cls(tuple(robot.joints), built, chain, motion, dynamics, options.takes, seed)
+
+    @cached_property
+    def recorded(self) -> np.ndarray:
+        """(M+1, n) rad, the motion of the dataset."""
+        return desired_path(self.built, self.trajectory)
+
+    def command(self, path: np.ndarray) -> np.ndarray:
+        """Return the commands (M, m + n) of a ``path`` (M+1, n) in rad, or (M, m) if m = n."""
+        table = trajectory_table(self.chain, path, self.trajectory.rate, self.joints)
+        return commanded_steps(table, self.trajectory.rate)
+
+    def poses(self, path: np.ndarray, name: str) -> np.ndarray:
+        """Return poses (takes, M+1, n) in rad of the takes ``name`` that perform ``path`` (M+1, n),
+        without measurement noise and with equal random numbers for every path.
+
+        Raises ConfigError if the arm cannot follow, SingularJacobianError if the sway has no law.
+        """
+        motion, built, dynamics = JointPath(path, self.trajectory.rate), self.built, self.dynamics
+        motion.require_followable(built)
+        session = open_session(built, dynamics, rng.stream(self.seed, "planning.session"))
+        grid, poses = np.arange(len(path)) / motion.rate, []
+        streams = [rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes)]
+        for first in range(0, self.takes, TOGETHER):
+            own = streams[first : first + TOGETHER]
+            drawn = [draw_chance(built, motion, dynamics, stream) for stream in own]
+            chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
+            t, q, _ = swing(session.chain, session.encoder, motion, dynamics, chance)
+            pairs = zip(q, own, strict=True)
+            poses += [expose(t, each, grid, dynamics, stream) for each, stream in pairs]
+        return np.stack(poses)
+
+    def steps(self, path: np.ndarray, name: str) -> Recorded:
+        """Return the steps of the takes ``name`` of the ``path``."""
+        q, command = self.poses(path, name), self.command(path)
+        noise = process_noise(self.chain, q, command)
+        return Recorded(self.chain, q[:, :-1], command, noise, self.joints)
+
+
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
+    files = {arm: config.CONF / f"dataset/{arm}.yaml" for arm in options.arms}
     benches = {
-        arm: bench_of(config.CONF / f"dataset/{arm}.yaml", task, options.pace)
+        arm: Bench.of_dataset(files[arm], task, options, settings.seed)
         for arm, task in options.arms.items()
     }
-    arms = list(benches.values())
-    fixed = trials(settings, "planning: arms", fixed_motions, arms, options=options)
+    fixed = trials(settings, "planning: arms", fixed_motions, benches.values(), options=options)
     cases = [(arm, name) for name in options.physics for arm in benches]
     common = {"benches": benches, "fixed": dict(zip(benches, fixed, strict=True))}
     common |= {"options": options, "models": config.model_options(options.models)}
-    label = "planning: physics"
-    parts = trials(settings, label, tables_of, cases, **common, seed=settings.seed)
-    return {name: joined(part[name] for part in parts) for name in parts[0]}
+    parts = trials(settings, "planning: physics", tables_of, cases, **common)
+    return {name: concatenate(part[name] for part in parts) for name in parts[0]}
 
 
 def problem_of(bench: Bench, options: SimpleNamespace, smoothness: float) -> Problem:
-    """Return the task path of the recorded motion with the study's margin."""
+    """Return the task path of the recorded motion, with the study's margin, as a problem."""
     least = np.linalg.svd(bench.chain.jacobian(bench.recorded), compute_uv=False)[:, -1].min()
     path = bench.chain.pose(bench.recorded)
-    return Problem(bench.chain, path, bench.rate, options.margin * float(least), smoothness)
+    rate, margin = bench.trajectory.rate, options.margin * float(least)
+    return Problem(bench.chain, path, rate, margin, smoothness)
 
 
 def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
-    """Return the motions that need no model; raises InfeasibleError."""
+    """Return the motions without a model; raises InfeasibleError."""
     problem = problem_of(bench, options, 0.0)
     return {
         RECORDED: bench.recorded,
@@ -66,11 +142,9 @@ def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
     }
 
 
-def planned(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
-    """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``.
-
-    Raises InfeasibleError, and ModelDomainError for a model without a covariance or with the same
-    covariance at every step.
+def plan_motion(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
+    """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``; raises InfeasibleError,
+    and ModelDomainError for a model without a covariance or with the same one at every step.
     """
     cost, path = uncertainty(model, bench.chain, "trace"), bench.recorded
     problem = problem_of(bench, options, 0.0)
@@ -87,22 +161,20 @@ def tables_of(
     fixed: Mapping[str, Motions],
     options: SimpleNamespace,
     models: Mapping[str, object],
-    seed: int,
 ) -> Tables:
     """Return the tables of one arm in one physics, ``case``; ``fixed`` motions need no model."""
-    arm, physics = case
-    bench, motions, laws = benches[arm], dict(fixed[arm]), {}
-    dynamics = disturbed(bench.dynamics, PhysicsFactors(**options.physics[physics]))
-    rig = Rig(bench, dynamics, options.takes, seed)
-    recorded = rig.training()
+    (arm, physics), laws = case, {}
+    dynamics = disturb(benches[arm].dynamics, PhysicsFactors(**options.physics[physics]))
+    bench, motions = replace(benches[arm], dynamics=dynamics), dict(fixed[arm])
+    recorded = bench.steps(bench.recorded, "training")
     for name, chosen in models.items():
         try:
             laws[name] = kinds.estimate(recorded, chosen).model
-            motions[name] = planned(bench, laws[name], options)
+            motions[name] = plan_motion(bench, laws[name], options)
         except (InfeasibleError, ModelDomainError, SolverError) as error:
             print(f"planning: {arm}, {physics}: {name} has no plan: {error.message}")
-    drawn = drawn_takes(options.takes, rng.stream(seed, "planning.resampling"))
-    sums = realised_sums(rig, motions, [np.arange(options.takes), *drawn])
+    resampled = drawn_takes(bench.takes, rng.stream(bench.seed, "planning.resampling"))
+    sums = realised_sums(bench, motions, [np.arange(bench.takes), *resampled])
     predictions = {
         model: {name: predicted_sum(bench, law, path) for name, path in motions.items()}
         for model, law in laws.items()
@@ -118,14 +190,13 @@ def tables_of(
     return {name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()}
 
 
-def realised_sums(rig: Rig, motions: Motions, choices: Sequence[np.ndarray]) -> Motions:
+def realised_sums(bench: Bench, motions: Motions, choices: Sequence[np.ndarray]) -> Motions:
     """Return Σ_k tr of the sample covariance of ω_k over each choice of takes, by motion."""
-    times = np.stack([np.bincount(takes, minlength=rig.takes) for takes in choices]).astype(float)
+    times = np.stack([np.bincount(takes, minlength=bench.takes) for takes in choices]).astype(float)
     count, sums = times.sum(axis=1), {}
     for name, path in motions.items():
         try:
-            q = rig.poses(path, "take")
-            noise = process_noise(rig.bench.chain, q, rig.bench.command(path))
+            noise = bench.steps(path, "take").noise
         except SingularJacobianError as error:
             print(f"planning: {name} cannot be performed: {error.message}")
             continue
@@ -138,7 +209,7 @@ def realised_sums(rig: Rig, motions: Motions, choices: Sequence[np.ndarray]) -> 
 
 
 def predicted_sum(bench: Bench, model: MotionModel, path: np.ndarray) -> float:
-    """Σ_k tr Cov(ω_k) in rad² of ``path`` (M+1, n) by ``model``; NaN if it has no covariance."""
+    """Return Σ_k tr Cov(ω_k) in rad² of ``path`` (M+1, n) by ``model``, NaN without covariance."""
     try:
         covariance = model.covariance(bench.chain, path[:-1], bench.command(path))
     except ModelDomainError:
@@ -147,7 +218,7 @@ def predicted_sum(bench: Bench, model: MotionModel, path: np.ndarray) -> float:
 
 
 def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) -> float:
-    """Kendall's τ_b (Biometrika 33, 1945) of two orders; NaN of < 3 motions, equal predictions."""
+    """Return Kendall's τ_b (Biometrika 33, 1945); NaN for < 3 motions and equal predictions."""
     names = [name for name, value in prediction.items() if name in realised and value == value]
     first = [float(f"{prediction[name]:.{DIGITS}g}") for name in names]
     if len(names) < 3 or len(set(first)) == 1:
@@ -156,7 +227,7 @@ def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) ->
 
 
 def sum_rows(sums: Motions) -> pd.DataFrame:
-    """Return the table ``planning`` without arm and physics."""
+    """Return the table ``planning`` of one arm in one physics."""
     if MINIMUM not in sums:
         raise ConfigError("the arm cannot perform the minimum-norm motion", key="arms")
     least = np.array(list(sums))[np.argmin(np.stack(list(sums.values()))[:, 1:], axis=0)]
@@ -169,7 +240,7 @@ def sum_rows(sums: Motions) -> pd.DataFrame:
 
 
 def motion_label(motion: str) -> str:
-    """Return the name of a motion in words."""
+    """Return the name of a motion on the page."""
     if motion in (RECORDED, MINIMUM, BEST):
         return f"{motion.replace('_', '-')} motion"
     return f"plan of {motion}"
@@ -200,7 +271,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "sure": sure,
         "pairs": len(least),
         "share": SURE,
-        "medians": listed(medians or ["undefined"]),
+        "medians": join_names(medians or ["undefined"]),
         "verdict": few if sure < SURE * len(least) else "",
         "table": table(header, shown[cells].fillna(MISSING).to_numpy()),
     }

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -21,19 +22,19 @@ from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Study, Tables, number, trials
-from pipeline.verdicts.wording import listed, table
+from pipeline.verdicts.wording import join_names, table
 
 LOOKS = {  # estimators of σ_B
     "moments": {"label": "moments", "color": style.BLUE, "marker": "o"},
     "paper": {"label": "the paper's convex problem", "color": style.VERMILLION, "marker": "s"},
     "likelihood": {"label": "maximum likelihood", "color": style.ORANGE, "marker": "D"},
 }
-# estimates of a data set, and of one resampling of its takes
+# estimates from a data set, and from one resampling of its takes
 Pair = tuple[dict[str, float], dict[str, float]]
 
 
 class KnownLaw(NamedTuple):
-    """A known law, and the estimators that are given data of it, by their names."""
+    """A law with known parameters, and the estimators by name that are tried on its data."""
 
     model: str
     truth: Truth
@@ -43,7 +44,7 @@ class KnownLaw(NamedTuple):
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    try:  # of the recordings some takes and steps, and the measurement noise of all
+    try:  # some takes and steps of the recordings with the measurement noise of all
         part = replace(
             recorded,
             q=recorded.q[: options.takes, :: options.stride],
@@ -56,10 +57,10 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     cases = list(known_laws(part, options))
     data = [(case, i) for case in cases for i in range(options.datasets)]
     common = {"recorded": part, "seed": settings.seed}
-    pairs = trials(settings, "recovery: data sets", recover, data, **common)
+    pairs = iter(trials(settings, "recovery: data sets", recover, data, **common))
     rows = []
-    for place, case in enumerate(cases):
-        own = pairs[place * options.datasets :][: options.datasets]
+    for case in cases:
+        own = list(islice(pairs, options.datasets))
         rows += [
             {"model": case.model, "estimator": name, "parameter": parameter}
             | recovery_row(parameter, truth, [pair[name] for pair in own])
@@ -70,7 +71,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLaw]:
-    """Yield the laws that data are drawn from: of the recorded variance, or of the stated σ_B."""
+    """Yield the laws that data are drawn from, with the recorded variance or a stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
         estimators = {each: replace(model, estimator=each) for each in names} or {"–": model}
@@ -78,11 +79,9 @@ def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLa
             yield KnownLaw(name, truth, estimators)
 
 
-def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
-    """Return ``recorded`` with the noise ω of every step drawn from ``truth`` at the recorded pose,
-    plus N(0, Σ_m) of the recordings: the law of a step that the likelihoods assume.
-
-    Raises SingularJacobianError and, where the motion never rests, ModelDomainError.
+def draw_data(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
+    """Return ``recorded`` with the noise ω of every step drawn from ``truth`` plus N(0, Σ_m), the
+    law that the likelihoods assume; raises SingularJacobianError, ModelDomainError without Σ_m.
     """
     q, v = recorded.q, recorded.v
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)
@@ -92,11 +91,11 @@ def drawn(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> R
 
 
 def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[str, Pair | None]:
-    """Return the estimates of each estimator from a data set and from a resampling of its takes."""
+    """Return by estimator the estimates from a data set and from a resampling of its takes."""
     case, number = trial
     stream = f"recovery {case.truth.label}"
     law = build_model(case.truth.parameters)
-    data, pairs = drawn(law, recorded, rng.stream(seed, stream, number)), {}
+    data, pairs = draw_data(law, recorded, rng.stream(seed, stream, number)), {}
     for name, model in case.estimators.items():
         try:
             fit = estimate(data, model)
@@ -111,7 +110,7 @@ def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[
 
 
 def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> dict[str, float]:
-    """Return mean, error and coverage of a ``parameter`` over the data sets, if two or more."""
+    """Return mean, error and coverage of a ``parameter`` over two or more data sets."""
     given = [pair for pair in pairs if pair and all(parameter in part for part in pair)]
     row = {"truth": truth, "datasets": len(given), "lost": len(pairs) - len(given)}
     if len(given) < 2:
@@ -157,7 +156,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
 
 
 def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
-    """Yield a sentence for each estimator of σ_B: bias in percent, and coverage."""
+    """Yield bias in percent and coverage of each estimator of σ_B as a sentence."""
     for estimator, part in rows.groupby("estimator", sort=False):
         name, part = f"**{LOOKS[estimator]['label']}**", part.dropna(subset="mean")
         if part.empty:
@@ -170,7 +169,7 @@ def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
         ]
         coverage = 100 * part["coverage"]
         yield (
-            f"{name}: bias {listed(biases)} (95 %); the 95 % intervals hold σ_B in "
+            f"{name}: bias {join_names(biases)} (95 %); the 95 % intervals contain σ_B in "
             f"{coverage.min():.0f} to {coverage.max():.0f} % of the data sets."
         )
 

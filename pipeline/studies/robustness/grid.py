@@ -1,8 +1,6 @@
-"""The grid of cases: the run's own options with one decision of the paper taken otherwise; and the
-laboratory, its physics, trajectory, instruments, particles or cables changed one at a time.
-"""
+"""Cases of the grid: another decision on what the paper leaves open, another laboratory."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
@@ -18,7 +16,6 @@ from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.options.analysis import Wrench
 from pipeline.filtering.sampling import SCHEMES
-from pipeline.laboratory.options import TrajectoryOptions
 from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
@@ -29,64 +26,57 @@ CHANCE = "random numbers"
 # the estimator of each of the paper's models that returns known parameters
 CONSISTENT = {"additive": "shrinkage", "wishart": "likelihood", "gaussian": "likelihood"}
 BASE = ""  # decision and level of the base case
-Named = tuple[str, str, Choices]  # decision, level, case
+NamedCase = tuple[str, str, Choices]  # decision, level, case
 LINEAR = ("x", "y", "z")  # rows of a task in m
 CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest step")
 
 
 def decision_cases(
     base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: int
-) -> list[Named]:
-    """Return the base case, and after it every case in which one decision changes its options.
+) -> list[NamedCase]:
+    """Return the base case, then every case in which one decision changes its options.
 
-    ``lever`` in m is the distance at which the given decomposition, diag(lever, lever, 1) of the
-    ``task`` x, z, φ, weighs an error in angle like one in position. ``others`` is the number of
-    cases with other random numbers, and of cases with other test takes.
+    An error in angle weighs like one in position at the distance ``lever`` in m, in the given
+    decomposition diag(lever, lever, 1) of x, z, φ. ``others`` is the number of cases with other
+    random numbers, and of cases with other test takes.
     """
-    cases = _decisions(base, lever, task, joints, range(1, others + 1))
-    return [(BASE, BASE, base), *(named for named in cases if named[2] != base)]
-
-
-def _decisions(
-    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: Sequence[int]
-) -> Iterator[Named]:
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
         for kind, model in base.models.items()
     }
-    yield "estimator", "likelihood", replace(base, models=models)
+    cases = [("estimator", "likelihood", replace(base, models=models))]
     if (wishart := base.models.get("wishart")) is not None:
         if wishart.estimator == "paper":
             for factor in (0.1, 0.3, 3.0, 10.0):
-                changed = base.with_wishart(ratio_factor=factor * wishart.ratio_factor)
-                yield "weights", f"× {factor:g}", changed
+                weighted = base.with_wishart(ratio_factor=factor * wishart.ratio_factor)
+                cases.append(("weights", f"× {factor:g}", weighted))
             for floor in (0.1, 0.3):
-                yield "floor", f"{floor:g}", base.with_wishart(floor=floor)
-        for name, case in readings(base, task, joints).items():
-            yield "decomposition", name, case
+                cases.append(("floor", f"{floor:g}", base.with_wishart(floor=floor)))
+        named = readings(base, task, joints).items()
+        cases += [("decomposition", name, case) for name, case in named]
         left = np.diag([lever if row in LINEAR else 1.0 for row in task]).tolist()
-        yield "decomposition", "given", base.with_wishart(decomposition="given", left=left)
+        given = base.with_wishart(decomposition="given", left=left)
+        cases.append(("decomposition", "given", given))
     for mode in ("one_step", "free_running"):
-        yield "realisations", mode.replace("_", " "), replace(base, mode=mode)
+        cases.append(("realisations", mode.replace("_", " "), replace(base, mode=mode)))
     for factor in (0.0, 0.5, 2.0):
-        yield "noise in scores", f"× {factor:g}", replace(base, measurement=factor)
-    for clock in CLOCKS:
-        yield "clock", clock, replace(base, clock=clock)
-    chosen = base.filter
-    for scheme in SCHEMES:
-        yield "resampling", scheme, replace(base, filter=replace(chosen, resampling=scheme))
-    for threshold in (0.25, 1.0):  # share of the particles; 1 resamples at every step
-        changed = replace(base, filter=replace(chosen, threshold=threshold))
-        yield "threshold", f"{threshold:g}", changed
+        cases.append(("noise in scores", f"× {factor:g}", replace(base, measurement=factor)))
+    cases += [("clock", clock, replace(base, clock=clock)) for clock in CLOCKS]
+    # threshold: share of the particles; 1 resamples at every step
+    filters = [("resampling", scheme, {"resampling": scheme}) for scheme in SCHEMES]
+    filters += [("threshold", f"{share:g}", {"threshold": share}) for share in (0.25, 1.0)]
     for factor in (0.1, 0.3, 3.0):
-        count = max(1, round(factor * chosen.particles))
-        yield "particles", f"{count}", replace(base, filter=replace(chosen, particles=count))
-    yield from ((CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in others)
-    yield from ((CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in others)
+        count = max(1, round(factor * base.filter.particles))
+        filters.append(("particles", f"{count}", {"particles": count}))
+    cases += [(d, x, replace(base, filter=replace(base.filter, **own))) for d, x, own in filters]
+    numbers = range(1, others + 1)
+    cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in numbers]
+    cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in numbers]
+    return [(BASE, BASE, base), *(case for case in cases if case[2] != base)]
 
 
 def without_camera(case: Choices, base: Choices) -> bool:
-    """Return whether ``case`` decides nothing otherwise of camera and filter."""
+    """Return True if ``case`` has the options of ``base`` for camera and filter."""
     return (case.filter, case.clock, case.batch) == (base.filter, base.clock, base.batch)
 
 
@@ -97,10 +87,10 @@ def cameras(
     periods: tuple[float, float],
     window: int,
 ) -> Mapping[str, Camera]:
-    """Return the depth camera on each of the CLOCKS, its noise estimated on that clock.
+    """Return the depth camera with times and noise on each of the CLOCKS.
 
     ``angles`` has times by the estimated ``offsets`` in s of the takes' clocks; ``periods`` in s
-    of a frame and of a step. The joint angles stay as they were articulated.
+    are those of a frame and of a step.
     """
     (frame, step), t = periods, angles["t"]
     times = (t, t - angles["take"].map(offsets), t + frame, t - frame, np.rint(t / step) * step)
@@ -111,7 +101,7 @@ def cameras(
 
 
 class Condition(NamedTuple):
-    """``levels`` of factors by name, those that are not named as in the base condition."""
+    """Levels of factors by name; factors without a level are as in the base condition."""
 
     study: str  # motion or wrench
     seed: int
@@ -122,51 +112,47 @@ class Condition(NamedTuple):
         return dict(self.levels).get(factor, 1.0)
 
 
-class Common(NamedTuple):
-    """Laboratory, case, claims, options of the study and of the wrench's, of all conditions."""
-
-    laboratory: Laboratory
-    case: Choices
-    claims: tuple[Claim, ...]
-    options: SimpleNamespace
-    wrench: Wrench
-
-
 def conditions(
     factors: Mapping[str, Sequence], seeds: Sequence[int], study: str, combined: Sequence[str] = ()
-) -> Iterator[Condition]:
-    """Yield the base condition, each level alone, then combinations of the factors ``combined``."""
+) -> list[Condition]:
+    """Return base condition, each level alone and combinations of ``combined``, by seed."""
     points = [(), *(((name, level),) for name, levels in factors.items() for level in levels)]
-    chosen = {name: factors[name] for name in combined}
-    for levels in product(*([1.0, *each] for each in chosen.values())):
-        point = tuple((name, x) for name, x in zip(chosen, levels, strict=True) if x != 1.0)
-        if len(point) > 1:
-            points.append(point)
-    for point in points:
-        yield from (Condition(study, seed, point) for seed in seeds)
+    for levels in product(*([1.0, *factors[name]] for name in combined)):
+        point = tuple((name, x) for name, x in zip(combined, levels, strict=True) if x != 1.0)
+        points += [point] if len(point) > 1 else []
+    return [Condition(study, seed, point) for point in points for seed in seeds]
 
 
-def trajectory(own: TrajectoryOptions, way: Mapping[str, object]) -> TrajectoryOptions:
-    """Return ``own`` with other ends (rad), another rest (s; the motion between stays) and pace."""
-    pace, rest = float(way.get("pace", 1.0)), float(way.get("rest", own.rest))
-    ends = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}
-    duration = own.duration + 4 * (rest - own.rest)
-    timing = {"duration": duration / pace, "rest": rest / pace, "ramp": own.ramp / pace}
-    return replace(own, **ends, **timing)
+def verdicts(
+    condition: Condition,
+    laboratory: Laboratory,
+    case: Choices,
+    claims: Sequence[Claim],
+    options: SimpleNamespace,
+    wrench: Wrench,
+) -> pd.DataFrame:
+    """Return the rows of :func:`pipeline.cases.readings.claim_verdicts` for one condition."""
+    if condition.study == "motion":
+        evidence = motion_evidence(condition, laboratory, case, options)
+    else:
+        evidence = wrench_evidence(condition, wrench)
+    return claim_verdicts(claims, evidence, ArmNames(laboratory.joints, laboratory.chain.task))
 
 
-def verdicts(condition: Condition, common: Common) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.cases.readings.claim_verdicts` of one condition."""
-    evaluated = motion_evidence if condition.study == "motion" else wrench_evidence
-    arm = ArmNames(common.laboratory.joints, common.laboratory.chain.task)
-    return claim_verdicts(common.claims, evaluated(condition, common), arm)
-
-
-def motion_evidence(condition: Condition, common: Common) -> Evidence:
+def motion_evidence(
+    condition: Condition, laboratory: Laboratory, case: Choices, options: SimpleNamespace
+) -> Evidence:
     """Return the evidence of a condition of the motion; none if it comes to a singular pose."""
-    own, case, _, options, _ = common
-    way = options.trajectories.get(str(condition.level("trajectory")), {})
-    laboratory = replace(own, motion=trajectory(own.motion, way))
+    way, motion = (
+        options.trajectories.get(str(condition.level("trajectory")), {}),
+        laboratory.motion,
+    )
+    pace, rest = float(way.get("pace", 1.0)), float(way.get("rest", motion.rest))
+    changes = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}  # rad
+    # the motion between the rests keeps its duration
+    times = {"duration": motion.duration + 4 * (rest - motion.rest), "rest": rest}
+    changes |= {name: time / pace for name, time in (times | {"ramp": motion.ramp}).items()}
+    laboratory = replace(laboratory, motion=replace(motion, **changes))
     levels = {k: float(v) for k, v in condition.levels if k not in ("trajectory", "particles")}
     sizes = (options.training_takes, options.test_takes)
     try:
@@ -174,7 +160,7 @@ def motion_evidence(condition: Condition, common: Common) -> Evidence:
     except (SingularJacobianError, RecordingError, ModelDomainError):
         return {}
     sizes = (laboratory.motion.rate, options.test_takes, options.realizations)
-    # equal numbers in every condition of a seed, so that a difference is the condition's
+    # equal random numbers in every condition of a seed: a difference is due to the condition
     stream = (condition.seed, "robustness")
     recordings = Recordings(takes, {case.clock: camera}, *sizes, stream)
     count = max(1, round(float(condition.level("particles")) * case.filter.particles))
@@ -183,14 +169,14 @@ def motion_evidence(condition: Condition, common: Common) -> Evidence:
     return evidence
 
 
-def wrench_evidence(condition: Condition, common: Common) -> Evidence:
-    """Return the evidence of the numerical study of the wrench with other bounds."""
+def wrench_evidence(condition: Condition, study: Wrench) -> Evidence:
+    """Return the evidence of the numerical ``study`` of the wrench with other bounds."""
     scaled = {
-        name: [float(condition.level(name)) * value for value in getattr(common.wrench, name)]
+        name: [float(condition.level(name)) * value for value in getattr(study, name)]
         for name in ("kappa", "tension_std")
     }
     stream = rng.stream(condition.seed, "robustness.wrench")
-    _, errors, repeats = run_study(replace(common.wrench, **scaled), stream)
+    _, errors, repeats = run_study(replace(study, **scaled), stream)
     summary, metrics = wrench_summary(errors, repeats), {}
     for m, median in repeats.groupby("agents")["maximum"].median().items():
         row, name = summary.set_index("agents").loc[m], f"study_m{m}_greatest_error"

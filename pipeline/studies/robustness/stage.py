@@ -1,16 +1,12 @@
-"""robustness: the claims where something is decided otherwise: what the paper leaves open, the
-laboratory's physics, the random numbers.
-"""
+"""robustness: verdicts under other decisions, physics of the laboratory and random numbers."""
 
-import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
-from joblib import Memory
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -18,16 +14,13 @@ from pipeline.cases.case import Choices, Recordings, recorded_takes
 from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
 from pipeline.core import config, contracts
-from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.figures import style
-from pipeline.studies.frame import MISSING, Study, Tables
+from pipeline.studies.frame import MISSING, Study, Tables, trials
 from pipeline.studies.robustness.grid import (
     BASE,
     CHANCE,
-    Common,
-    Condition,
     cameras,
     conditions,
     decision_cases,
@@ -40,7 +33,7 @@ from pipeline.verdicts.wording import table
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
-BESIDE = "scaled_full"  # scored beside the paper's models in the laboratory
+BESIDE = "scaled_full"  # model that is scored beside the paper's models in the laboratory
 BOTH = "both"
 NAMES = {
     "lasting": "duration of deviations",
@@ -64,7 +57,15 @@ def evaluate_grid(settings: SimpleNamespace, options: SimpleNamespace) -> Tables
         print("robustness: no laboratory with a depth camera; its physics is not varied")
     else:
         parts += laboratory_verdicts(settings, options, claims)
-    return {"robustness": counts(parts)}
+    rows = pd.concat(
+        cases.drop_duplicates("claim").assign(grid=grid, factor=factor, level=level)
+        for grid, factor, level, cases in parts
+    )
+    rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
+    keys = ["grid", "factor", "level", "claim", "about"]
+    counted = rows.groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
+    evident = counted[["holds", "fails"]].sum(axis=1).groupby([counted["grid"], counted["claim"]])
+    return {"robustness": counted[evident.transform("sum") > 0].reset_index(drop=True)}
 
 
 def decision_verdicts(
@@ -99,51 +100,31 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory that a killed run left."""
-    grid, common = laboratory_grid(settings, options, claims)
-    folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
-    trial = partial(Memory(folder, verbose=0).cache(verdicts), common=common)
-    label = "robustness: conditions"
-    results = run_trials(trial, grid, compute=settings.compute, label=label)
+    """Yield the verdicts in every condition of the laboratory."""
+    recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
+    noise = contracts.read("kinect_noise", ARTICULATE)
+    common = {
+        "laboratory": Laboratory.of_run(settings, recorded, noise),
+        "case": replace(Choices.of_run(settings, **config.model_options([BESIDE])), closed=True),
+        "claims": claims,
+        "options": options,
+        "wrench": settings.wrench,
+    }
+    varied = {"trajectory": list(options.trajectories)} | options.factors
+    grid = conditions(varied, options.seeds, "motion", options.combined)
+    grid += conditions(options.wrench, options.seeds, "wrench")
+    results = trials(settings, "robustness: conditions", verdicts, grid, **common)
     for condition, rows in zip(grid, results, strict=True):
         factor = ", ".join(name for name, _ in condition.levels)
         level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
         yield condition.study, factor, level, rows
-    shutil.rmtree(folder.parent, ignore_errors=True)
-
-
-def laboratory_grid(
-    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
-) -> tuple[list[Condition], Common]:
-    """Return every condition of the laboratory, and what they have in common."""
-    recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
-    noise = contracts.read("kinect_noise", ARTICULATE)
-    laboratory = Laboratory.of_run(settings, recorded, noise)
-    case = replace(Choices.of_run(settings, **config.model_options([BESIDE])), closed=True)
-    common = Common(laboratory, case, claims, options, settings.wrench)
-    varied = {"trajectory": list(options.trajectories)} | options.factors
-    motion = conditions(varied, options.seeds, "motion", options.combined)
-    return [*motion, *conditions(options.wrench, options.seeds, "wrench")], common
-
-
-def counts(parts: Iterable[Verdicts]) -> pd.DataFrame:
-    """Return the table ``robustness``, of claims with evidence in any case of a grid."""
-    rows = pd.concat(
-        cases.drop_duplicates("claim").assign(grid=grid, factor=factor, level=level)
-        for grid, factor, level, cases in parts
-    )
-    rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
-    keys = ["grid", "factor", "level", "claim", "about"]
-    counted = rows.groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
-    known = counted[["holds", "fails"]].sum(axis=1).groupby([counted["grid"], counted["claim"]])
-    return counted[known.transform("sum") > 0].reset_index(drop=True)
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
-    """Return the ``base`` verdict by grid, factor and claim, and if a level changes it."""
+    """Return by grid, factor and claim the ``base`` verdict, and True if a level changes it."""
     words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
     some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
-    rows = robustness.assign(verdict=[words[each] for each in some])
+    rows = robustness.assign(verdict=[words[pair] for pair in some])
     first = rows[rows["factor"] == BASE].rename(columns={"verdict": "base"})
     rows = rows.merge(first[["grid", "claim", "base"]], on=["grid", "claim"], how="left")
     base = rows["factor"] == BASE
@@ -157,11 +138,10 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     changed = changes(tables["robustness"])
-    chance, open_ones = changed["factor"] == CHANCE, changed["grid"] == "decisions"
+    chance, decided_here = changed["factor"] == CHANCE, changed["grid"] == "decisions"
     flipped = changed["changed"]
     lucky = set(changed["claim"][flipped & chance])
-    physical = set(changed["claim"][flipped & ~open_ones & ~chance])
-    decisions = changed[flipped & open_ones & ~chance]
+    decisions = changed[flipped & decided_here & ~chance]
     most = decisions.groupby("factor")["claim"].nunique().sort_values(ascending=False)
     steady, rows = [], []
     for claim, own in changed.groupby("claim", sort=False):
@@ -169,7 +149,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
             steady.append(claim)
             continue
         cells = [f"{claim} †" if claim in lucky else claim, ", ".join(dict.fromkeys(own["base"]))]
-        for part in (open_ones, ~open_ones):
+        for part in (decided_here, ~decided_here):
             some = own[(part & ~chance)[own.index]]
             cells.append(f"{some['changed'].sum()} of {len(some)}" if len(some) else MISSING)
         rows.append(cells)
@@ -178,7 +158,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "claims": changed["claim"].nunique(),
         "steady": len(steady),
         "decisions": decisions["claim"].nunique(),
-        "physical": len(physical),
+        "physical": changed["claim"][flipped & ~decided_here & ~chance].nunique(),
         "lucky": len(lucky),
         "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
         "filtered": options.filtered,

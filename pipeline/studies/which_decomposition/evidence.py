@@ -1,20 +1,17 @@
-"""Likelihood of every decomposition given the paper's printed numbers, the path unknown.
+"""Likelihood of every decomposition given the paper's printed numbers, over random paths.
 
 A Wishart step J₂⁺B⁻¹a, a = J₁⁻¹v, r = ‖a‖, has the covariance
 r²·J₂⁺R·diag(Var z, (E z²/(d−m))·I)·RᵀJ₂⁺ᵀ, R orthonormal with first column a/r, d = (m+1)/σ_B².
-On a path the laws at the printed parameters give three kinds of quantities:
+On a path the models at the printed parameters give ratios of standard deviations (root of the mean
+variance over all steps):
 
-- Σ_ω and σ_B: w_j, the standard deviation of joint j under the Wishart model at σ̂_B over the
-  printed one, each the root of the mean variance over all steps. j = 1, 2: the paper states that
-  the matrix models do not capture the excess of joint 3 (:data:`SIZES` has the alternatives);
-- (α, u): g, the same ratio of the Gaussian model at (α̂, û), variances summed over the joints, as
-  its fit compares traces;
-- small difference: the standard deviation of the Wishart model over the one of the Gaussian model,
-  variances summed over the joints.
+- Σ_ω and σ_B: Wishart model over printed value in joint j = 1, 2, as the matrix models do not
+  capture the excess of joint 3 (:data:`SIZES` has the alternatives);
+- (α, u): Gaussian model over printed value, variances summed over the joints;
+- small difference: Wishart model over Gaussian model, variances summed over the joints.
 
-The printed numbers have each of them at 1, within a tolerance of a factor f: their logarithms are
-normal about 0 with standard deviation ln f, independently. The likelihood of a decomposition is
-the mean over the paths of the prior of the product of these densities, ∏ N(ln x; 0, ln² f).
+The logarithm of each ratio is normal about 0 with standard deviation ln f, f the tolerance,
+independently. The likelihood of a decomposition is the mean over the paths of ∏ N(ln x; 0, ln² f).
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,20 +44,19 @@ SETS = {  # beside one of SIZES
     "small_difference": ("gaussian", "difference"),
 }
 SPAN = 9  # tolerances of an integral over them
-INTEGRATED = 0.0  # tolerance of the rows that hold it
+INTEGRATED = 0.0  # tolerance of the rows that hold the integral
 BLOCK = 50  # paths whose steps are evaluated at once: buffers that the cache holds
 
 
 def wishart_parts(
     reading: str, jacobian: np.ndarray, inverse: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return A_j = r²·(J₂⁺J₂⁺ᵀ)_jj and C_j = (J⁺v)_j² (n, ...), of which the variances of a step's
-    joints are across·(A − C) + along·C (:func:`pipeline.models.wishart.law.step_variances`), from
-    J (m, n, ...), J⁺ (n, m, ...) and the commanded step v (m, ...).
+    """Return A_j = r²·(J₂⁺J₂⁺ᵀ)_jj and C_j = (J⁺v)_j², both (n, ...), from J (m, n, ...),
+    J⁺ (n, m, ...) and the commanded step v (m, ...), the batch last for contiguous entries: a joint
+    has the variance across·(A − C) + along·C (:func:`pipeline.models.wishart.law.step_variances`).
 
-    The batch comes last, so that every entry is contiguous over it. The law of B is invariant to
-    rotations: the QR of J is J₁ = I. LU is J₁ = PᵀL of PJ = LU, P a fixed order of three rows or by
-    partial pivoting.
+    QR of J has J₁ = I, as rotations do not change the law of B. LU has J₁ = PᵀL of PJ = LU, P a
+    fixed order of three rows or partial pivoting.
     """
     (m, n), nominal = jacobian.shape[:2], np.einsum("ij...,j...->i...", inverse, v)
     identity = np.zeros((m, m, *jacobian.shape[2:]))
@@ -103,7 +99,7 @@ def gaussian_variance(
 
 
 class Published(NamedTuple):
-    """Sec. 4.1.2, results of the parameter estimations."""
+    """Printed results of the parameter estimations (Sec. 4.1.2)."""
 
     sigma_b: float  # σ̂_B of the Wishart model
     alpha: float  # α̂ of the Gaussian model
@@ -111,18 +107,18 @@ class Published(NamedTuple):
     covariance: np.ndarray  # (n, n) Σ̂_ω of the additive model, rad²
 
     @property
-    def spread(self) -> np.ndarray:
+    def std(self) -> np.ndarray:
         """(n,) standard deviation of a step in rad, the root of the mean variance."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
-    def total(self) -> float:
+    def total_std(self) -> float:
         """Root of the trace of Σ̂_ω in rad."""
         return np.sqrt(np.trace(self.covariance))
 
 
-def published(claims: Sequence[Claim]) -> Published:
-    """Return the published values of ``claims``; raises ConfigError where one is not stated."""
+def published_values(claims: Sequence[Claim]) -> Published:
+    """Return the published values of ``claims``; raises ConfigError where one is missing."""
     stated = {claim.id: claim for claim in claims}
     if absent := {"sigma-b", "alpha", "u", "sigma-omega"} - set(stated):
         raise ConfigError("no claim with a published value", claim=", ".join(sorted(absent)))
@@ -143,25 +139,25 @@ class Widths(NamedTuple):
 
     @property
     def difference(self) -> np.ndarray:
-        """(R, P) width of the Wishart model over the Gaussian model's."""
+        """(R, P) standard deviation of the Wishart model over the Gaussian model's."""
         total, n = np.linalg.norm(self.wishart, axis=-1).T, self.wishart.shape[-1]
         return total / (np.sqrt(n) * self.gaussian)
 
-    def subset(self, chosen: np.ndarray) -> "Widths":
-        """Return the paths of the mask ``chosen`` (P,)."""
-        return Widths(*(part[chosen] for part in self))
+    def subset(self, mask: np.ndarray) -> "Widths":
+        """Return the paths of the ``mask`` (P,)."""
+        return Widths(*(part[mask] for part in self))
 
 
-def joined(parts: Sequence[Widths]) -> Widths:
+def concatenate_widths(parts: Sequence[Widths]) -> Widths:
     """Return the paths of all ``parts``."""
     return Widths(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") -> Widths:
-    """Return both models at the printed parameters ``stated`` on ``paths`` of the arm ``chain``."""
+    """Return the widths of both models at the printed parameters ``stated`` on ``paths``."""
     blocks, n = [], paths.q.shape[-1]
     for start in range(0, len(paths.q), BLOCK):
-        _, q, step, inverse = (part[start : start + BLOCK] for part in paths)
+        q, step, inverse = (part[start : start + BLOCK] for part in paths)
         jacobian = chain.jacobian(q)
         v = np.ascontiguousarray(np.moveaxis(np.matvec(jacobian, step), -1, 0))
         jacobian, inverse = (
@@ -176,16 +172,16 @@ def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") 
         wishart = np.sqrt(np.stack([variance.mean(axis=-1).T for variance in variances], axis=1))
         gaussian = gaussian_variance(norms, v, stated.alpha, stated.u, n).mean(axis=-1)
         blocks.append(Widths(np.full(len(q), kind), norms.max(-1), np.sqrt(gaussian), wishart))
-    return joined(blocks)
+    return concatenate_widths(blocks)
 
 
 def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
-    """Return the (R, P) or (P,) logarithm of each quantity, which the paper has at 0."""
+    """Return the (R, P) or (P,) logarithm of each quantity; 0 agrees with the printed numbers."""
     n = len(stated.covariance)
-    joints = np.moveaxis(drawn.wishart / stated.spread, -1, 0)
+    joints = np.moveaxis(drawn.wishart / stated.std, -1, 0)
     quantities = {f"joint {j + 1}": ratio.T for j, ratio in enumerate(joints)} | {
-        "trace": np.linalg.norm(drawn.wishart, axis=-1).T / stated.total,
-        "gaussian": np.sqrt(n) * drawn.gaussian / stated.total,
+        "trace": np.linalg.norm(drawn.wishart, axis=-1).T / stated.total_std,
+        "gaussian": np.sqrt(n) * drawn.gaussian / stated.total_std,
         "difference": drawn.difference,
     }
     return {name: np.log(values) for name, values in quantities.items()}
@@ -194,7 +190,7 @@ def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
 def densities(
     quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
 ) -> np.ndarray:
-    """Return the (R, P) density of the printed numbers, a factor ``tolerance`` f > 1 on each."""
+    """Return the (R, P) density of the printed numbers within a factor ``tolerance`` f > 1."""
     deviation = np.log(tolerance)
     squares = sum((quantities[name] / deviation) ** 2 for name in names)
     return np.exp(-squares / 2) / (np.sqrt(2 * np.pi) * deviation) ** len(names)
@@ -203,10 +199,8 @@ def densities(
 def evidence_rows(
     drawn: Widths, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
 ) -> pd.DataFrame:
-    """Return the rows of the table ``evidence`` of one prior, whose paths are ``drawn``: for each
-    of the ``tolerances`` f, and for the integral over f in ``span``, which is uniform in ln ln f.
-
-    Likelihoods are over pivoted LU's; intervals by the number of paths.
+    """Return rows of ``evidence`` for the prior of the paths ``drawn``: by tolerance f, and for the
+    integral over f in ``span``, uniform in ln ln f.
     """
     quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
     grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []
@@ -227,17 +221,17 @@ def evidence_rows(
 
 
 def width_rows(drawn: Widths, stated: Published) -> pd.DataFrame:
-    """Return the rows of the table ``widths`` of one prior."""
+    """Return rows of the table ``widths`` for the prior of the paths ``drawn``."""
     n, rows = len(stated.covariance), []
     gaussian = np.repeat(drawn.gaussian[:, None], n, axis=1)
     models = [*np.moveaxis(drawn.wishart, 1, 0), gaussian]
     for reading, joints in zip((*READINGS, GAUSSIAN), models, strict=True):
         total = np.linalg.norm(joints, axis=-1)
-        width, difference = total / stated.total, total / (np.sqrt(n) * drawn.gaussian)
-        names = ("low", "median", "high", "best")
+        width, difference = total / stated.total_std, total / (np.sqrt(n) * drawn.gaussian)
+        levels = {"low": 0.05, "median": 0.5, "high": 0.95, "best": 0.99}
         row = {"reading": reading, "paths": len(width)}
-        row |= dict(zip(names, np.quantile(width, [0.05, 0.5, 0.95, 0.99]), strict=True))
-        row |= {f"joint_{j + 1}": np.median(joints[:, j]) / stated.spread[j] for j in range(n)}
+        row |= {name: np.quantile(width, level) for name, level in levels.items()}
+        row |= {f"joint_{j + 1}": np.median(joints[:, j]) / stated.std[j] for j in range(n)}
         row |= {"least_ratio": difference.min(), "median_ratio": np.median(difference)}
         rows.append(row | {"greatest_ratio": difference.max(), "reached": np.mean(width >= 1)})
     return pd.DataFrame(rows)

@@ -1,14 +1,13 @@
 """Random paths of the paper's arm: the prior of the study.
 
-The prior has three kinds of equal weight: straight lines in the joints and in the task (x, z, φ),
-each one way or there and back with equal probability, and ellipses through the start, in the joints
-or in the task alike. The start is uniform within the joint limits, the direction isotropic in the
-joints' speeds, and the size the one at which the fastest joint has the drawn peak speed. A path is
-feasible if every pose keeps the joint limits and ‖J⁻¹‖_F < û; collisions are not tested. No model
-of the noise decides whether a path is kept.
+Three kinds have equal weight: straight lines in the joints and in the task (x, z, φ), each one way
+or there and back with equal probability, and ellipses through the start in the joints or the task.
+The start is uniform within the joint limits, the direction isotropic in the joints' speeds; the
+fastest joint has the drawn peak speed. A path is feasible if every pose keeps the joint limits and
+‖J⁻¹‖_F < û. Neither collisions nor the models of the noise select paths.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,11 +24,10 @@ SPEED_TOLERANCE = 0.02  # relative, of the peak speed of a path of the task
 
 @dataclass(frozen=True)
 class TimeLaw:
-    """Steps of a motion: rest, linear ramp, constant speed, linear ramp, rest; there and back both
-    in half the time each. Ranges belong to uniform laws.
+    """Timing of a motion: rest, linear ramp, constant speed, linear ramp, rest; ranges are uniform.
 
-    ``once`` is the share of the duration that the motion takes: below 1 it is as much faster and
-    repeated. Means over all steps do not depend on the number of repetitions.
+    A motion there and back takes half the time each way. ``once`` is the share of the duration that
+    the motion takes: below 1 the motion is faster and repeated, with equal means over the steps.
     """
 
     steps: int
@@ -40,7 +38,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the share (P, steps+1) of the path behind the arm, of ``back`` (P,) to and fro."""
+        """Return the share (P, steps+1) of each path done; ``back`` (P,) marks return paths."""
         count = (len(back), 1)
         duration = self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
@@ -51,50 +49,33 @@ class TimeLaw:
         place = np.clip((time - rest) / moving, 0.0, 1.0)
         from_end = np.minimum(place, 1 - place)
         share = np.maximum(ramp, np.finfo(float).tiny)
-        behind = np.where(from_end < ramp, from_end**2 / (2 * share), from_end - ramp / 2)
-        behind = behind / (1 - ramp)
-        return np.where(place < 0.5, behind, 1 - behind)
+        done = np.where(from_end < ramp, from_end**2 / (2 * share), from_end - ramp / 2)
+        done = done / (1 - ramp)
+        return np.where(place < 0.5, done, 1 - done)
 
 
 class Paths(NamedTuple):
     """P feasible paths of K steps."""
 
-    peak: np.ndarray  # (P,) greatest speed of a joint as a share of its limit
     q: np.ndarray  # (P, K, n) rad, at the start of every step
     step: np.ndarray  # (P, K, n) rad
     inverse: np.ndarray  # (P, K, n, m) J⁻¹
 
 
-def with_tool(chain: PlanarChain, length: float) -> PlanarChain:
-    """Return ``chain`` with its last link of another ``length`` in m, in the same direction."""
-    links = chain.links.copy()
-    links[-1] *= length / chain.lengths[-1]
-    return replace(chain, links=links)
+def draw_paths(
+    chain: PlanarChain, law: TimeLaw, kind: str, bound: float, count: int, rng: np.random.Generator
+) -> Paths:
+    """Return ``count`` random feasible paths of a ``kind``; ``bound`` û on ‖J⁻¹‖_F (1/m and 1)."""
+    parts: list[Paths] = []
+    while sum(len(part.q) for part in parts) < count:
+        parts.append(_feasible_paths(chain, law, kind, bound, rng))
+    return Paths(*(np.concatenate(column)[:count] for column in zip(*parts, strict=True)))
 
 
-def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.ndarray:
-    """Return the angles (..., 3) in rad that put the tip at ``pose`` (..., 3) = (x, z, φ); NaN out
-    of reach.
-
-    ``elbow`` (...), the sign of det J, selects one of the two solutions.
-    """
-    first, second, tool = chain.lengths
-    heading = np.arctan2(chain.links[2, 0], chain.links[2, 1]) + pose[..., 2]
-    wrist = pose[..., :2] - chain.origin
-    wrist = wrist - tool * np.stack([np.sin(heading), np.cos(heading)], axis=-1)
-    square = np.vecdot(wrist, wrist)
-    with np.errstate(invalid="ignore"):
-        bend = np.arccos((square - first**2 - second**2) / (2 * first * second))
-    bend = -np.prod(chain.signs) * elbow * bend
-    upper = np.arctan2(wrist[..., 0], wrist[..., 1])
-    upper = upper - np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
-    return chain.joints_from_segments(np.stack([upper, upper + bend, heading], axis=-1))
-
-
-def _feasible(
+def _feasible_paths(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
 ) -> Paths:
-    """Feasible paths of a batch start + size·shape, in the joints or in the task."""
+    """Return the feasible ones of BATCH paths start + size·shape, in the joints or in the task."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
     q = q[~chain.singular(q)]
     q = q[frobenius(chain.inverse_jacobian(q)) < bound]
@@ -115,7 +96,7 @@ def _feasible(
     peak, size = once * rng.uniform(*law.peak, count), np.ones(count)
 
     def angles(chosen: np.ndarray, stride: int) -> np.ndarray:
-        """(C, L, 3) rad at every ``stride``-th sample of the paths ``chosen`` (C,)."""
+        """Return (C, L, 3) rad at every ``stride``-th pose of the paths ``chosen`` (C,)."""
         shape = share[chosen, ::stride, None]
         along, across = np.moveaxis(axes[chosen, None], 2, 0)
         turn = 2 * np.pi * shape
@@ -135,22 +116,29 @@ def _feasible(
         size *= np.where(np.isfinite(ratio), ratio, 0.5)  # shorter if it leaves the reach
     for stride in (COARSE, 1):
         q = angles(chosen, stride)
-        speed = greatest_speed(q, stride)
         kept = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
-        kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (5 if stride > 1 else 1)
-        chosen, q, speed = chosen[kept], q[kept], speed[kept]
+        error = np.abs(greatest_speed(q, stride) / peak[chosen] - 1)
+        kept &= error < SPEED_TOLERANCE * (5 if stride > 1 else 1)
+        chosen, q = chosen[kept], q[kept]
         inverse = chain.inverse_jacobian(q)
         kept = (frobenius(inverse) < bound).all(axis=1)
-        chosen, q, speed, inverse = chosen[kept], q[kept], speed[kept], inverse[kept]
+        chosen, q, inverse = chosen[kept], q[kept], inverse[kept]
     step = np.diff(q, axis=1) / once[chosen, None, None]
-    return Paths(speed / once[chosen], q[:, :-1], step, inverse[:, :-1])
+    return Paths(q[:, :-1], step, inverse[:, :-1])
 
 
-def draw_paths(
-    chain: PlanarChain, law: TimeLaw, kind: str, bound: float, count: int, rng: np.random.Generator
-) -> Paths:
-    """Return ``count`` random feasible paths of a ``kind``; ``bound`` û on ‖J⁻¹‖_F (1/m and 1)."""
-    parts: list[Paths] = []
-    while sum(len(part.q) for part in parts) < count:
-        parts.append(_feasible(chain, law, kind, bound, rng))
-    return Paths(*(np.concatenate(column)[:count] for column in zip(*parts, strict=True)))
+def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.ndarray:
+    """Return the angles (..., 3) in rad for the tip ``pose`` (..., 3) = (x, z, φ), NaN out of
+    reach; ``elbow`` (...), the sign of det J, selects one of the two solutions.
+    """
+    first, second, tool = chain.lengths
+    heading = np.arctan2(chain.links[2, 0], chain.links[2, 1]) + pose[..., 2]
+    wrist = pose[..., :2] - chain.origin
+    wrist = wrist - tool * np.stack([np.sin(heading), np.cos(heading)], axis=-1)
+    square = np.vecdot(wrist, wrist)
+    with np.errstate(invalid="ignore"):
+        bend = np.arccos((square - first**2 - second**2) / (2 * first * second))
+    bend = -np.prod(chain.signs) * elbow * bend
+    upper = np.arctan2(wrist[..., 0], wrist[..., 1])
+    upper = upper - np.arctan2(second * np.sin(bend), first + second * np.cos(bend))
+    return chain.joints_from_segments(np.stack([upper, upper + bend, heading], axis=-1))

@@ -1,8 +1,7 @@
-"""which_decomposition: which decomposition of the Jacobian the paper's printed numbers allow, over
-random paths of its arm; the decompositions on an arm in space and at the recorded level.
-"""
+"""which_decomposition: decompositions of the Jacobian that the paper's printed numbers allow."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,25 +13,20 @@ from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.cases.readings import read_claims
 from pipeline.core import config, rng
-from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.figures import style
-from pipeline.models.steps import Recorded
-from pipeline.models.wishart.law import StepSquares, dispersion_of_trace
-from pipeline.recordings.steps import training_steps
-from pipeline.studies.frame import Study, Tables, joined, number, trials
+from pipeline.studies.frame import Study, Tables, concatenate, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published, Widths
-from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths, with_tool
+from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
-PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # whatever dataset is analysed
+PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # for any dataset
 GENERAL = (laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED)  # readings for a task of any size
-
 NAMES = {
     laws.PIVOTED: "LU, pivoted",
     **{name: "LU, rows " + " ".join("xzφ"[row] for row in rows) for name, rows in PLAIN.items()},
@@ -49,21 +43,13 @@ PHI_LATER = [name for name, rows in PLAIN.items() if rows[0] != 2]
 SHOWN = (laws.PIVOTED, "lu_xzp", "lu_zxp", laws.QR, laws.QR_TRANSPOSED)  # in the page's table
 
 
-def time_laws(options: SimpleNamespace) -> dict[str, tuple[TimeLaw, int]]:
-    """Return the time laws, and the number of paths of each kind in a chunk."""
-    still = (0.0, 0.0)
-    full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
-    ramped = TimeLaw(STEPS, RATE, options.rest, options.ramp, options.peak)
-    return {RAMPED: (ramped, options.paths), FULL_SPEED: (full, options.full_speed_paths)}
-
-
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the study's tables; ``level`` only if the measurement noise is known."""
-    stated, chain = laws.published(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
+    """Return the study's tables."""
+    stated, chain = laws.published_values(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
     common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
-    label, numbers = "which_decomposition: paths", range(options.chunks)
-    chunks = trials(settings, label, widths_of_chunk, numbers, **common)
-    drawn = {name: laws.joined([chunk[name] for chunk in chunks]) for name in time_laws(options)}
+    label = "which_decomposition: paths"
+    chunks = trials(settings, label, widths_of_chunk, range(options.chunks), **common)
+    drawn = {name: laws.concatenate_widths([chunk[name] for chunk in chunks]) for name in chunks[0]}
     ramped = drawn[RAMPED]
     priors = {RAMPED: ramped}
     priors |= {f"{kind}s alone": ramped.subset(ramped.kind == kind) for kind in KINDS}
@@ -76,36 +62,35 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     ]
     sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
-    tables = {
-        "evidence": joined(likelihoods),
-        "widths": joined(sizes),
+    return {
+        "evidence": concatenate(likelihoods),
+        "widths": concatenate(sizes),
         "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
         "units": unit_rows(chain_of(robot_of(SPACE_ARM)), q, options.turns, stated.sigma_b),
     }
-    try:
-        recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-        tables["level"] = level_rows(recorded)
-    except ModelDomainError as reason:
-        print(f"which_decomposition: no level of the recordings: {reason}")
-    return tables
 
 
 def widths_of_chunk(
     chunk: int, chain: PlanarChain, options: SimpleNamespace, stated: Published, seed: int
 ) -> dict[str, Widths]:
-    """Return both models on the paths of one ``chunk`` of the arm ``chain``, by time law."""
-    stream = rng.stream(seed, "which_decomposition", chunk)
-    chain, parts = with_tool(chain, stream.uniform(*options.tool)), {}
-    for name, (law, count) in time_laws(options).items():
+    """Return by time law the widths on paths of the arm with a last link of random length."""
+    stream, parts = rng.stream(seed, "which_decomposition", chunk), {}
+    links, still = chain.links.copy(), (0.0, 0.0)
+    links[-1] *= stream.uniform(*options.tool) / chain.lengths[-1]
+    chain = replace(chain, links=links)
+    full = TimeLaw(STEPS, RATE, still, still, (1.0, 1.0), options.once)
+    ramped = TimeLaw(STEPS, RATE, options.rest, options.ramp, options.peak)
+    timed = {RAMPED: (ramped, options.paths), FULL_SPEED: (full, options.full_speed_paths)}
+    for name, (law, count) in timed.items():
         drawn = {kind: draw_paths(chain, law, kind, stated.u, count, stream) for kind in KINDS}
-        parts[name] = laws.joined([laws.widths(chain, drawn[kind], stated, kind) for kind in KINDS])
+        widths = [laws.widths(chain, paths, stated, kind) for kind, paths in drawn.items()]
+        parts[name] = laws.concatenate_widths(widths)
     return parts
 
 
 def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -> pd.DataFrame:
-    """Return the table ``units`` of the poses ``q`` (K, n), equally far apart on a straight line in
-    the joints, of an arm whose task is its whole pose: the decompositions in other units, and in
-    axes turned about z by ``turns`` in degrees.
+    """Return the table ``units`` at equally spaced poses ``q`` (K, n) of an arm in space: noise in
+    other units, and in axes turned about z by ``turns`` in degrees.
     """
     jacobian, pseudoinverse = chain.jacobian(q), chain.inverse_jacobian(q)
     cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, np.diag([1000.0] * 3 + [1.0] * 3))]
@@ -125,37 +110,6 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
     return pd.DataFrame(rows, columns=["reading", "unit", "turn", "noise"])
 
 
-def level_rows(recorded: Recorded) -> pd.DataFrame:
-    """Return the table ``level``: σ_B by moments, at which the mean trace of a step's covariance
-    and of the measurement noise is the recorded trace; NaN where a pivot vanishes on the motion.
-
-    Raises ModelDomainError where the motion never rests and the measurement noise is not stated.
-    """
-    chain, (takes, steps, n) = recorded.chain, recorded.q.shape
-    m, q = len(chain.task), recorded.q.reshape(-1, n)
-    v = np.broadcast_to(recorded.v[..., :m], (takes, steps, m)).reshape(-1, m).T.copy()
-    jacobian, inverse = (
-        np.moveaxis(of(q), 0, -1).copy() for of in (chain.jacobian, chain.inverse_jacobian)
-    )
-    variance = recorded.noise.var(axis=0, ddof=1).mean(axis=0) - np.diag(recorded.measurement)
-    plain = tuple(PLAIN) if m == n == 3 else ()
-    levels = [("recorded", np.nan, variance)]
-    for reading in (laws.PIVOTED, *plain, laws.QR, laws.QR_TRANSPOSED):
-        parts = [part.mean(axis=-1) for part in laws.wishart_parts(reading, jacobian, inverse, v)]
-        try:
-            squares = StepSquares(*(part.sum() for part in parts))
-            sigma_b = dispersion_of_trace(squares, variance.sum(), m)
-        except ModelDomainError:
-            sigma_b = np.nan
-        levels.append((reading, sigma_b, laws.wishart_variance(parts, m, sigma_b)))
-    rows = [
-        (j, np.sqrt(max(one, 0.0)), reading, sigma_b)
-        for reading, sigma_b, variances in levels
-        for j, one in enumerate(variances, start=1)
-    ]
-    return pd.DataFrame(rows, columns=["joint", "std", "reading", "sigma_b"])
-
-
 def robot_of(dataset: str) -> Robot:
     """Return the robot of ``pipeline/conf/dataset``."""
     file = config.CONF / f"dataset/{dataset}.yaml"
@@ -166,18 +120,18 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
     integrated = evidence[evidence["tolerance"] == 0]
-    rows = of_first(integrated, "size")
+    rows = rows_of_first(integrated, "size")
     later = rows[rows["reading"].isin(PHI_LATER)]
     best = []
     for name, words in QUANTITIES.items():
-        part = of_first(later[later["quantities"] == name], "prior")
+        part = rows_of_first(later[later["quantities"] == name], "prior")
         most = part.loc[part["likelihood"].idxmax()]
         value, low, high = map(number, most[["likelihood", "low", "high"]])
         best.append(f"{words}: {value} ({low} to {high}, {NAMES[most['reading']]})")
     choices = []
     for size, part in integrated.groupby("size", sort=False):
-        own = of_first(part, "prior").groupby("quantities")
-        first, last = (span(own.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
+        own = rows_of_first(part, "prior").groupby("quantities")
+        first, last = (odds(own.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
         choices.append(f"{size} {first}, with all quantities {last}")
     by = widths.set_index(["reading", "prior"])
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
@@ -187,16 +141,15 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     ranges = ("tool", "rest", "ramp", "peak")
     return {
         "verb": "do not determine" if below and above else "favour one side of",
-        "later": span(later, PHI_LATER),
+        "later": odds(later, PHI_LATER),
         "best": "; ".join(best),
-        "odds": span(rows, [laws.QR]),
-        "control": span(rows, [laws.QR_TRANSPOSED]),
+        "odds": odds(rows, [laws.QR]),
+        "control": odds(rows, [laws.QR_TRANSPOSED]),
         "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
         "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
-        "evidence": evidence_table(of_first(evidence, "size")),
+        "evidence": evidence_table(rows_of_first(evidence, "size")),
         "span": options.span,
         "choices": "; ".join(choices),
-        "level": level_text(tables["level"]) if "level" in tables else "",
         "ramped": ramped,
         "constant": constant,
         "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
@@ -206,31 +159,19 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     }
 
 
-def of_first(rows: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return the rows whose ``column`` is as in the first of them."""
+def rows_of_first(rows: pd.DataFrame, column: str) -> pd.DataFrame:
+    """Return the rows whose ``column`` equals the first row's."""
     return rows[rows[column] == rows[column].iloc[0]]
 
 
-def span(rows: pd.DataFrame, readings: list[str]) -> str:
-    """Return least and greatest likelihood of ``readings`` as odds, 3:1 or 1:3."""
+def odds(rows: pd.DataFrame, readings: list[str]) -> str:
+    """Return the least and the greatest likelihood of ``readings`` as odds (3:1 or 1:3)."""
     ends = rows[rows["reading"].isin(readings)]["likelihood"].agg(["min", "max"])
     return " to ".join(f"{number(x)}:1" if x >= 1 else f"1:{number(1 / x)}" for x in ends)
 
 
-def level_text(level: pd.DataFrame) -> str:
-    """Return the finding at the recorded level: σ_B and standard deviations by joint."""
-    texts = []
-    for reading in ("recorded", laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED):
-        own = level[level["reading"] == reading]
-        sigma_b = "" if reading == "recorded" else f" (σ̂_B {number(own['sigma_b'].iloc[0])})"
-        stds = "/".join(number(1000 * std) for std in own["std"])
-        texts.append(f"{NAMES.get(reading, reading)} {stds}{sigma_b}")
-    first = "- With σ̂_B by moments, which forces the trace, the standard deviations of the joints"
-    return f"{first}\n  are, in mrad: {'; '.join(texts)}.\n"
-
-
 def evidence_table(rows: pd.DataFrame) -> str:
-    """Return a row a reading: the likelihoods of the first prior, and the range over all priors."""
+    """Return a row for each reading: likelihoods under the first prior, range over all priors."""
     tolerances, lines = sorted(set(rows["tolerance"]) - {0.0}), []
 
     def several(texts: Iterable[str]) -> str:
@@ -239,7 +180,7 @@ def evidence_table(rows: pd.DataFrame) -> str:
 
     for reading in SHOWN:
         here = rows[rows["reading"] == reading]
-        main = of_first(here, "prior").set_index(["quantities", "tolerance"])["likelihood"]
+        main = rows_of_first(here, "prior").set_index(["quantities", "tolerance"])["likelihood"]
         cells = [several(number(main[name, f]) for f in tolerances) for name in QUANTITIES]
         ends = here[here["tolerance"] == 0]["likelihood"]
         lines.append([NAMES[reading], *cells, f"{number(ends.min())}–{number(ends.max())}"])
@@ -249,7 +190,7 @@ def evidence_table(rows: pd.DataFrame) -> str:
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
-    main, limits = of_first(widths, "prior").set_index("reading"), (0.02, 30)
+    main, limits = rows_of_first(widths, "prior").set_index("reading"), (0.02, 30)
     place = {reading: height for height, reading in enumerate(main.index)}
     layout = {"columns": 2, "sharey": True, "width_ratios": (1, 1.25)}
     figure, ((left, right),) = style.panels(style.TWO_COLUMNS, 0.27 * len(place) + 0.95, **layout)
@@ -260,7 +201,7 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         left.plot(median, height, **dot)
         if high > limits[1]:
             left.plot(limits[1], height, **dot | {"marker": ">"}, clip_on=False)
-    rows = of_first(evidence[evidence["tolerance"] == 0], "size")
+    rows = rows_of_first(evidence[evidence["tolerance"] == 0], "size")
     labels = {"sigma_b": r"$\Sigma_\omega$ and $\sigma_B$", "alpha_u": r"with ($\alpha$, $u$)"}
     looks = (("o", style.BLUE), ("s", style.ORANGE), ("D", style.VERMILLION))
     for shift, name, (marker, color) in zip((-0.22, 0, 0.22), QUANTITIES, looks, strict=True):
@@ -268,7 +209,7 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         heights = part["reading"].map(place) + shift
         ends = part.groupby(heights.round(6))["likelihood"].agg(["min", "max"])
         right.hlines(ends.index, ends["min"], ends["max"], color=color, linewidth=1.2)
-        here = of_first(part, "prior")
+        here = rows_of_first(part, "prior")
         look = {"marker": marker, "color": color, "label": labels.get(name, QUANTITIES[name])}
         right.plot(here["likelihood"], heights[here.index], linestyle="", markersize=4, **look)
     left.plot([], [], **dot, label="median, 90 % of the paths")
