@@ -26,9 +26,9 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.trajectory import write_trajectory
+from pipeline.laboratory.dynamics import desired_joints, desired_trajectory
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 from pipeline.laboratory.options import KinectOptions
-from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.perception.articulation import articulate_rows
 from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture

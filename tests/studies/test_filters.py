@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.particle_filter import FilterOptions
-from pipeline.laboratory import session
+from pipeline.laboratory import dynamics
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.models.kinds import options_type
 from pipeline.statistics.filters import Filtered, no_filter
@@ -26,12 +26,12 @@ STILL = PhysicsFactors(disturbances=0.0)
 
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
     own, stream = laboratory.dynamics, rng.stream(5, "record.session")
-    recorded_session = session.open_session(laboratory.chain, own, stream)
+    recorded_session = dynamics.open_session(laboratory.chain, own, stream)
     for number, take in enumerate(perform(laboratory, PhysicsFactors(), 5, "test", 2)):
         stream = rng.stream(5, "record.test", number)
-        motion = session.perform(recorded_session, laboratory.motion, own, stream)
+        motion = dynamics.perform(recorded_session, laboratory.motion, own, stream)
         duration = laboratory.motion.duration
-        frames = session.depth_frames(motion.swing, duration, laboratory.clock, stream)
+        frames = dynamics.depth_frames(motion.swing, duration, laboratory.clock, stream)
         np.testing.assert_array_equal(take.poses, motion.motion_capture)
         np.testing.assert_array_equal(take.seen, frames.joints)
 

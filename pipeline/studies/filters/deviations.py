@@ -18,9 +18,14 @@ import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
 from pipeline.arm.interface import Chain
-from pipeline.laboratory.dynamics import lagged_correlation, play_share, servo_times, sway_share
+from pipeline.laboratory.dynamics import (
+    desired_joints,
+    lagged_correlation,
+    play_share,
+    servo_times,
+    sway_share,
+)
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
-from pipeline.laboratory.swing import desired_joints
 
 PLAY = -1  # the joint that has it
 

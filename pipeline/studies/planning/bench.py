@@ -16,10 +16,17 @@ from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
-from pipeline.laboratory.dynamics import Chance, draw, expose, swing
+from pipeline.laboratory.dynamics import (
+    Chance,
+    JointPath,
+    Session,
+    desired_path,
+    draw,
+    expose,
+    open_session,
+    swing,
+)
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
-from pipeline.laboratory.session import Session, open_session
-from pipeline.laboratory.swing import JointPath, desired_path
 from pipeline.models.noise import process_noise
 from pipeline.models.steps import Recorded
 from pipeline.recordings.commands import commanded_steps
