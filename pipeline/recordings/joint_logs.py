@@ -9,15 +9,16 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.commanded import trajectory_table
-from pipeline.arm.interface import Chain
+from pipeline.arm.model import chain_of
+from pipeline.core.angles import apart
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.recordings import movement, repetitions
-from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.commands import circular_joints, require_pair
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.pairing import require_pair
+from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 
 RESIDUALS = "residuals"
@@ -34,40 +35,59 @@ class LoggedTake(NamedTuple):
     signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
+def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str = "count") -> None:
+    quality.append(quality_row(take, "training", "joint log", quantity, value, unit))
+
+
+def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
+    """Return name → path of the movements' logs; RecordingError where there are none."""
+    pattern, what = dataset.joint_log.movements, "folder or file of a movement"
+    return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
+
+
+def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
+    """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
+    options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
+    circular = circular_joints(urdf, options.joints)
+    read = movement.read_logged_movement(name, place, options, rate, circular)
+    angles, clock = {"actual": read.actual, "target": read.target}, np.arange(len(read.actual))
+    movement.require_speeds(clock / rate, angles, options.joints, urdf, file=place)
+    return read
+
+
 def joint_log_rows(
-    raw: Path, dataset: Dataset, chain: Chain
+    movements: Mapping[str, LoggedMovement], raw: Path, dataset: Dataset
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
     """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
-    motion of the dataset, and their quality.
+    dataset's motion in the ``movements``, and their quality.
 
-    The desired pose is the mean command, held before and after the motion, as a controller at rest
-    logs the measured angle for it. Repetitions without rest are brought in phase between the rows.
+    The desired pose is the mean command, constant before and after the motion, as a controller at
+    rest logs the measured angle for it. Repetitions without rest are brought in phase between rows.
     Raises RecordingError for fewer than two repetitions, and for commands that differ.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
     rest, length = options.rest, dataset.motion.steps + 1
     steps = dataset.motion.steps - 2 * rest
-    takes, observed, quality = find_takes(raw, dataset, steps)
+    takes, observed, quality = find_takes(movements, raw, dataset)
     note, rows, reference = partial(_note, quality), {}, None
     for name, take in takes.items():
         if reference is None:
             reference = take.target[take.first :][: steps + 1]
         angles = take.actual, take.target, take.first, reference, take.circular
-        start, *pair = repetitions.matched(*angles, passing=not rest)
+        start, *pair = repetitions.match_reference(*angles, passing=not rest)
         logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
         rows[name] = {
-            key: repetitions.stretch(each, start - rest, length) for key, each in logged.items()
+            key: repetitions.stretch(signal, start - rest, length) for key, signal in logged.items()
         }
         if start != round(start):
             note(name, "resampled_rows", length)
-    _leave_out_disturbed(rows, takes, dataset, raw, quality)
+    if rows:
+        _leave_out_disturbed(rows, takes, dataset, raw, quality)
     for name, take in rows.items():
         evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
         require_pair(take["actual"], take["target"], rate, **evidence)
     if len(rows) < 2:
-        message = (
-            f"{len(rows)} repetition(s), where the fits need two, of a motion of {steps} steps"
-        )
+        message = f"{len(rows)} repetition(s), and the fits need two, of a motion of {steps} steps"
         message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
         message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
@@ -88,47 +108,29 @@ def joint_log_rows(
     k = np.tile(np.arange(length), len(rows))
     identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
     table = pd.DataFrame(identity | spread("q", joints, measured))
-    return trajectory_table(chain, held, rate, joints), table, quality
-
-
-def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str = "count") -> None:
-    quality.append(quality_row(take, "training", "joint log", quantity, value, unit))
-
-
-def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
-    """Return name → path of the movements' logs; RecordingError where there are none."""
-    pattern, what = dataset.joint_log.movements, "folder or file of a movement"
-    return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
-
-
-def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> movement.LoggedMovement:
-    """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
-    options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
-    circular = circular_joints(urdf, options.joints)
-    read = movement.read_logged_movement(name, place, options, rate, circular)
-    angles, clock = {"actual": read.actual, "target": read.target}, np.arange(len(read.actual))
-    movement.require_speeds(clock / rate, angles, options.joints, urdf, file=place)
-    return read
+    return trajectory_table(chain_of(dataset.robot), held, rate, joints), table, quality
 
 
 def find_takes(
-    raw: Path, dataset: Dataset, steps: int
+    movements: Mapping[str, LoggedMovement], raw: Path, dataset: Dataset
 ) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
-    """Return the repetitions by name, all motions in words, and the quality of the movements."""
+    """Return the repetitions by name, all motions in words, and the quality of the movements.
+
+    Raises RecordingError where a joint leaves its locked angle in a repetition.
+    """
     takes, observed, quality, options = {}, [], [], dataset.joint_log
     columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
-    for name, place in find_movements(raw, dataset).items():
-        read = read_dataset_movement(name, place, dataset)
+    steps, ends = dataset.motion.steps - 2 * rest, (options.start, options.end)
+    for name, read in movements.items():
         target, circular = read.target, read.circular[columns]
         sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
-        ends = options.start, options.end
         sought["circular"] = circular
         found = repetitions.find_repetitions(target, read.speed, columns, ends, **sought)
         signals = {RESIDUALS: read.actual - target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
-            read.require_held(rows, dataset.robot.locked, file=place, take=take)
+            _require_locked(read, rows, dataset.robot.locked, file=raw, take=take)
             angles = read.actual[:, columns], target[:, columns]
             takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
         for run in repetitions.excursions(target, read.speed, options.rest_speed):
@@ -140,11 +142,25 @@ def find_takes(
         counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
         for key, value in counts.items():
             _note(quality, name, key, value, movement.UNITS.get(key, "count"))
-        # a motion that was left out is named by the row it starts at
+        # a motion that was left out is named by its first row
         for reason, rows in found.left_out.items():
             for row in rows:
                 _note(quality, name, f"{reason}_from_row", row, "row")
     return takes, observed, quality
+
+
+def _require_locked(
+    read: LoggedMovement, rows: slice, locked: Mapping[str, float], **evidence: object
+) -> None:
+    """RecordingError for joints not within 0.01 rad of their ``locked`` angle in ``rows``."""
+    for joint in sorted({*locked} & {*read.joints}):
+        angle, column = locked[joint], read.joints.index(joint)
+        measured = read.actual[rows, column]
+        if np.abs(apart(measured, angle, read.circular[column])).max() > repetitions.REACH:
+            message = f"{joint} is locked at {angle:.4g} rad, and was logged from"
+            message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it there, or"
+            message += " choose a motion in which it does not move"
+            raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 
 
 def _leave_out_disturbed(
@@ -154,17 +170,13 @@ def _leave_out_disturbed(
     raw: Path,
     quality: list[dict],
 ) -> None:
-    """Delete disturbed takes from ``rows``, or refuse them; distances go to ``quality``."""
-    if not rows:
-        return
+    """Delete disturbed takes from ``rows``, or refuse them; append distances to ``quality``."""
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
     limit = np.inf if options.residual_limit is None else options.residual_limit
-    scores, distances = (
-        repetitions.disturbances(residuals, others, rate),
-        repetitions.beside_others(residuals),
-    )
+    scores = repetitions.disturbances(residuals, others, rate)
+    distances = repetitions.beside_others(residuals)
     greatest = np.abs(residuals).max(axis=(1, 2))
     for name, distance, score, largest in zip(takes, distances, scores, greatest, strict=True):
         note(name, "residual_beside_others", distance, "rad")

@@ -22,7 +22,7 @@ from pipeline.models.prediction import modelled_noise
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import commanded_steps, constant_speed
-from pipeline.recordings.steps import held_against, training_steps, truth_of
+from pipeline.recordings.steps import reference_joints, training_steps, truth_of
 from pipeline.statistics import curves
 from pipeline.statistics.filters import (
     Filtered,
@@ -172,7 +172,7 @@ def _score_filters(
     places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
     if not places:
         return {}, {}
-    measured, true = held_against(joints, dataset)
+    measured, true = reference_joints(joints, dataset)
     measured = measured[["take", "k", *columns("q", names)]]
     posteriors = {
         name: contracts.read("posterior", place).merge(measured, on=["take", "k"])
@@ -254,7 +254,7 @@ def _quality() -> Scored:
     """Sums of what the instruments lost and what was repaired, summed up over the takes."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
-    summary = quality.summarised(pd.concat(records, ignore_index=True))
+    summary = quality.summarise(pd.concat(records, ignore_index=True))
     return quality.metrics(summary), {"recording_quality": summary}
 
 

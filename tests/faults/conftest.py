@@ -32,8 +32,7 @@ from pipeline.laboratory.options import KinectOptions
 from pipeline.perception.articulation import articulate_rows
 from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture
-from pipeline.recordings.clocks import on_motion_clock
-from pipeline.recordings.depth_angles import arm_points
+from pipeline.recordings.depth_takes import arm_points, on_motion_clock
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument

@@ -23,7 +23,7 @@ from pipeline.core.options.instruments import JointLogSection
 from pipeline.core.validation import validated
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.motions import NEARLY, FoundMotion, motions
+from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
 from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import REACH
 from pipeline.tools.inspect.command import inspect
@@ -262,7 +262,7 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
         name: read_logged_movement(name, place, options, float(rate), circular)
         for name, place in places.items()
     }
-    offered = motions(movements, validated(Robot, values["robot"], "robot"), rate)
+    offered = find_motions(movements, validated(Robot, values["robot"], "robot"), rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 
     def last(motion: FoundMotion) -> tuple[bool, int]:
