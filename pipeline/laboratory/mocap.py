@@ -18,6 +18,7 @@ from pipeline.laboratory.options import MocapOptions
 LABELS = "abc"
 PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
+Base = tuple[np.ndarray, np.ndarray]  # rotation (3, 3) and place (3,) m of the arm in the world
 
 
 def place_markers(template: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
@@ -70,22 +71,15 @@ def _lose_labels(
 
 
 def capture(
-    arm: Arm,
-    q: np.ndarray,
-    markers: np.ndarray,
-    rotation: np.ndarray,
-    translation: np.ndarray,
-    options: MocapOptions,
-    rng: Generator,
+    arm: Arm, q: np.ndarray, markers: np.ndarray, base: Base, options: MocapOptions, rng: Generator
 ) -> dict[str, np.ndarray]:
     """Draw by name the positions (N, 3) m in the world, NaN where missing, of markers at places
     ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q``
-    (N, 3) rad. Names are ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards; ``rotation``
-    (3, 3) and ``translation`` (3,) m are the pose of the arm's base in the world.
+    (N, 3) rad. Names are ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards.
     """
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
-    observed = _observe(arm.to_base(plane) @ rotation.T + translation, options, rng)
+    observed = _observe(arm.to_base(plane) @ base[0].T + base[1], options, rng)
     observed = _exchange_labels(observed, options, rng)
     labelled, unlabeled = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
@@ -125,13 +119,12 @@ def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.nda
 def capture_bodies(
     clusters: Mapping[str, MarkerCluster],
     q: np.ndarray,
-    base: tuple[np.ndarray, np.ndarray],
+    base: Base,
     options: MocapOptions,
     rng: Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Draw by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies on
-    an arm at true angles ``q`` (N, n) rad, NaN where lost; ``base`` is rotation (3, 3) and place
-    (3,) m of the arm.
+    an arm at true angles ``q`` (N, n) rad, NaN where lost.
     """
     result = {}
     for name, cluster in clusters.items():

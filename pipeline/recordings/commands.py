@@ -19,7 +19,7 @@ from pipeline.recordings.repetitions import REACH, lag
 
 OPTION = "dataset.joint_log"
 STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
-UNFILLED = "???"  # name of a file that is still to be filled in
+UNFILLED = "???"  # name of a file that is not stated yet
 LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # of the rows: a repetition that was disturbed does not decide
@@ -56,7 +56,7 @@ class Pairing(NamedTuple):
     delay: int  # rows by which the command is early
 
     def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows of both (N − |delay|, n) that belong together, in rad."""
+        """Return the paired rows of both (N − |delay|, n) in rad."""
         actual, target = shift_rows(actual, target, self.delay)
         return actual, target[:, self.order] * self.factor
 
@@ -72,11 +72,9 @@ def shift_rows(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.nd
 
 
 def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the 0.9 quantile (n,) of the tracking error divided by the joint's motion.
-
-    ``actual`` and ``target`` are (N, n) rad. The quantile is the greater one of two sets of rows:
-    the command moves, or rests. The motion counts as at least a tenth of the farthest joint's and
-    0.1 rad.
+    """Return the 0.9 quantile (n,) of the tracking error divided by the joint's motion, ``actual``
+    and ``target`` (N, n) in rad: the greater one of the rows in which the command moves, or rests.
+    The motion counts as at least a tenth of the farthest joint's and 0.1 rad.
     """
     residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
@@ -112,9 +110,9 @@ def require_pair(
     joints: Sequence[str],
     **evidence: object,
 ) -> None:
-    """Raise RecordingError where measured angles ``actual`` (N, n) in rad do not follow the command
-    ``target`` at ``rate`` rows a second: a tracking error above ``limit`` of the motion, or a lag
-    above LATEST. The message names unit, order and clock that make them agree, with their option.
+    """Raise RecordingError for a tracking error of ``actual`` (N, n) rad to ``target`` above
+    ``limit`` of the motion, or a lag above LATEST at ``rate`` rows a second. The message names the
+    unit, order and clock by which they agree, with their options.
     """
     errors = tracking_errors(actual, target)
     worst, late = int(errors.argmax()), lag(target, actual, rate)  # NaN of a command at rest
@@ -127,13 +125,13 @@ def require_pair(
         return
     pairing = find_pairing(actual, target, rate)
     left = pairing.error(actual, target)
-    words = [
-        f"the {what} ({option.rpartition('.')[2]}: {value}, without which {without:.2g} is left)"
-        for what, option, value, without in suspects(pairing, actual, target, rate)
-    ]
     cause = "no other unit, order or clock pairs them: are they of one movement?"
-    if words and left <= limit:
-        cause = f"suspected: {', '.join(words)}; that leaves {left:.2g}"
+    if left <= limit:
+        words = ", ".join(
+            f"the {what} ({option.rpartition('.')[2]}: {value}, without which {error:.2g} is left)"
+            for what, option, value, error in suspects(pairing, actual, target, rate)
+        )
+        cause = f"suspected: {words}; that leaves {left:.2g}" if words else cause
     message = f"measured and commanded angles are no pair: {fault}; {cause}"
     raise RecordingError(message, **evidence, key=OPTION)
 
@@ -219,20 +217,20 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
     x, v = values(trajectory, "x"), values(trajectory, "v")
     # a velocity may be of the instant, or the mean over the step before or after it
     gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
-    fault = "the commanded velocities do not lead along the commanded positions"
-    suspected, names = "their unit, the order of their columns, and t", members(trajectory, "x")
-    errors = tracking_errors(x[1:] - x[0], gone)
-    _require_near(errors, names, fault, suspected, VELOCITY, file=file)
+    fault = "the commanded velocities do not lead along the commanded positions; suspected are"
+    fault += " their unit, the order of their columns, and t"
+    _require_near(x[1:] - x[0], gone, members(trajectory, "x"), VELOCITY, fault, file=file)
 
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
-    errors = tracking_errors(task_coordinates(chain, chain.pose(q)), values(trajectory, "x"))
-    fault = "the tip that the motion capture tracked is not on the commanded path"
-    suspected = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"
-    suspected += " base (dataset.mocap.base)"
-    where = {"take": take, "key": "dataset.trajectory"}
-    _require_near(errors, chain.task, fault, suspected, MOST, **where)
+    tip, path = task_coordinates(chain, chain.pose(q)), values(trajectory, "x")
+    fault = (
+        "the tip that the motion capture tracked is not on the commanded path; suspected are the"
+    )
+    fault += " path's unit and columns, when it starts (dataset.trajectory), and the arm's base"
+    fault += " (dataset.mocap.base)"
+    _require_near(tip, path, chain.task, MOST, fault, take=take, key="dataset.trajectory")
 
 
 def require_encoders(
@@ -260,16 +258,16 @@ def require_encoders(
         message = f"the encoders read {joints[joint]} {turns[joint]:+g} turns (2π = 6.283 rad each)"
         message += " beside the angle that the motion capture tracked: log the angle of the URDF"
         raise RecordingError(message, **where)
-    fault = "the encoders do not read what the motion capture tracked"
-    suspected = "their angle_unit, the order of their columns (actual), and when their log starts"
-    errors = tracking_errors(read, tracked)
-    _require_near(errors, joints, fault, f"{suspected} (start)", MOST, **where)
+    fault = "the encoders do not read what the motion capture tracked; suspected are their"
+    fault += " angle_unit, the order of their columns (actual), and when their log starts (start)"
+    _require_near(read, tracked, joints, MOST, fault, **where)
 
 
 def _require_near(
-    errors: np.ndarray, names: Sequence[str], fault: str, suspected: str, most: float, **where
+    a: np.ndarray, b: np.ndarray, names: Sequence[str], most: float, fault: str, **where: object
 ) -> None:
+    errors = tracking_errors(a, b)
     worst = int(errors.argmax())
     if errors[worst] > most:
         off = f"{names[worst]} is off by {errors[worst]:.2g} of the motion, more than {most:g}"
-        raise RecordingError(f"{fault}: {off}; suspected are {suspected}", **where)
+        raise RecordingError(f"{off}: {fault}", **where)

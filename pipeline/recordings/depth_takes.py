@@ -116,25 +116,26 @@ def find_offset(
     lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
     inflation = (1 + lag) / (1 - lag)
     freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
-    variance, errors = (residual**2).sum(axis=0) / freedom, []
-    for each in (late, drifting):
-        information = (each**2).sum(axis=0)
-        error = np.sqrt(inflation * (variance * information).sum()) / information.sum()
-        errors.append(float(error))
-    return Offset(tau, errors[0], correlation, drift, errors[1])
+    variance = (residual**2).sum(axis=0) / freedom
+
+    def standard_error(derivative: np.ndarray) -> float:
+        information = (derivative**2).sum(axis=0)
+        return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
+
+    return Offset(tau, standard_error(late), correlation, drift, standard_error(drifting))
 
 
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
     """Return each take's rows of ``frames`` and ``markers``; RecordingError for a take without."""
-    by_take = dict(list(markers.groupby("take")))
-    takes = list(frames.groupby("take", sort=False))
-    for take, rows in takes:
+    by_take, takes = dict(list(markers.groupby("take"))), []
+    for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take of this name to set the clock by"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
-    return [(rows, by_take[take]) for take, rows in takes]
+        takes.append((rows, by_take[take]))
+    return takes
 
 
 def on_motion_clock(
@@ -183,19 +184,15 @@ def kept_takes() -> list[pd.DataFrame]:
 
 
 def articulate_takes(
-    takes: list[pd.DataFrame],
-    robot: Robot,
-    options: ArticulationSection,
-    compute: Compute,
-    label: str,
+    takes: list[pd.DataFrame], robot: Robot, options: ArticulationSection, compute: Compute
 ) -> pd.DataFrame:
     """Return the table ``angles`` of the ``takes`` of :func:`kept_takes`."""
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]
     start = first[columns("q", robot.joints)].mean().to_numpy()
     known = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
-    angles = run_trials(partial(_articulate, known=known), takes, compute=compute, label=label)
-    return pd.concat(angles, ignore_index=True)
+    fit, label = partial(_articulate, known=known), "articulate: takes"
+    return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
 
 
 def _articulate(rows: pd.DataFrame, known: tuple) -> pd.DataFrame:

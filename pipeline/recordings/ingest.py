@@ -77,7 +77,7 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
                     movements[name] = joint_logs.read_dataset_movement(name, place, dataset)
         if not errors:
             with _collect(errors):
-                trajectory, joints, counts = joint_logs.joint_log_rows(movements, raw, dataset)
+                trajectory, joints, counts = joint_logs.joint_log_rows(movements, dataset)
                 contracts.write(trajectory, "trajectory", folder)
                 contracts.write(joints, "joint_log", folder)
                 quality += counts

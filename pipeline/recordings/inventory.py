@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
-from operator import attrgetter
+from functools import reduce
 from pathlib import Path, PurePosixPath
 
 import pandas as pd
@@ -75,17 +75,17 @@ def listing(folder: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
+def _value(section: object, key: str) -> object:
+    return getattr(section, key, None)
+
+
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     """Return for each part of KEYS the rows of a :func:`listing` that it reads, or that no part
     names.
     """
     raw, claims = Path(dataset.recordings), {}
     for part, keys in KEYS.items():
-        named = [
-            (key, attrgetter(key)(dataset))
-            for key in keys.split()
-            if getattr(dataset, key.partition(".")[0]) is not None
-        ]
+        named = [(key, reduce(_value, key.split("."), dataset)) for key in keys.split()]
         if part == "force" and dataset.force is not None:
             configurations = dataset.force.configurations.values()
             named += [("force.configurations", one.file) for one in configurations]

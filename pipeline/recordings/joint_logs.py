@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.arm.commanded import trajectory_table
 from pipeline.arm.model import chain_of
-from pipeline.core.angles import apart
+from pipeline.core.angles import TURN, apart, turns_apart
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
@@ -46,17 +46,13 @@ def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
 
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
-    """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
-    options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
-    circular = circular_joints(urdf, options.joints)
-    read = movement.read_logged_movement(name, place, options, rate, circular)
-    angles, clock = {"actual": read.actual, "target": read.target}, np.arange(len(read.actual))
-    movement.require_speeds(clock / rate, angles, options.joints, urdf, file=place)
-    return read
+    """Read one of :func:`find_movements` as :func:`read_logged_movement` does."""
+    log, rate, urdf = dataset.joint_log, dataset.motion.rate, dataset.robot.urdf
+    return movement.read_logged_movement(name, place, log, rate, urdf)
 
 
 def joint_log_rows(
-    movements: Mapping[str, LoggedMovement], raw: Path, dataset: Dataset
+    movements: Mapping[str, LoggedMovement], dataset: Dataset
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
     """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
     dataset's motion in the ``movements``, and their quality.
@@ -66,23 +62,24 @@ def joint_log_rows(
     Raises RecordingError for fewer than two repetitions, and for commands that differ.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
-    rest, length = options.rest, dataset.motion.steps + 1
+    rest, length, raw = options.rest, dataset.motion.steps + 1, Path(dataset.recordings)
     steps = dataset.motion.steps - 2 * rest
-    takes, observed, quality = find_takes(movements, raw, dataset)
+    takes, observed, quality = find_takes(movements, dataset)
     note, rows, reference = partial(_note, quality), {}, None
+    find = repetitions.align if rest else repetitions.in_phase
     for name, take in takes.items():
         if reference is None:
             reference = take.target[take.first :][: steps + 1]
-        angles = take.actual, take.target, take.first, reference, take.circular
-        start, *pair = repetitions.match_reference(*angles, passing=not rest)
-        logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
+        turns = TURN * turns_apart(reference[0], take.target[take.first], take.circular)
+        start = find(take.target + turns, take.first, reference)
+        logged = {"actual": take.actual + turns, "target": take.target + turns} | take.signals
         rows[name] = {
             key: repetitions.stretch(signal, start - rest, length) for key, signal in logged.items()
         }
         if start != round(start):
             note(name, "resampled_rows", length)
     if rows:
-        _leave_out_disturbed(rows, takes, dataset, raw, quality)
+        _leave_out_disturbed(rows, takes, dataset, quality)
     for name, take in rows.items():
         evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
         require_pair(take["actual"], take["target"], rate, **evidence)
@@ -91,8 +88,8 @@ def joint_log_rows(
         message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
         message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
-    both = ("actual", "target")
-    measured, commanded = (np.stack([take[key] for take in rows.values()]) for key in both)
+    measured = np.stack([take["actual"] for take in rows.values()])
+    commanded = np.stack([take["target"] for take in rows.values()])
     command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
@@ -112,7 +109,7 @@ def joint_log_rows(
 
 
 def find_takes(
-    movements: Mapping[str, LoggedMovement], raw: Path, dataset: Dataset
+    movements: Mapping[str, LoggedMovement], dataset: Dataset
 ) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
     """Return the repetitions by name, all motions in words, and the quality of the movements.
 
@@ -124,13 +121,13 @@ def find_takes(
     for name, read in movements.items():
         target, circular = read.target, read.circular[columns]
         sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
-        sought["circular"] = circular
-        found = repetitions.find_repetitions(target, read.speed, columns, ends, **sought)
+        log = target, read.speed, columns, ends
+        found = repetitions.find_repetitions(*log, **sought, circular=circular)
         signals = {RESIDUALS: read.actual - target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
-            _require_locked(read, rows, dataset.robot.locked, file=raw, take=take)
+            _require_locked(read, rows, dataset, take)
             angles = read.actual[:, columns], target[:, columns]
             takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
         for run in repetitions.excursions(target, read.speed, options.rest_speed):
@@ -140,19 +137,17 @@ def find_takes(
             observed.append(words)
         counts = dict(read.counts) | {REPETITIONS: len(found.runs)}
         counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
-        for key, value in counts.items():
-            _note(quality, name, key, value, movement.UNITS.get(key, "count"))
+        notes = [(key, value, movement.UNITS.get(key, "count")) for key, value in counts.items()]
         # a motion that was left out is named by its first row
         for reason, rows in found.left_out.items():
-            for row in rows:
-                _note(quality, name, f"{reason}_from_row", row, "row")
+            notes += [(f"{reason}_from_row", row, "row") for row in rows]
+        quality += [quality_row(name, "training", "joint log", *note) for note in notes]
     return takes, observed, quality
 
 
-def _require_locked(
-    read: LoggedMovement, rows: slice, locked: Mapping[str, float], **evidence: object
-) -> None:
-    """RecordingError for joints not within 0.01 rad of their ``locked`` angle in ``rows``."""
+def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: str) -> None:
+    """RecordingError for joints not within 0.01 rad of their locked angle in ``rows``."""
+    locked = dataset.robot.locked
     for joint in sorted({*locked} & {*read.joints}):
         angle, column = locked[joint], read.joints.index(joint)
         measured = read.actual[rows, column]
@@ -160,15 +155,12 @@ def _require_locked(
             message = f"{joint} is locked at {angle:.4g} rad, and was logged from"
             message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it there, or"
             message += " choose a motion in which it does not move"
+            evidence = {"file": dataset.recordings, "take": take}
             raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 
 
 def _leave_out_disturbed(
-    rows: dict[str, Mapping[str, np.ndarray]],
-    takes: Mapping[str, LoggedTake],
-    dataset: Dataset,
-    raw: Path,
-    quality: list[dict],
+    rows: dict[str, dict], takes: Mapping[str, LoggedTake], dataset: Dataset, quality: list[dict]
 ) -> None:
     """Delete disturbed takes from ``rows``, or refuse them; append distances to ``quality``."""
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
@@ -188,7 +180,8 @@ def _leave_out_disturbed(
         if options.disturbed == "refuse":
             message = f"the repetition from row {row} was disturbed: {score:.3g} robust standard"
             message += f" deviations from the others, its residual at most {largest:.3g} rad"
-            raise RecordingError(message, file=raw, take=name, key=f"{OPTION}.disturbed")
+            evidence = {"file": dataset.recordings, "take": name}
+            raise RecordingError(message, **evidence, key=f"{OPTION}.disturbed")
         del rows[name]
         note(takes[name].movement, "disturbed_from_row", row, "row")
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
-from pipeline.core.angles import apart
+from pipeline.core.angles import TURN, apart, turns_apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings import repetitions
@@ -126,11 +126,13 @@ def _compare(
     reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
     residuals, deviations, whole = [], [], []
+    find = repetitions.in_phase if motion.pause is None else repetitions.align
     for name, row in motion.places:
         if SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
-            place = (*paths[name], row, reference, circular)
-            start, *pair = repetitions.match_reference(*place, passing=motion.pause is None)
-            actual, target = (repetitions.stretch(q, start, len(reference)) for q in pair)
+            turns = TURN * turns_apart(reference[0], paths[name][1][row], circular)
+            start = find(paths[name][1] + turns, row, reference)
+            pair = (repetitions.stretch(q + turns, start, len(reference)) for q in paths[name])
+            actual, target = pair
             residuals.append(actual - target)
             deviations.append(np.abs(target - reference).max())
             whole.append((name, row))

@@ -15,7 +15,13 @@ from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints import table
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
-from pipeline.recordings.commands import named_joints, require_pair, shift_rows
+from pipeline.recordings.commands import (
+    UNFILLED,
+    circular_joints,
+    named_joints,
+    require_pair,
+    shift_rows,
+)
 from pipeline.recordings.repetitions import commanded_speeds
 
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of quality rows that are no counts
@@ -41,10 +47,9 @@ def read_movement(
     from scipy.interpolate import CubicSpline
 
     logs = {file: read_log(file, options) for file, options in files.items()}
-    length = min(len(log.time) for log in logs.values())
-    first, time = next((file, log.time[:length]) for file, log in logs.items())
-    uneven = _uneven_rows(time, rate, first)
-    total, signals = Counter(), {}
+    length, first = min(len(log.time) for log in logs.values()), next(iter(logs))
+    time = logs[first].time[:length]
+    uneven, total, signals = _uneven_rows(time, rate, first), Counter(), {}
     for file, log in logs.items():
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
             message = f"the times are not those of {first.name}; take logs of one recording"
@@ -58,8 +63,8 @@ def read_movement(
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
         message = f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms:"
-        message += " do they follow each other at the rate (rows), or were they measured at those"
-        message += f" times (times)? row by row the angles are {smoother:.3g} times as smooth"
+        message += " were they measured at the rate (rows), or at those times (times)? row by row"
+        message += f" the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts |= {"uneven_rows": uneven, "clock_jitter": jitter}
     if clock == "times":
@@ -73,13 +78,12 @@ def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> flo
     """Return the size of the third derivative of ``angles`` (N, joints) by the ``time`` (N,) in s,
     divided by its size by evenly spaced rows.
     """
-    roughness = []
-    for clock in (time, np.arange(len(time)) / rate):
-        derivative = angles
-        for order in (1, 2, 3):
-            derivative = np.diff(derivative, axis=0) / (clock[order:] - clock[:-order])[:, None]
-        roughness.append(float(np.sqrt(np.median((derivative**2).sum(axis=1)))))
-    return roughness[0] / roughness[1] if roughness[1] else np.inf
+    from scipy.interpolate import CubicSpline
+
+    clocks = time, np.arange(len(time)) / rate
+    derivatives = (CubicSpline(clock, angles)(clock[:-1], 3) for clock in clocks)
+    by_time, by_rows = (np.median((each**2).sum(axis=1)) for each in derivatives)
+    return float(np.sqrt(by_time / by_rows)) if by_rows else np.inf
 
 
 def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
@@ -144,7 +148,7 @@ def require_speeds(
 ) -> None:
     """Raise RecordingError where ``angles`` (N, joints) step beyond a speed limit of ``urdf``."""
     known = named_joints(urdf, names)
-    limits = [((joint and joint.limits) or {}).get("velocity", 0.0) or np.inf for joint in known]
+    limits = [((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known]
     for signal, rows in angles.items():
         steps, seconds = np.abs(np.diff(rows, axis=0)), np.diff(time)[:, None]
         beyond = steps > FASTER * np.array(limits) * seconds + STEP_NOISE
@@ -155,7 +159,7 @@ def require_speeds(
             speed, limit = (f"{v:.4g} {unit}/s" for v in (step / seconds[row, 0], limits[column]))
             message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
             message += f" start: {speed}, where the robot's URDF allows {limit}; leave this part of"
-            message += " the log out, or correct the velocity limit of the joint in the URDF"
+            message += " the log out, or correct the joint's velocity limit in the URDF"
             raise RecordingError(message, **evidence, joint=names[column], time=at)
 
 
@@ -172,21 +176,18 @@ class LoggedMovement(NamedTuple):
 
 
 def read_logged_movement(
-    name: str,
-    movement: Path,
-    options: JointLogSection,
-    rate: float,
-    circular: np.ndarray | bool = True,
+    name: str, movement: Path, options: JointLogSection, rate: float, urdf: str = UNFILLED
 ) -> LoggedMovement:
-    """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second;
-    ``circular``: which joints turn. Raises RecordingError for an uneven clock or a command that the
-    angles do not follow; ConfigError where the options do not name columns or delay.
+    """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second.
+
+    Raises RecordingError for an uneven clock, a command that the angles do not follow and steps
+    beyond the speed limits of ``urdf``; ConfigError where the options do not name columns or delay.
     """
-    joints, circular = options.joints, np.broadcast_to(circular, len(options.joints))
+    joints, circular = options.joints, circular_joints(urdf, options.joints)
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
-    for signal in () if single else SIGNALS:
-        if file := getattr(options, signal):
+    for signal in SIGNALS:
+        if not single and (file := getattr(options, signal)):
             wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
     for signal, place in options.others.items():
         file, columns = (movement / place, None) if isinstance(place, str) else (movement, place)
@@ -217,6 +218,8 @@ def read_logged_movement(
         actual = actual + TURN * turns
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
     require_pair(actual, target, rate, limit=options.mismatch, joints=joints, file=movement)
+    angles = {"actual": actual, "target": target}
+    require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
     if "speed" in signals:
         _, speed = shift_rows(signals["actual"], signals["speed"], early)
     else:

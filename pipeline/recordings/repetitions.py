@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import TURN, apart, turns_apart
+from pipeline.core.angles import apart
 
 # rad: a command that moves no joint farther is the controller's start, not a motion; ends within
 # this distance are the same
@@ -141,23 +141,6 @@ def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
     """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
     rows = range(first - SLACK, first + SLACK + 1)
     return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
-
-
-def match_reference(
-    actual: np.ndarray,
-    target: np.ndarray,
-    row: int,
-    reference: np.ndarray,
-    circular: np.ndarray | bool,
-    *,
-    passing: bool,
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the place near ``row`` from which the command ``target`` follows ``reference`` (K, n),
-    between rows for a motion in ``passing``; and both angles (N, n) in rad, moved by whole turns.
-    """
-    turns = TURN * turns_apart(reference[0], target[row], circular)
-    place = in_phase if passing else align
-    return place(target + turns, row, reference), actual + turns, target + turns
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:

@@ -32,7 +32,7 @@ def run() -> None:
             print("articulate: the dataset has no depth camera; nothing to do")
             return
         takes = kept_takes()
-        angles = articulate_takes(takes, robot, o, settings.compute, "articulate: takes")
+        angles = articulate_takes(takes, robot, o, settings.compute)
         contracts.write(angles, "angles", folder)
         errors = errors_of(angles, contracts.read("joints", TRACK))
         noise = leave_one_out(errors, window=o.noise_window)

@@ -129,7 +129,7 @@ def _record_take(
         frames = dynamics.depth_frames(
             motion.swing, trajectory.duration, laboratory["clock"], stream
         )
-        markers = mocap.capture(arm, motion.motion_capture, placed, *world, options, stream)
+        markers = mocap.capture(arm, motion.motion_capture, placed, world, options, stream)
         if part == "test":
             camera = DepthCamera(arm, laboratory["kinect"], bias)
             images = folder / "kinect" / name

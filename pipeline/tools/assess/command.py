@@ -109,7 +109,7 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
     moving, rest = steps - 2 * options.rest, options.rest
     movement = file.name if file.is_dir() else file.stem
     read = {movement: read_dataset_movement(movement, file, dataset)}
-    takes, observed, _ = find_takes(read, file, dataset)
+    takes, observed, _ = find_takes(read, dataset)
     if not takes:
         held = "; ".join(sorted(set(observed))) or "no motion"
         raise RecordingError(f"no repetition of the dataset's motion; it holds {held}", file=file)
