@@ -85,7 +85,9 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """Return the pairing of least error; the plain one if no other has less than half its error."""
+    """Return the pairing of least error, the plain one if no other has less than half its error,
+    of measured and commanded angles (N, n) in rad at ``rate`` rows a second.
+    """
     best = _plain(actual.shape[1])
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return best
@@ -105,10 +107,9 @@ def require_pair(
     actual: np.ndarray,
     target: np.ndarray,
     rate: float,
-    *,
     limit: float,
     joints: Sequence[str],
-    **evidence: object,
+    **where,
 ) -> None:
     """Raise RecordingError for a tracking error of ``actual`` (N, n) rad to ``target`` above
     ``limit`` of the motion, or a lag above LATEST at ``rate`` rows a second. The message names the
@@ -133,7 +134,7 @@ def require_pair(
         )
         cause = f"suspected: {words}; that leaves {left:.2g}" if words else cause
     message = f"measured and commanded angles are no pair: {fault}; {cause}"
-    raise RecordingError(message, **evidence, key=OPTION)
+    raise RecordingError(message, **where, key=OPTION)
 
 
 def suspects(
@@ -225,20 +226,13 @@ def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> Non
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
     tip, path = task_coordinates(chain, chain.pose(q)), values(trajectory, "x")
-    fault = (
-        "the tip that the motion capture tracked is not on the commanded path; suspected are the"
-    )
-    fault += " path's unit and columns, when it starts (dataset.trajectory), and the arm's base"
-    fault += " (dataset.mocap.base)"
+    fault = "the tip that the motion capture tracked is not on the commanded path; suspected are"
+    fault += " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
     _require_near(tip, path, chain.task, MOST, fault, take=take, key="dataset.trajectory")
 
 
 def require_encoders(
-    q: pd.DataFrame,
-    readings: pd.DataFrame,
-    joints: list[str],
-    take: str,
-    circular: np.ndarray | bool = True,
+    q: pd.DataFrame, readings: pd.DataFrame, joints: list[str], take: str, circular=True
 ) -> None:
     """Raise RecordingError where ``readings``, rows of the table ``encoders``, are not the angles
     tracked at those times, rows ``q`` of the table ``joints``; ``circular``: which joints turn.
@@ -246,9 +240,8 @@ def require_encoders(
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
     where = {"take": take, "key": "dataset.encoders"}
     if len(during) < LEAST_TIMES:
-        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take"
-        where["key"] += ".start"
-        raise RecordingError(f"{message}: when does their log start?", **where)
+        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take:"
+        raise RecordingError(f"{message} when does their log start (start)?", **where)
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()

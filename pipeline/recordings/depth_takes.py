@@ -38,13 +38,7 @@ class Offset(NamedTuple):
 
 
 def find_offset(
-    t_a: np.ndarray,
-    a: np.ndarray,
-    t_b: np.ndarray,
-    b: np.ndarray,
-    *,
-    search: tuple[float, float] = (-0.5, 0.5),
-    take: str = "",
+    t_a: np.ndarray, a: np.ndarray, t_b: np.ndarray, b: np.ndarray, search=(-0.5, 0.5), take=""
 ) -> Offset:
     """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
     which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments

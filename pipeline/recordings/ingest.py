@@ -17,11 +17,7 @@ from pipeline.recordings.quality import REPETITIONS
 
 
 def read_part(
-    part: str,
-    dataset: Dataset,
-    compute: Any,
-    folder: Path,
-    errors: list[PipelineError] | None = None,
+    part: str, dataset: Dataset, compute: Any, folder: Path, errors: list | None = None
 ) -> list[dict]:
     """Write the tables of ``part`` (motion, depth or force) into ``folder``, within the bounds of
     ``dataset.reading``, and return the rows of the table quality.

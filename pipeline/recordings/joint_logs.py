@@ -31,7 +31,7 @@ class LoggedTake(NamedTuple):
     first: int
     actual: np.ndarray  # (N, n) rad, measured angles of the chain
     target: np.ndarray  # (N, n) rad, commanded
-    circular: np.ndarray  # (n,) whether a joint turns
+    circular: np.ndarray  # (n,) which joints turn
     signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
@@ -81,8 +81,8 @@ def joint_log_rows(
     if rows:
         _leave_out_disturbed(rows, takes, dataset, quality)
     for name, take in rows.items():
-        evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
-        require_pair(take["actual"], take["target"], rate, **evidence)
+        pair = take["actual"], take["target"], rate, options.mismatch, joints
+        require_pair(*pair, file=raw, take=name)
     if len(rows) < 2:
         message = f"{len(rows)} repetition(s), and the fits need two, of a motion of {steps} steps"
         message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
@@ -101,11 +101,11 @@ def joint_log_rows(
         note(take, "command_deviation", deviation, "rad")
         note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
     # the commanded angle takes its first step one sample before the commanded speed is first logged
-    held = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
+    desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
     identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
     table = pd.DataFrame(identity | spread("q", joints, measured))
-    return trajectory_table(chain_of(dataset.robot), held, rate, joints), table, quality
+    return trajectory_table(chain_of(dataset.robot), desired, rate, joints), table, quality
 
 
 def find_takes(
@@ -189,13 +189,9 @@ def _leave_out_disturbed(
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
     """Return rows of the table ``encoders`` and quality of every log, training first."""
     options, joints, urdf, result = dataset.encoders, dataset.robot.joints, dataset.robot.urdf, []
-    read = LogOptions(
-        **{key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")},
-        joints=len(joints),
-        names=joints,
-        signals={"actual": options.actual},
-        circular=circular_joints(urdf, joints),
-    )
+    stated = {key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")}
+    stated |= {"names": joints, "joints": len(joints), "signals": {"actual": options.actual}}
+    read = LogOptions(**stated, circular=circular_joints(urdf, joints))
     for part in ("training", "test"):
         pattern, key = getattr(options, part), f"dataset.encoders.{part}"
         for name, file in named_takes(raw, pattern, key=key, what="log").items():

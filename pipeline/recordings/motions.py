@@ -1,8 +1,7 @@
-"""Motions in a controller's logs: ends, steps, pauses and repetitions, and the steps of each."""
+"""Motions in a controller's logs: ends, steps, pauses and repetitions, and their recorded steps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import REACH, SLACK
+from pipeline.recordings.repetitions import REACH, SLACK, stretch
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
@@ -42,7 +41,7 @@ class FoundMotion:
     deviation: float = np.nan  # rad, greatest distance of a command from the first repetition's
 
     def rest(self, rate: float) -> int:
-        """Steps at rest to keep on either side: KEPT, or half of the shortest pause."""
+        """Return the steps at rest to keep on either side: KEPT, or half of the shortest pause."""
         if self.pause is None:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
@@ -87,13 +86,11 @@ def find_motions(
         for first, last in _stretches(target, chain):
             ends, steps = (target[first], target[last]), last - first
             if not known(ends, steps):
-                sought = {"ends": ends, "steps": steps, "rest": 0, "circular": circular}
-                find = partial(repetitions.find_repetitions, columns=slice(None), **sought)
-                places = [
-                    (name, run.first)
-                    for name, (_, other) in paths.items()
-                    for run in find(other, other).runs
-                ]
+                sought, places = {"steps": steps, "rest": 0, "circular": circular}, []
+                for name, (_, other) in paths.items():
+                    log = other, other, slice(None), ends
+                    found = repetitions.find_repetitions(*log, **sought)
+                    places += [(name, run.first) for run in found.runs]
                 listed += [FoundMotion(*ends, steps, None, places)] if len(places) > 1 else []
     for motion in listed:
         _compare(motion, paths, chain, rate, circular)
@@ -118,9 +115,7 @@ def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:
     return np.linalg.svd(chain.jacobian(angles), compute_uv=False)[:, -1]
 
 
-def _compare(
-    motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular: np.ndarray
-) -> None:
+def _compare(motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular) -> None:
     """Set the fields of a ``motion`` that compare its repetitions with the first."""
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]
@@ -130,9 +125,9 @@ def _compare(
     for name, row in motion.places:
         if SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
             turns = TURN * turns_apart(reference[0], paths[name][1][row], circular)
-            start = find(paths[name][1] + turns, row, reference)
-            pair = (repetitions.stretch(q + turns, start, len(reference)) for q in paths[name])
-            actual, target = pair
+            actual, target = (q + turns for q in paths[name])
+            start = find(target, row, reference)
+            actual, target = (stretch(q, start, len(reference)) for q in (actual, target))
             residuals.append(actual - target)
             deviations.append(np.abs(target - reference).max())
             whole.append((name, row))

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,13 +16,7 @@ from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints import table
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
-from pipeline.recordings.commands import (
-    UNFILLED,
-    circular_joints,
-    named_joints,
-    require_pair,
-    shift_rows,
-)
+from pipeline.recordings import commands
 from pipeline.recordings.repetitions import commanded_speeds
 
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of quality rows that are no counts
@@ -52,7 +47,7 @@ def read_movement(
     uneven, total, signals = _uneven_rows(time, rate, first), Counter(), {}
     for file, log in logs.items():
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
-            message = f"the times are not those of {first.name}; take logs of one recording"
+            message = f"the times differ from the times of {first.name}; use logs of one recording"
             raise RecordingError(message, file=file)
         total.update(log.counts | {"rows_without_partner": len(log.time) - length})
         signals |= {name: rows[:length] for name, rows in log.signals.items()}
@@ -140,14 +135,10 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
 
 
 def require_speeds(
-    time: np.ndarray,
-    angles: Mapping[str, np.ndarray],
-    names: Sequence[str],
-    urdf: str,
-    **evidence: object,
+    time: np.ndarray, angles: Mapping[str, np.ndarray], names: Sequence[str], urdf: str, **where
 ) -> None:
     """Raise RecordingError where ``angles`` (N, joints) step beyond a speed limit of ``urdf``."""
-    known = named_joints(urdf, names)
+    known = commands.named_joints(urdf, names)
     limits = [((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known]
     for signal, rows in angles.items():
         steps, seconds = np.abs(np.diff(rows, axis=0)), np.diff(time)[:, None]
@@ -160,7 +151,7 @@ def require_speeds(
             message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
             message += f" start: {speed}, where the robot's URDF allows {limit}; leave this part of"
             message += " the log out, or correct the joint's velocity limit in the URDF"
-            raise RecordingError(message, **evidence, joint=names[column], time=at)
+            raise RecordingError(message, **where, joint=names[column], time=at)
 
 
 class LoggedMovement(NamedTuple):
@@ -176,14 +167,14 @@ class LoggedMovement(NamedTuple):
 
 
 def read_logged_movement(
-    name: str, movement: Path, options: JointLogSection, rate: float, urdf: str = UNFILLED
+    name: str, movement: Path, options: JointLogSection, rate: float, urdf: str = commands.UNFILLED
 ) -> LoggedMovement:
     """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second.
 
     Raises RecordingError for an uneven clock, a command that the angles do not follow and steps
     beyond the speed limits of ``urdf``; ConfigError where the options do not name columns or delay.
     """
-    joints, circular = options.joints, circular_joints(urdf, options.joints)
+    joints, circular = options.joints, commands.circular_joints(urdf, options.joints)
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
     for signal in SIGNALS:
@@ -210,20 +201,21 @@ def read_logged_movement(
         message = f"no delay for the movement {name}; there are {', '.join(delays)}"
         raise ConfigError(message, key=f"{OPTION}.target_delay")
     early = round(delays[name] * rate)
-    actual, target = shift_rows(signals["actual"], signals["target"], early)
+    shift = partial(commands.shift_rows, rows=early)
+    actual, target = shift(signals["actual"], signals["target"])
     if early:
         counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
     turns = whole_turns(target, actual, circular)
     if turns.any():
         actual = actual + TURN * turns
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
-    require_pair(actual, target, rate, limit=options.mismatch, joints=joints, file=movement)
+    commands.require_pair(actual, target, rate, options.mismatch, joints, file=movement)
     angles = {"actual": actual, "target": target}
     require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
     if "speed" in signals:
-        _, speed = shift_rows(signals["actual"], signals["speed"], early)
+        _, speed = shift(signals["actual"], signals["speed"])
     else:
         speed = commanded_speeds(target, rate, options.rest_speed)
         counts |= {"speed_from_angles": 1}
-    others = {key: shift_rows(signals[key], signals["target"], early)[0] for key in options.others}
+    others = {key: shift(signals[key], signals["target"])[0] for key in options.others}
     return LoggedMovement(joints, actual, target, speed, others, counts, circular)

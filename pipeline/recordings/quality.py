@@ -87,12 +87,11 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
 def require_enough(takes: pd.DataFrame) -> None:
     """Raise RecordingError where the limits leave fewer than two takes of a part."""
     for part, rows in takes.groupby("part", sort=False):
-        left_out = rows[rows["left_out"]]
-        staying = rows["take"].nunique() - left_out["take"].nunique()
-        if len(left_out) and staying < FEWEST:
-            message = f"the limits leave {staying} {part} take(s) where {FEWEST} are needed; beyond"
+        left = rows.loc[~rows["left_out"], "take"].nunique()
+        beyond = rows.loc[rows["beyond"], "measure"].unique()
+        if len(beyond) and left < FEWEST:
+            message = f"the limits leave {left} {part} take(s) where {FEWEST} are needed; beyond"
             message += f" them are {'; '.join(reasons(rows))}: record these takes again, or state"
-            beyond = left_out.loc[left_out["beyond"], "measure"].unique()
             keys = ", ".join(f"dataset.limits.{measure}" for measure in beyond)
             raise RecordingError(f"{message} other limits", key=keys)
 

@@ -33,12 +33,13 @@ class Excursion(NamedTuple):
         return self.last - self.first
 
     def lack(self, rows: int) -> str:
-        """Name what keeps the motion from being whole in a log of so many ``rows``; "" if whole."""
-        at_start, at_end = self.first <= 1, self.last >= rows  # the first row has no step before it
-        if self.whole or (at_start and at_end):
-            return "" if self.whole else "a command that never rests, to be cut with rest: 0"
+        """Say why the motion is not whole in a log of so many ``rows``; "" if it is."""
+        at_start = self.first <= 1  # the first row has no step before it
+        if at_start and self.last >= rows:
+            return "a command that never rests, to be cut with rest: 0"
         edge = "start" if at_start else "end"
-        return f"a motion from row {self.first}, cut off by the {edge} of the log"
+        cut = f"a motion from row {self.first}, cut off by the {edge} of the log"
+        return "" if self.whole else cut
 
 
 class Repetitions(NamedTuple):
@@ -97,9 +98,9 @@ def find_repetitions(
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
-        own = angles[[run.first - 1, run.last]][:, columns]
+        reached = angles[[run.first - 1, run.last]][:, columns]
         before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
-        away = np.abs(apart(own, np.stack(ends), circular)).max()
+        away = np.abs(apart(reached, np.stack(ends), circular)).max()
         near = moving[max(before, 0) : run.first].any() or moving[run.last : after].any()
         if away > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)

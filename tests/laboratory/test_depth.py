@@ -64,7 +64,7 @@ def digest(seed: int) -> str:
 
 
 def elsewhere(**environment: str) -> tuple[str, str]:
-    """The digest of the images, and that of functions of numpy, in a process of its own."""
+    """Digests of the images and of values of NumPy's functions, computed in another process."""
     script = (
         f"import hashlib, runpy; images = runpy.run_path({__file__!r})['digest'](2); "
         "import numpy as np; x = np.linspace(0.01, 0.99, 10**5); "

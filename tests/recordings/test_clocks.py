@@ -106,7 +106,7 @@ HELD = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 def logged(kind: str = "there and back", lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Measured and commanded angles (N, 4) in rad at 100 Hz: point to point with pauses, all joints
-    in step; or without rest, each in its own way. The last joint stands still.
+    together; or without rest, each joint on another path. The last joint does not move.
     """
     t = np.arange(1500) / RATE
     noise = np.random.default_rng(1).normal(0, 1e-4, (len(t), 4))
@@ -136,7 +136,7 @@ WRONG = {
 
 
 def spoiled(target: np.ndarray, right: Pairing) -> np.ndarray:
-    """The commanded angles that ``right`` makes those of the measured ones again."""
+    """Commanded angles from which the pairing ``right`` recovers ``target``."""
     wrong = np.empty_like(target)
     wrong[:, right.order] = target / right.factor
     return wrong
