@@ -1,23 +1,108 @@
-"""The synthetic arm in motion: a position-controlled robot with many small disturbances, none of
-them a random Jacobian: speed errors of the servo, swaying of the end-effector, clearance of one
-joint, timing of the exposure. All of it is bounded.
+"""The synthetic arm: its command, its motion and one session of takes.
+
+The position-controlled robot has many small disturbances, none of them a random Jacobian: speed
+errors of the servo, sway of the end-effector, clearance of one joint, timing of the exposure.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.random import Generator
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import Chain, trajectory_table
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.options import DynamicsOptions
-from pipeline.laboratory.swing import Commanded, desired_joints
+from pipeline.laboratory.options import (
+    ClockOptions,
+    DynamicsOptions,
+    EncoderOptions,
+    TrajectoryOptions,
+)
 
 LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear's elasticity
-SETTLED = 30  # lags after which nothing is left of a start: four lags pass on 1e-9 of it
+SETTLED = 30  # lags after which the response has ended: four lags pass on 1e-9 of a start
+ROUNDING = 1e-9  # of a joint's speed limit, by which a step computed at the limit may be beyond it
+
+
+@dataclass(frozen=True)
+class JointPath:
+    """Joint angles ``joints`` (M+1, n) in rad, ``rate`` a second; between them the monotone cubic
+    interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): no overshoot.
+    """
+
+    joints: np.ndarray
+    rate: float
+
+    @property
+    def duration(self) -> float:
+        """s, from the first pose to the last."""
+        return (len(self.joints) - 1) / self.rate
+
+    @cached_property
+    def interpolant(self) -> Callable[..., np.ndarray]:
+        """Angles (..., n) in rad at times (...) in s, and their derivatives of an order."""
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
+
+    def require_followable(self, chain: Chain) -> None:
+        """Raise ConfigError, with the first step, for a path beyond the limits of ``chain``."""
+        speed = np.diff(self.joints, axis=0) * self.rate
+        _require_followable(chain, self.joints, speed, "the joint path")
+
+
+Commanded = TrajectoryOptions | JointPath
+
+
+def _require_followable(chain: Chain, q: np.ndarray, speed: np.ndarray, motion: str) -> None:
+    slow = np.all(np.abs(speed) <= (1 + ROUNDING) * chain.max_speed, axis=1)
+    lower, upper, fastest = chain.lower, chain.upper, chain.max_speed
+    for fits, fault in (
+        (chain.within_limits(q), f"leaves the joint limits {lower} to {upper} rad"),
+        (slow, f"is faster than the joints, {fastest} rad/s; give it more time or a shorter way"),
+    ):
+        if not fits.all():
+            raise ConfigError(f"{motion} {fault}", step=int(np.argmin(fits)))
+
+
+def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
+    """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
+    (...) in s; out and back the speed rises and falls as a raised cosine, constant in between.
+    """
+    if isinstance(motion, JointPath):
+        return motion.interpolant(t), motion.interpolant(t, 1)
+    t, half, ramp = np.asarray(t, dtype=float), motion.duration / 2, motion.ramp
+    moving = half - 2 * motion.rest
+    peak = 1.0 / (moving - ramp)
+    s = np.clip(np.minimum(t, motion.duration - t) - motion.rest, 0.0, moving)
+    back = np.minimum(s, moving - s)
+    inside = np.minimum(back, ramp)
+    speed = peak * (1 - np.cos(np.pi * inside / ramp)) / 2
+    way = peak * ((inside - ramp / np.pi * np.sin(np.pi * inside / ramp)) / 2 + back - inside)
+    progress, rate = np.where(s <= moving / 2, way, 1.0 - way), np.where(t <= half, speed, -speed)
+    folded, extended = np.asarray(motion.folded), np.asarray(motion.extended)
+    return folded + progress[..., None] * (extended - folded), rate[..., None] * (extended - folded)
+
+
+def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
+    """Return commanded angles (M+1, n) in rad; raises ConfigError beyond the joints' limits."""
+    key = "laboratory.trajectory"
+    if len(options.folded) != len(chain.lower):
+        raise ConfigError(f"{key}: folded and extended must have {len(chain.lower)} angles each")
+    grid = np.arange(round(options.duration * options.rate) + 1) / options.rate
+    q, speed = desired_joints(grid, options)
+    _require_followable(chain, q, speed, f"{key}: the motion")
+    return q
+
+
+def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
+    """Return the commanded trajectory on the grid: columns k, t and the families x and v (SI)."""
+    return trajectory_table(chain, desired_path(chain, options), options.rate)
 
 
 def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
@@ -31,16 +116,16 @@ def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -
 
 
 def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
-    """Correlation (...) of :func:`lagged_noise` with itself so many whole ``steps`` (...) later."""
+    """Return the correlation (...) of :func:`lagged_noise` at distances of ``steps`` (...)."""
     _, response = _lags(steps_per_lag)
     power = np.abs(np.fft.rfft(response, 2 * len(response))) ** 2
+    # zero beyond the response
     correlation = np.append(np.fft.irfft(power, 2 * len(response))[: len(response)], 0.0)
-    # beyond the response nothing is left
     return correlation[np.minimum(steps, len(response))] / correlation[0]
 
 
 def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
-    """The recursive filter's denominator, and its response to an impulse until that is settled."""
+    """Denominator of the recursive filter, and its response to an impulse until it is settled."""
     from scipy.signal import lfilter
 
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
@@ -50,7 +135,7 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
-    """Return the servo's times (N,) in s, from a little before the motion to a little after it."""
+    """Return the servo's times (N,) in s, from 50 of its steps before the motion to 50 after it."""
     dt = 1.0 / options.rate
     return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
@@ -63,25 +148,23 @@ def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.
 
 
 def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Share (N,) of the play that its joint fills at joint speeds ``speed`` (N, n) in rad/s."""
+    """Return the share (N,) of the play that its joint fills at speeds ``speed`` (N, n) rad/s."""
     pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
     return np.minimum(1.0, pace**options.speed_exponent)
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
-    """Return the arm as built, with errors of length; ConfigError for another arm's options."""
-    key, number, rows = "laboratory.dynamics", len(nominal.lower), ", ".join(nominal.task)
-    if len(options.sway_std) != len(nominal.task):
-        message = f"{key}.sway_std: must have an entry for each of {rows}"
-        raise ConfigError(message, value=options.sway_std)
-    if options.play_joint > number:
-        message = f"{key}.play_joint: must lie between 1 and {number}"
-        raise ConfigError(message, value=options.play_joint)
+    """Draw the arm as built, with errors of length; ConfigError for another arm's options."""
+    rows, number = ", ".join(nominal.task), len(nominal.lower)
+    if len(options.sway_std) != len(nominal.task) or options.play_joint > number:
+        message = f"sway_std must have an entry for each of {rows}, got {options.sway_std}, and"
+        message += f" play_joint must lie between 1 and {number}, got {options.play_joint}"
+        raise ConfigError(message, key="laboratory.dynamics")
     planar = isinstance(nominal, PlanarChain)
     links = nominal.links if planar else nominal.placements[1:, 9:]
     lengths = nominal.lengths if planar else np.linalg.norm(links, axis=1)
     built = lengths + options.length_std * rng.standard_normal(len(links))
-    # where two axes meet there is no link
+    # no link lies between two axes that meet
     ratio = np.divide(built, lengths, out=np.ones_like(lengths), where=lengths > 0)
     if planar:
         return replace(nominal, links=links * ratio[:, None])
@@ -101,7 +184,7 @@ class Chance(NamedTuple):
 
 
 def draw(chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator) -> Chance:
-    """Draw the numbers of one take; of ``motion`` they depend on its duration alone."""
+    """Draw the random numbers of one take, which depend on the duration of ``motion`` alone."""
     n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
         gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
@@ -117,13 +200,13 @@ class Swing(NamedTuple):
 
     t: np.ndarray  # (N,) s on the motion clock
     q: np.ndarray  # (..., N, n) rad, true joint angles
-    servo: np.ndarray  # (..., N, n) rad, what the encoders feel of them, before the gears
+    servo: np.ndarray  # (..., N, n) rad, angles at the motors, before gears and encoder errors
 
 
 def swing(
     chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
-    """Return the takes that ``chance`` makes of ``motion`` by the true ``chain``."""
+    """Return the takes of ``motion`` by the true ``chain`` with the random numbers ``chance``."""
     dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     gain = 1 + options.speed_error_std * chance.gain
@@ -143,21 +226,78 @@ def swing(
     return Swing(t, q, servo)
 
 
-def simulate_take(
-    chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, rng: Generator
-) -> Swing:
-    """Return one take with numbers of ``rng``, see :func:`swing`."""
-    return swing(chain, offset, motion, options, draw(chain, motion, options, rng))
-
-
 def expose(
     t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: Generator
 ) -> np.ndarray:
-    """Return true joint angles (K, n) rad at ``at`` (K,) s, missed by the jitter."""
+    """Return true joint angles (K, n) rad near the times ``at`` (K,) s, which jitter."""
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
     return joints_at(instants, t, q)
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return ``q`` (N, n) in rad of the times ``t`` (N,) at the ``instants`` (K,) in s, (K, n)."""
+    """Interpolate ``q`` (N, n) in rad of the times ``t`` (N,) at ``instants`` (K,) in s: (K, n)."""
     return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)
+
+
+class Session(NamedTuple):
+    """The arm as it was built and its encoders' zeros, the same through a session."""
+
+    chain: Chain  # the true one
+    encoder: np.ndarray  # (n,) rad
+
+
+def open_session(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Session:
+    """Draw the arm and the encoders' zeros; raises ConfigError for the options of another arm."""
+    built = true_chain(nominal, options, rng)
+    zeros = options.encoder_offset_std * rng.standard_normal(len(nominal.lower))
+    return Session(built, zeros)
+
+
+class PerformedMotion(NamedTuple):
+    """One take of a session, and its joint angles at the times of the motion grid."""
+
+    swing: Swing
+    motion_capture: np.ndarray  # (M+1, n) rad, at the exposures of the motion capture
+    truth: np.ndarray  # (M+1, n) rad, at the instants of the motion grid
+
+
+def perform(
+    session: Session, trajectory: TrajectoryOptions, options: DynamicsOptions, rng: Generator
+) -> PerformedMotion:
+    """Draw one take of the trajectory and the exposures of the motion capture."""
+    chance = draw(session.chain, trajectory, options, rng)
+    take = swing(session.chain, session.encoder, trajectory, options, chance)
+    grid = np.arange(round(trajectory.duration * trajectory.rate) + 1) / trajectory.rate
+    watched = expose(take.t, take.q, grid, options, rng)
+    return PerformedMotion(take, watched, joints_at(grid, take.t, take.q))
+
+
+class DepthFrames(NamedTuple):
+    """Exposures of a depth camera during a take, and the arm's angles at them."""
+
+    exposed: np.ndarray  # (F,) s on the motion clock
+    times: np.ndarray  # (F,) s on the camera's own clock
+    joints: np.ndarray  # (F, n) rad, at the exposures
+    clock_offset: float  # s, camera's clock minus motion clock at the start
+
+
+def depth_frames(take: Swing, duration: float, clock: ClockOptions, rng: Generator) -> DepthFrames:
+    """Draw the frames of a take of ``duration`` s."""
+    frames = np.arange(int(duration * clock.rate) + 1) / clock.rate
+    exposed = np.clip(frames + clock.jitter_std * rng.standard_normal(frames.shape), 0.0, duration)
+    offset = clock.offset + clock.offset_std * rng.standard_normal()
+    times = exposed * (1 + clock.drift) + offset
+    return DepthFrames(exposed, times, joints_at(exposed, take.t, take.q), offset)
+
+
+def log_joints(
+    take: Swing, trajectory: TrajectoryOptions, encoders: EncoderOptions
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return times (N,) in s on the motion clock and the signals ``target`` and ``actual``, each
+    (N, n) in rad. The encoders read the motors' angles, rounded to their resolution; errors of the
+    zeros and motion behind the gears do not reach them.
+    """
+    t = np.arange(int(trajectory.duration * encoders.rate) + 1) / encoders.rate
+    felt = joints_at(t, take.t, take.servo)
+    actual = np.round(felt / encoders.resolution) * encoders.resolution
+    return t, {"target": desired_joints(t, trajectory)[0], "actual": actual}

@@ -1,5 +1,5 @@
 """The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
-space. Slips arrive at random, take an exponential amount off the tension and recover; directions
+space. Slips arrive at random, reduce the tension by an exponential amount and recover; directions
 wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated.
 """
 
@@ -15,17 +15,17 @@ from pipeline.laboratory.options import Robots, Transducer
 
 
 class Cables(NamedTuple):
-    """The mean of m cables."""
+    """Mean tensions and directions of m cables."""
 
     tension: Sequence[float]  # N
     direction: Sequence[float]  # rad, in the transducer's x-y plane; in space the azimuth
-    elevation: Sequence[float] | None = None  # rad, above that plane; none: they lie in it
-    # (m, 2 or 3) m, from the end of the transducer's lever; none: all are tied there
+    elevation: Sequence[float] | None = None  # rad, above that plane; None: 0
+    # (m, 2 or 3) m, from the end of the transducer's lever; None: the end itself
     attachment: Sequence[Sequence[float]] | None = None
 
 
 class RiggedForce(NamedTuple):
-    """One record as the transducer gave it, and its truth."""
+    """One record of the transducer, and true tensions and directions."""
 
     time: np.ndarray  # (N,) s
     force: np.ndarray  # (N, 3) N, with bias, drift and noise
@@ -53,9 +53,9 @@ def wander(
 def slipping(
     sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw the tension lost and regained by wheel slip about its mean, N, (samples, m), of standard
-    deviation ``sd`` (m,): shot noise, exact at the instants of ``rate`` (Hz), of stationary law
-    Gamma(ν, sd/√ν), ν = slip_rate · slip_recovery, and skewness −2/√ν of the tension.
+    """Draw the deviation (samples, m) in N of the tension from its mean by wheel slip, of standard
+    deviation ``sd`` (m,): shot noise, exact at the instants of ``rate`` (Hz). The loss has the
+    stationary law Gamma(ν, sd/√ν), ν = slip_rate · slip_recovery; the tension's skewness is −2/√ν.
     """
     nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
@@ -73,9 +73,9 @@ def directions(
     """Draw unit vectors (samples, m, 3) that wander about the means of ``cables``, with the mean
     resultant length of the von Mises–Fisher law of the robots' concentration κ.
 
-    In a plane an angle of variance s² has exp(−s²/2), set to I₁(κ)/I₀(κ). In space two angles turn
-    the cable along and across: their size is Rayleigh's, E[cos] = 1 − √2·s·D(s/√2), D Dawson's
-    function, set to coth κ − 1/κ.
+    In a plane an angle of variance s² has the length exp(−s²/2), set to I₁(κ)/I₀(κ). In space two
+    angles turn the cable up and aside. Their size has a Rayleigh law, with D Dawson's function
+    E[cos] = 1 − √2·s·D(s/√2), set to coth κ − 1/κ.
     """
     azimuth, wander_time = np.asarray(cables.direction, dtype=float), robots.wander_time
     concentration = np.asarray(robots.concentration)
@@ -105,13 +105,15 @@ def _angle_in_space(kappa: float) -> float:
 def record_force(
     cables: Cables, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
 ) -> RiggedForce:
-    """Return a record of ``tare`` s without load and ``duration`` s in which robots pull."""
+    """Draw a record of ``tare`` s without load and ``duration`` s in which robots pull; raises
+    ConfigError for unequal numbers of robots, tensions and directions.
+    """
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
-    if len({len(sd), len(tension), len(cables.direction)}) > 1 or tare < 0 or duration <= 0:
-        numbers = len(sd), len(tension), len(cables.direction)
-        message = "{} robots, {} tensions and {} directions".format(*numbers)
-        message += f" of which one each is needed, or {tare} s of tare and {duration} s of load,"
-        raise ConfigError(f"{message} make no record", key="laboratory.force")
+    if not len(sd) == len(tension) == len(cables.direction):
+        message = (
+            f"{len(sd)} robots, {len(tension)} tensions and {len(cables.direction)} directions"
+        )
+        raise ConfigError(f"{message}: one each is required", key="laboratory.robots")
     rate = transducer.rate
     samples = round((tare + duration) * rate)
     time, e = np.arange(samples) / rate, directions(cables, robots, samples, rate, rng)

@@ -1,24 +1,156 @@
-"""A Kinect v2 that looks at the arm's plane. Camera frame: x right, y down, z forward (OpenCV's);
-pixel (u, v) sees along ((u − c_x)/f_x, (v − c_y)/f_y, 1), free of distortion; depth is z.
+"""A Kinect v2 that looks at the arm's plane, and the scene before it, of convex prisms.
 
-The exact image gets noise, a systematic error and losses at edges by exactly rounded operations, so
-that bytes do not depend on the processor.
+Camera frame: x right, y down, z forward (OpenCV's); pixel (u, v) sees along the ray
+((u − c_x)/f_x, (v − c_y)/f_y, 1), free of distortion; depth is z. A prism is the corners of both
+ends (2, n, 3) in m, turning left seen from outside the first. Along a ray (x, y, 1) the plane of a
+face lies at an inverse depth linear in x and y. The ray is inside the prism between the least
+inverse depth of the faces turned to the camera and the greatest of those turned away.
+
+Scene, noise, systematic error and losses at edges use exactly rounded operations alone, so that
+bytes do not depend on the processor.
 """
 
 import cv2
 import numpy as np
 from numpy.random import Generator
 
+from pipeline.arm.chain import PlanarChain, segment_frames
 from pipeline.arm.model import Arm
+from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.options import KinectOptions
-from pipeline.laboratory.scene import arm_at, arm_prisms, cast, moved, room_prisms
+from pipeline.laboratory.options import KinectOptions, SceneOptions
 
-# px, how far lateral noise may carry an edge; beyond it lies 1 draw in 5000 at the smallest
-# standard deviation
+ARC = 16  # facets of half a circle
+# m, in place of the distance 0 of a plane through the camera: its face is not seen, and the plane
+# bounds the other faces as one turned away does
+THROUGH = 1e-200
+# px, how far lateral noise may carry an edge; at the smallest standard deviation 1 draw in 5000 is
+# beyond
 REACH = 3
 BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
 Window = tuple[slice, slice]  # rows and columns of an image
+
+
+def place_solid(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """Return a prism, every point p at ``rotation @ p + translation``, exactly rounded."""
+    return (ends[..., None, :] * rotation).sum(axis=-1) + translation
+
+
+def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Outward unit normals n (n + 2, 3) and distances d (n + 2,) m of the planes n · p = d."""
+    first, second = ends
+    n = len(first)
+    # corners far apart, for a normal that their rounding does not turn
+    end = np.cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
+    sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
+    normal = np.concatenate([sides, [end, -end]])
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return normal, (normal * np.concatenate([first, ends[:, 0]])).sum(axis=-1)
+
+
+def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return the polygon ``outline`` (n, 2) in x, z, turning left, from y ``low`` to ``high``, as a
+    prism; raises ConfigError for an outline that is not convex.
+    """
+    edge = np.roll(outline, -1, axis=0) - outline
+    after = np.roll(edge, -1, axis=0)
+    if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
+        message = "a solid is wider than long, or has no extent; make it longer or more slender"
+        raise ConfigError(message, key="laboratory.kinect.scene")
+    return np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)])
+
+
+def _rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarray:
+    return np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+
+
+def _rounded_bar(bottom: float, top: float, width: float) -> np.ndarray:
+    """Outline of a bar along z whose ends are half circles around (0, bottom) and (0, top)."""
+    angle = np.linspace(0.0, np.pi, ARC + 1)
+    cap = width / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.concatenate([cap + np.array([0.0, top]), np.array([0.0, bottom]) - cap])
+
+
+def _room_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
+    """Turntable, neck, stand, floor and wall, which do not move, in the plane's frame."""
+    (x, z), far, wall = chain.origin, 20.0, options.wall_distance
+    half, stand, floor = options.base_width / 2, options.stand_width / 2, options.floor_height
+    gap = z - options.base_gap
+    return [
+        prism(_rectangle(x - half, x + half, 0.0, gap), -half, half),
+        # the neck that carries joint O1, hidden behind the first link
+        prism(_rectangle(x - half / 2, x + half / 2, gap, z), -half / 2, half / 2),
+        prism(_rectangle(x - stand, x + stand, floor, 0.0), -stand, stand),
+        prism(_rectangle(-far, far, floor - 0.1, floor), -far, wall),
+        prism(_rectangle(-far, far, floor, far), wall, wall + 0.1),
+    ]
+
+
+def _arm_solids(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np.ndarray]]:
+    """Index of the link and solid in its segment frame, for the solids of the three links."""
+    o, (first, second, third), finger = options, chain.lengths, options.finger_width / 2
+    hand = o.hand_share * third - o.tool_width / 2
+    solids = (
+        (0, _rounded_bar(0.0, first, o.link_width), o.link_depths[0]),
+        (1, _rounded_bar(0.0, second, o.link_width), o.link_depths[1]),
+        (2, _rounded_bar(0.0, hand, o.tool_width), o.link_depths[2]),
+        (2, _rectangle(-finger, finger, 0.0, third), o.finger_depth),
+    )
+    return [(link, prism(outline, -depth / 2, depth / 2)) for link, outline, depth in solids]
+
+
+def _arccos(cosine: np.ndarray) -> np.ndarray:
+    """Angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations."""
+    tangent = np.sqrt((1 - cosine) / (1 + cosine))
+    for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
+        tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
+    square, series = tangent * tangent, 0.0
+    for power in range(17, 0, -2):  # the next term of the arc tangent is at most 0.1¹⁹/19
+        series = 1 / power - square * series
+    return 16 * tangent * series
+
+
+def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return depth (h, w) along z in m, infinite beside the ``solid``, and grazing angle (h, w) in
+    rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), all in the camera's frame. Raises ConfigError
+    for a camera inside the solid.
+    """
+    enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
+    normals, distances = _faces(solid)
+    distances[distances == 0] = THROUGH
+    _pass(normals / distances[:, None], distances, x, y, enter, leave, distance)
+    if np.isinf(enter).any():
+        message = "the camera is inside a solid of the scene; move it"
+        raise ConfigError(message, key="laboratory.kinect")
+    met = enter > leave
+    depth, grazing = np.full(met.shape, np.inf), np.zeros(met.shape)
+    enter, range_ = enter[met], np.sqrt(x * x + (y * y + 1)[:, None])[met]
+    depth[met] = 1.0 / enter
+    grazing[met] = _arccos(np.minimum(distance[met] * enter / range_, 1.0))
+    return depth, grazing
+
+
+@compiled
+def _pass(slope, distance, x, y, enter, leave, entered):
+    """Inverse depths (1/m) at which rays ``enter`` and ``leave`` (h, w) the faces of one solid, and
+    distance of the face ``entered``. A face is at the inverse depth (x, y, 1) · ``slope`` (F, 3),
+    at ``distance`` (F,), negative if turned to the camera.
+    """
+    for row in range(y.size):
+        nearest, farthest, of_face = enter[row], leave[row], entered[row]
+        for face in range(distance.size):
+            across, size = slope[face, 0], -distance[face]
+            down = slope[face, 1] * y[row] + slope[face, 2]
+            if size > 0.0:
+                for column in range(x.size):
+                    inverse = across * x[column] + down
+                    nearer = inverse < nearest[column]
+                    nearest[column] = inverse if nearer else nearest[column]
+                    of_face[column] = size if nearer else of_face[column]
+            else:
+                for column in range(x.size):
+                    inverse = across * x[column] + down
+                    farthest[column] = inverse if inverse > farthest[column] else farthest[column]
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
@@ -44,15 +176,15 @@ class DepthCamera:
         self.rotation, self.translation = arm.rotation @ self._rotation, arm.to_base(self._position)
         self._x = (np.arange(options.width) - options.cx) / options.fx
         self._y = (np.arange(options.height) - options.cy) / options.fy
-        self._arm = arm_prisms(arm.chain, options.scene)
-        # what a ray sees where it meets nothing of the arm; infinite depth where it meets nothing
+        self._arm = _arm_solids(arm.chain, options.scene)
+        # images without the arm; infinite depth where a ray meets nothing
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
         self._room = depth, np.zeros_like(depth)
-        for solid in room_prisms(arm.chain, options.scene):
+        for solid in _room_solids(arm.chain, options.scene):
             self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._room)
 
     def _in_camera(self, solid: np.ndarray) -> np.ndarray:
-        return moved(solid, self._rotation.T, -self._rotation.T @ self._position)
+        return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
 
     def _draw(self, solid, window: Window, depth: np.ndarray, grazing: np.ndarray) -> None:
         """Draw a solid of the camera's frame, in the rows and columns ``window``."""
@@ -62,21 +194,24 @@ class DepthCamera:
             np.copyto(image[window], new, where=nearer, casting="same_kind")
 
     def _window(self, solid: np.ndarray) -> Window:
-        """Rows and columns of the image that a solid covers; ConfigError where not in view."""
+        """Rows and columns of the image that a solid covers; ConfigError if it is not in view."""
         o, (x, y, z) = self.options, np.moveaxis(solid, -1, 0)
         if np.all(z > 0):
             sides = (o.fy * y / z + o.cy, o.height), (o.fx * x / z + o.cx, o.width)
             if all(p.min() >= 0 and p.max() <= size - 1 for p, size in sides):
                 ends = ((int(np.floor(p.min())), int(np.ceil(p.max())) + 1) for p, _ in sides)
                 return tuple(slice(*pair) for pair in ends)
-        message = "laboratory.kinect: the arm is not wholly in the image; put the camera further"
-        raise ConfigError(f"{message} away or aim it anew", distance=o.distance, aim=o.aim)
+        message = f"the arm is not wholly in the image at distance {o.distance} m and aim {o.aim}; "
+        message += "put the camera further away or aim it anew"
+        raise ConfigError(message, key="laboratory.kinect")
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return exact depth (h, w) in m, 0 for none, and grazing angle in rad, at ``q`` (3,)."""
+        """Return exact depth (h, w) in m, 0 for none, and grazing angle in rad at angles ``q``."""
         depth, grazing = (image.copy() for image in self._room)
-        for solid in map(self._in_camera, arm_at(self._arm, self._chain, q)):
-            self._draw(solid, self._window(solid), depth, grazing)
+        rotation, origin = segment_frames(self._chain, q)
+        for link, solid in self._arm:
+            posed = self._in_camera(place_solid(solid, rotation[link], origin[link]))
+            self._draw(posed, self._window(posed), depth, grazing)
         depth[np.isinf(depth)] = 0.0
         return depth, grazing
 
@@ -99,8 +234,7 @@ def deviations(
     depth: np.ndarray, grazing: np.ndarray, options: KinectOptions
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return σ_z in m (Fankhauser et al. 2015) and σ_L in px, each axis (Nguyen et al. 2012), at
-    depth z (m) and grazing angle θ (rad): in θ/(π/2 − θ) up to the grazing limit, past which no
-    pixel has a depth.
+    depth z (m) and grazing angle θ (rad), which is clipped at the grazing limit.
     """
     angle = np.minimum(grazing, np.float32(options.grazing_limit))
     term = angle / (np.float32(np.pi / 2) - angle)
@@ -113,7 +247,7 @@ def deviations(
 def read_depth(
     depth: np.ndarray, grazing: np.ndarray, bias: np.ndarray, options: KinectOptions, rng: Generator
 ) -> np.ndarray:
-    """Return the sensor's image (h, w) in mm, uint16, 0 without depth, of exact ``depth`` (h, w) in
+    """Draw the sensor's image (h, w) in mm, uint16, 0 without depth, from exact ``depth`` (h, w) in
     m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``.
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
@@ -122,7 +256,7 @@ def read_depth(
     edge = far > near * np.float32(1 + options.edge_ratio)
     window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
-    # the pixels that those of the band show by lateral noise
+    # lateral noise: a pixel of the band shows a neighbour
     lateral = deviations(depth.ravel()[band], grazing.ravel()[band], options)[1]
     shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
     shift = shift.clip(-REACH, REACH).astype(np.intp)

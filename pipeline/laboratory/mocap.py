@@ -1,5 +1,5 @@
-"""The arm as OptiTrack would report it, with its faults: markers on the links of a planar arm, or
-rigid bodies on those of an arm in space. World frame: Motive's, y up, in m.
+"""Recordings of the arm as OptiTrack reports them, with their faults: markers on the links of a
+planar arm, or rigid bodies on the links of an arm in space. World frame: Motive's, y up, in m.
 """
 
 from collections.abc import Mapping
@@ -18,17 +18,18 @@ from pipeline.laboratory.options import MocapOptions
 LABELS = "abc"
 PAIRS = np.array([[0, 1], [0, 2], [1, 2]])
 FIRST_UNLABELED = 1000
+Base = tuple[np.ndarray, np.ndarray]  # rotation (3, 3) and place (3,) m of the arm in the world
 
 
 def place_markers(template: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
-    """Draw the places (..., 3) where a session's markers at ``template`` (..., 3) really sit, m."""
+    """Draw the true places (..., 3) m of a session's markers planned at ``template`` (..., 3)."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw starts of bursts and frames in which one lasts, both (frames, *shape)."""
+    """Draw which frames start a burst and which are in one, both (frames, *shape)."""
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
@@ -59,7 +60,7 @@ def _lose_labels(
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
-    # transposed, so that starts and ends come out marker by marker and pair up
+    # transposed, so that starts and ends come marker by marker and form pairs
     (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
     columns = {}
     for number, i in enumerate(np.lexsort((marker, first))):
@@ -70,29 +71,22 @@ def _lose_labels(
 
 
 def capture(
-    arm: Arm,
-    q: np.ndarray,
-    markers: np.ndarray,
-    rotation: np.ndarray,
-    translation: np.ndarray,
-    options: MocapOptions,
-    rng: Generator,
+    arm: Arm, q: np.ndarray, markers: np.ndarray, base: Base, options: MocapOptions, rng: Generator
 ) -> dict[str, np.ndarray]:
-    """Return by name the positions (N, 3) m in the world, NaN where missing, of markers at places
+    """Draw by name the positions (N, 3) m in the world, NaN where missing, of markers at places
     ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q``
-    (N, 3): ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards; ``rotation`` (3, 3) and
-    ``translation`` (3,) m: pose of its base in the world.
+    (N, 3) rad. Names are ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards.
     """
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
-    observed = _seen(arm.to_base(plane) @ rotation.T + translation, options, rng)
+    observed = _observe(arm.to_base(plane) @ base[0].T + base[1], options, rng)
     observed = _exchange_labels(observed, options, rng)
     labelled, unlabeled = _lose_labels(observed.reshape(-1, 9, 3), options, rng)
     names = [f"link{link}_{label}" for link in (1, 2, 3) for label in LABELS]
     return {name: labelled[:, i] for i, name in enumerate(names)} | unlabeled
 
 
-def _seen(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
+def _observe(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
     """Positions ``world`` (N, ..., 3) with noise, NaN where occluded."""
     observed = world + options.noise_std * rng.standard_normal(world.shape)
     rate, mean = options.occlusion_rate, options.occlusion_frames
@@ -102,13 +96,13 @@ def _seen(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarra
 
 
 class MarkerCluster(NamedTuple):
-    """The markers of one rigid body on a link of an arm in space: the tracker fits the drawing's
-    shape to the markers that it sees; with fewer than three the body is lost.
+    """Markers of one rigid body on a link of an arm in space. The tracker fits the drawing's shape
+    to the markers that are not occluded; with fewer than three it loses the body.
     """
 
     chain: SerialChain  # the true one that carries the link; its tip is the link's frame
-    places: np.ndarray  # (K, 3) m, where the markers really sit in the link's frame
-    shape: np.ndarray  # (K, 3) m, where the tracker has them in the body's frame
+    places: np.ndarray  # (K, 3) m, true places of the markers in the link's frame
+    shape: np.ndarray  # (K, 3) m, their places in the body's frame by the tracker
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
@@ -125,20 +119,19 @@ def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.nda
 def capture_bodies(
     clusters: Mapping[str, MarkerCluster],
     q: np.ndarray,
-    base: tuple[np.ndarray, np.ndarray],
+    base: Base,
     options: MocapOptions,
     rng: Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies
-    on an arm at true angles ``q`` (N, n) rad, NaN where lost; ``base``: rotation (3, 3) and place
-    (3,) m of the arm.
+    """Draw by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies on
+    an arm at true angles ``q`` (N, n) rad, NaN where lost.
     """
     result = {}
     for name, cluster in clusters.items():
         pose = cluster.chain.pose(q[:, : len(cluster.chain.lower)])
         turn = pose[:, 3:].reshape(-1, 3, 3)
         places = pose[:, None, :3] + cluster.places @ np.swapaxes(turn, -1, -2)
-        observed = _seen(places @ base[0].T + base[1], options, rng)
+        observed = _observe(places @ base[0].T + base[1], options, rng)
         rotation, position = rigid_motion(cluster.shape, observed)
         quaternion = np.full((len(q), 4), np.nan)
         tracked = np.isfinite(position).all(axis=-1)

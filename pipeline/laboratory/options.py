@@ -1,5 +1,5 @@
-"""Options of the synthetic laboratory, every disturbance with its unit and its source; free of the
-libraries that the laboratory needs, so that the configuration is checked without them.
+"""Options of the synthetic laboratory, every disturbance with its unit and its source. The module
+imports none of the libraries that the laboratory needs, so that a configuration is checked early.
 """
 
 from dataclasses import field, replace
@@ -17,12 +17,12 @@ BurstLength = Annotated[float, Field(ge=1)]  # frames, mean of the geometric len
 
 @options(frozen=True)
 class TrajectoryOptions:
-    """The motion's two ends and how time is spent between them."""
+    """The motion's two ends, and the times of its rests and ramps."""
 
     folded: tuple[float, ...]  # rad, joint angles of the folded pose
     extended: tuple[float, ...]  # rad, joint angles of the most extended pose
     duration: Positive = 3.2  # s, T of the paper
-    rest: NotNegative = 0.08  # s, standing still at the start, at the turn (twice) and at the end
+    rest: NotNegative = 0.08  # s, at rest at the start, at the turn (twice) and at the end
     ramp: Positive = 0.3  # s, from rest to full speed and from full speed to rest
     rate: Positive = 100.0  # 1/s, steps of the motion grid
 
@@ -38,7 +38,7 @@ class TrajectoryOptions:
 
 @options(frozen=True)
 class DynamicsOptions:
-    """Disturbances at the micro level, each with its unit and where its size comes from."""
+    """Disturbances at the micro level, each with its unit and the source of its size."""
 
     rate: Positive = 1000.0  # 1/s, integration steps of the servo
     servo_gain: Positive = 20.0  # 1/s, position loop of the joints
@@ -48,30 +48,30 @@ class DynamicsOptions:
     encoder_offset_std: NotNegative = 2e-3
     encoder_ripple: NotNegative = 1e-3  # rad, once-per-turn eccentricity of encoder and gear
     speed_error_std: NotNegative = 0.03  # 1, of the commanded speed; torque ripple of small gears
-    speed_error_time: Positive = 0.022  # s, of each of its lags
+    speed_error_time: Positive = 0.022  # s, time constant of each of its lags
     start_std: NotNegative = 4e-3  # rad, start pose of a take; repeatability of homing moves
-    # m or rad, the tool's sway along and about each of the task's rows at the joints' speed limits.
-    # Here x, z and the turn about the tip of the youBot; with the clearance they give the published
+    # m or rad, the tool's sway along and about each row of the task (default: the youBot's x, z and
+    # rotation about the tip) at the joints' speed limits; with the clearance it gives the published
     # covariance of the noise: README.md
     sway_std: tuple[NotNegative, ...] = (3e-4, 1.7e-3, 0.0332)
-    # s, of each of the lags that pass the sway on: as brief as the motors can drive it
-    # (README.md). Four lags of 22 ms have the bandwidth of the servo, 20 1/s
+    # s, time constant of each lag of the sway: the shortest that the motors can drive (README.md);
+    # four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: Positive = 0.0135
-    sway_rest: NotNegative = 0.02  # 1, share of the sway that is left at rest; motors holding
+    sway_rest: NotNegative = 0.02  # 1, share of the sway at rest, while the motors hold the arm
     # rad, half the play of one joint; the paper reports an unusual clearance in the youBot's third
     clearance: NotNegative = 0.039
-    play_joint: Annotated[int, Field(ge=1)] = 3  # which joint of the chain, from 1
-    clearance_time: Positive = 5e-3  # s, of each of the rattling's lags; impacts of gear teeth
+    play_joint: Annotated[int, Field(ge=1)] = 3  # number of that joint in the chain, from 1
+    clearance_time: Positive = 5e-3  # s, of each lag of the rattling; impacts of gear teeth
     rattle_speed: Positive = 1.5  # rad/s, speed of that joint at which the rattling fills the play
-    speed_exponent: NotNegative = 2.0  # 1, sway and rattling over speed; loads of inertia
+    speed_exponent: NotNegative = 2.0  # 1, power of sway and rattling in speed; loads of inertia
     jitter_std: NotNegative = 5e-4  # s, exposure against motion clock; trigger and USB latency
 
 
 @options(frozen=True)
 class EncoderOptions:
-    """Log of the encoders, whose zeros err by :class:`DynamicsOptions`."""
+    """Log of the encoders; :class:`DynamicsOptions` has the errors of their zeros."""
 
-    rate: Positive = 125.0  # 1/s, rows of the log; of the controllers of UR5s
+    rate: Positive = 125.0  # 1/s, rows of the log; as the controller of a UR5
     resolution: Positive = 4.8e-5  # rad; assumed: 17 bits a turn behind the gear
 
 
@@ -103,12 +103,12 @@ class MocapOptions:
 
 @options(frozen=True)
 class SceneOptions:
-    """Sizes of the arm's solids and the room, m; the youBot.s girths, the room assumed."""
+    """Sizes in m of the arm's solids, from the youBot's girths, and of the room, assumed."""
 
     link_width: float = 0.06  # across the segment in the plane, first two links
     link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal
     tool_width: float = 0.05  # wrist and hand
-    hand_share: float = 0.62  # 1, of the third segment: wrist and hand; the rest are fingers
+    hand_share: float = 0.62  # 1, share of wrist and hand in the third segment, before the fingers
     finger_width: float = 0.024
     finger_depth: float = 0.03
     base_width: float = 0.08  # turntable under O1
@@ -120,7 +120,7 @@ class SceneOptions:
 
 @options(frozen=True)
 class KinectOptions:
-    """The sensor, where it stands and how it errs."""
+    """The sensor, its pose and its errors."""
 
     width: int = 512  # px
     height: int = 424  # px
@@ -139,7 +139,7 @@ class KinectOptions:
     axial: tuple[float, float, float, float] = (1.5e-3, -0.5e-3, 0.3e-3, 0.1e-3)
     # px: σ_L = a + b θ/(π/2 − θ); Nguyen, Izadi, Lovell, 3DIMPVT 2012
     lateral: tuple[float, float] = (0.8, 0.035)
-    # rad (80°), no depth beyond; Nguyen 2012 and Fankhauser 2015 measure none past it
+    # rad (80°), no depth beyond; the measurements of Nguyen 2012 and Fankhauser 2015 end there
     grazing_limit: Annotated[float, Field(gt=0, lt=pi / 2)] = 1.4
     edge_ratio: float = 0.03  # 1, neighbours whose depths differ by a greater share are an edge
     edge_lost: Probability = 0.3  # 1, probability of no depth at an edge; assumed
@@ -156,9 +156,9 @@ class Robots:
     """Laws of the robots that pull, one value each."""
 
     tension_sd: tuple[NotNegative, ...]  # N, σ_T of the tension's stationary law
-    concentration: tuple[Positive, ...]  # κ of the von Mises law of the direction
+    concentration: tuple[Positive, ...]  # 1, κ of the von Mises law of the direction
     slip_rate: Positive = 20.0  # 1/s, slips of one robot; assumed: some per turn of its wheels
-    slip_recovery: Positive = 0.25  # s, of regaining traction; assumed: that of a wheel-speed loop
+    slip_recovery: Positive = 0.25  # s, of regaining traction; assumed: as of a wheel-speed loop
     wander_time: Positive = 0.4  # s, of a cable's direction; assumed: sway of a taut cable
 
     @model_validator(mode="after")
@@ -182,5 +182,5 @@ class Transducer:
     noise: tuple[NotNegative, NotNegative] = (0.00625, 0.0005)
     bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)  # sd of a record's offset; assumed
     drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)  # sd, per s, thermal; assumed
-    # m, from its origin to the point that cables are tied to, or attachments measured from
+    # m, from its origin to the point to which cables are tied, or from which attachments count
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)

@@ -1,23 +1,39 @@
-"""The commanded motion: its steps, and checks of what is known of one motion twice."""
+"""The commanded motion: its steps, and the unit, order, sign and clock by which a record of the
+motion follows it, or a refusal.
+"""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.urdf import Joint, read_urdf
-from pipeline.core.angles import whole_turns
+from pipeline.core.angles import TURN, whole_turns
 from pipeline.core.columns import columns, members, values
 from pipeline.core.errors import RecordingError
-from pipeline.recordings.pairing import missed
+from pipeline.recordings.repetitions import REACH, lag
 
-UNFILLED = "???"  # name of a file that is still to be filled in
+OPTION = "dataset.joint_log"
 STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
-MOST = 0.25  # of the motion, by which either may be missed: far above any arm's uncertainty
+UNFILLED = "???"  # name of a file that is not stated yet
+LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
+SEARCH = 10.0  # s, greatest offset of two clocks that is searched
+QUANTILE = 0.9  # of the rows: a repetition that was disturbed does not decide
+LEAST_MOTION = 0.1  # of the farthest joint's motion: least scale of the error of the other joints
+STILL = 0.1  # rad, least scale of any error: noise of encoders at rest is no error
+SMOOTHING = 0.02  # s, over which the speed of the arm is taken
+PEAKS, NEAR = 8, 0.8  # delays that are tried: highest correlations, down to this share of the first
+SAME = 0.02  # of a factor: within this share it is the factor of a unit conversion
+ORDER_GAIN = 0.5  # of the error: another order or sign must leave less than this share
+MOST = 0.25  # of the motion, by which two records of it may differ: far above any uncertainty
 VELOCITY = 0.05  # of the motion, by which commanded velocities may miss the commanded positions
 LEAST_TIMES = 3  # readings within the take; fewer decide nothing
+DEGREES = 180 / np.pi
+FACTORS = {"1": 1.0, "180/π": DEGREES, "π/180": 1 / DEGREES, "(180/π)²": DEGREES**2}
+FACTORS |= {"(π/180)²": DEGREES**-2, "2π": TURN, "1/2π": 1 / TURN}
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
@@ -29,6 +45,160 @@ def constant_speed(q: np.ndarray) -> np.ndarray:
     """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad are about the fastest."""
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
+
+
+class Pairing(NamedTuple):
+    """Command of joint i: column ``order[i]`` times ``factor[i]``, ``delay`` rows later."""
+
+    factor: np.ndarray  # (n,)
+    order: np.ndarray  # (n,) int
+    delay: int  # rows by which the command is early
+
+    def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the paired rows of both (N − |delay|, n) in rad."""
+        actual, target = shift_rows(actual, target, self.delay)
+        return actual, target[:, self.order] * self.factor
+
+    def error(self, actual: np.ndarray, target: np.ndarray) -> float:
+        """Return the greatest of the :func:`tracking_errors` of the paired rows."""
+        return float(tracking_errors(*self.apply(actual, target)).max())
+
+
+def shift_rows(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return measured rows and the commanded ones ``rows`` before them, without the unpaired."""
+    length = len(actual) - abs(rows)
+    return actual[max(rows, 0) :][:length], target[max(-rows, 0) :][:length]
+
+
+def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return the 0.9 quantile (n,) of the tracking error divided by the joint's motion, ``actual``
+    and ``target`` (N, n) in rad: the greater one of the rows in which the command moves, or rests.
+    The motion counts as at least a tenth of the farthest joint's and 0.1 rad.
+    """
+    residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
+    scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
+    steps = np.abs(np.diff(target, axis=0, prepend=target[:1])).max(axis=1)
+    moving = steps > LEAST_MOTION * np.quantile(steps, 0.99)
+    parts = [residual[rows] for rows in (moving, ~moving) if rows.any()]
+    return np.max([np.quantile(part, QUANTILE, axis=0) for part in parts], axis=0) / scale
+
+
+def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
+    """Return the pairing of least error, the plain one if no other has less than half its error,
+    of measured and commanded angles (N, n) in rad at ``rate`` rows a second.
+    """
+    best = _plain(actual.shape[1])
+    if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
+        return best
+    least = best.error(actual, target)
+    for delay in _delays(actual, target, rate):
+        tried = _unit_and_order(*shift_rows(actual, target, delay), delay)
+        if (error := tried.error(actual, target)) < ORDER_GAIN * least:
+            best, least = tried, error
+    # the delay to the nearest row; a delay up to LATEST is the controller's, not a clock's
+    measured, command = best.apply(actual, target)
+    late = lag(command, measured, rate)
+    delay = best.delay + (round(late * rate) if np.isfinite(late) else 0)
+    return best._replace(delay=delay if abs(delay) > LATEST * rate else 0)
+
+
+def require_pair(
+    actual: np.ndarray,
+    target: np.ndarray,
+    rate: float,
+    limit: float,
+    joints: Sequence[str],
+    **where,
+) -> None:
+    """Raise RecordingError for a tracking error of ``actual`` (N, n) rad to ``target`` above
+    ``limit`` of the motion, or a lag above LATEST at ``rate`` rows a second. The message names the
+    unit, order and clock by which they agree, with their options.
+    """
+    errors = tracking_errors(actual, target)
+    worst, late = int(errors.argmax()), lag(target, actual, rate)  # NaN of a command at rest
+    if errors[worst] > limit:
+        fault = f"{joints[worst]} misses its command by {errors[worst]:.2g} of its motion (0.9"
+        fault += f" quantile over the rows), more than {limit:g} (mismatch)"
+    elif abs(late) > LATEST:
+        fault = f"the arm is {late:.2g} s behind its command, more than {LATEST:g}"
+    else:
+        return
+    pairing = find_pairing(actual, target, rate)
+    left = pairing.error(actual, target)
+    cause = "no other unit, order or clock pairs them: are they of one movement?"
+    if left <= limit:
+        words = ", ".join(
+            f"the {what} ({option.rpartition('.')[2]}: {value}, without which {error:.2g} is left)"
+            for what, option, value, error in suspects(pairing, actual, target, rate)
+        )
+        cause = f"suspected: {words}; that leaves {left:.2g}" if words else cause
+    message = f"measured and commanded angles are no pair: {fault}; {cause}"
+    raise RecordingError(message, **where, key=OPTION)
+
+
+def suspects(
+    pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
+) -> Iterator[tuple[str, str, str, float]]:
+    """Yield for each change of a ``pairing`` words, option, value, and the error without it."""
+    plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
+    unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
+    what = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
+    listed = [f"{each:.16g}" for each in factor]
+    value = listed[0] if len({*listed}) == 1 else f"[{', '.join(listed)}]"
+    columns = f"the commanded columns in the order {[int(j) + 1 for j in order]}"
+    for changed, field, option, found, stated in (
+        ((factor != 1).any(), "factor", "target_factor", what, value),
+        ((order != plain.order).any(), "order", "signals", "order", columns),
+        (delay != 0, "delay", "target_delay", "clock", f"{delay / rate:.6g}"),
+    ):
+        if changed:
+            without = pairing._replace(**{field: getattr(plain, field)})
+            yield found, f"{OPTION}.{option}", stated, without.error(actual, target)
+
+
+def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
+    return Pairing(np.full(n, factor), np.arange(n), delay)
+
+
+def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
+    """Rows by which the command may be early: 0, and correlation peaks of the arm's speeds."""
+    from scipy.signal import correlate, correlation_lags, find_peaks
+
+    width = max(1, round(SMOOTHING * rate))
+    speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
+    measured, commanded = (speed - speed.mean() for speed in speeds)
+    rows = correlation_lags(len(measured), len(commanded))
+    near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
+    alike, rows = correlate(measured, commanded)[near], rows[near]
+    alike = alike / (len(measured) - np.abs(rows))  # a longer delay leaves fewer rows
+    peak = find_peaks(alike, height=NEAR * alike.max())[0]
+    highest = peak[np.argsort(-alike[peak])[:PEAKS]]
+    return sorted({0, *rows[highest].tolist()}, key=abs)
+
+
+def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
+    """Unit, order and signs of rows that ``delay`` has paired already."""
+    from scipy.optimize import linear_sum_assignment
+
+    n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
+    if not motion:
+        return _plain(n, delay=delay)
+    size = np.ptp(actual, axis=0).sum() / motion
+    size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
+    # (2, n, n) root mean square residual of joint i from column j, and from its opposite
+    pairs = ((actual.T[:, None] - sign * (size * target).T) for sign in (1, -1))
+    costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
+    cost, same = costs.min(axis=0), np.arange(n)
+    rows, order = linear_sum_assignment(cost)
+    if cost[rows, order].sum() > ORDER_GAIN * costs[0, same, same].sum():
+        return _plain(n, size, delay)
+    sign = np.where(costs[1, rows, order] < ORDER_GAIN * costs[0, rows, order], -1.0, 1.0)
+    # columns that are alike keep their place
+    stay = costs[0, same, same] <= cost[rows, order] / ORDER_GAIN
+    kept = np.where(stay, same, order)
+    if len(set(kept.tolist())) == n:
+        order, sign = kept, np.where(stay, 1.0, sign)
+    return Pairing(size * sign, order, delay)
 
 
 def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
@@ -45,28 +215,23 @@ def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
     """Raise RecordingError where the velocities do not lead along the positions."""
     x, v = values(trajectory, "x"), values(trajectory, "v")
-    # a velocity may be that of the instant, or the mean over the step before or behind it
+    # a velocity may be of the instant, or the mean over the step before or after it
     gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
-    fault = "the commanded velocities do not lead along the commanded positions"
-    suspects, names = "their unit, the order of their columns, and t", members(trajectory, "x")
-    _require(missed(x[1:] - x[0], gone), names, fault, suspects, VELOCITY, file=file)
+    fault = "the commanded velocities do not lead along the commanded positions; suspected are"
+    fault += " their unit, the order of their columns, and t"
+    _require_near(x[1:] - x[0], gone, members(trajectory, "x"), VELOCITY, fault, file=file)
 
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
     """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
-    shares = missed(chain.coordinates(chain.pose(q)), values(trajectory, "x"))
-    fault = "the tip that the motion capture tracked is not on the commanded path"
-    suspects = "the path's unit and columns, when it starts (dataset.trajectory), and the arm's"
-    suspects += " base (dataset.mocap.base)"
-    _require(shares, chain.task, fault, suspects, MOST, take=take, key="dataset.trajectory")
+    tip, path = chain.coordinates(chain.pose(q)), values(trajectory, "x")
+    fault = "the tip that the motion capture tracked is not on the commanded path; suspected are"
+    fault += " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
+    _require_near(tip, path, chain.task, MOST, fault, take=take, key="dataset.trajectory")
 
 
 def require_encoders(
-    q: pd.DataFrame,
-    readings: pd.DataFrame,
-    joints: list[str],
-    take: str,
-    circular: np.ndarray | bool = True,
+    q: pd.DataFrame, readings: pd.DataFrame, joints: list[str], take: str, circular=True
 ) -> None:
     """Raise RecordingError where ``readings``, rows of the table ``encoders``, are not the angles
     tracked at those times, rows ``q`` of the table ``joints``; ``circular``: which joints turn.
@@ -74,26 +239,27 @@ def require_encoders(
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
     where = {"take": take, "key": "dataset.encoders"}
     if len(during) < LEAST_TIMES:
-        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take"
-        where["key"] += ".start"
-        raise RecordingError(f"{message}: when does their log start?", **where)
+        message = f"{len(during)} of {len(readings)} readings of the encoders are within the take:"
+        raise RecordingError(f"{message} when does their log start (start)?", **where)
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()
     turns = whole_turns(read, tracked, circular)
-    for joint, own in zip(np.array(joints)[turns != 0], turns[turns != 0], strict=True):
-        message = f"the encoders read {joint} {own:+g} turns (2π = 6.283 rad each) beside the angle"
-        message += " that the motion capture tracked: log the angle that the arm's URDF has"
+    if turns.any():
+        joint = int(np.flatnonzero(turns)[0])
+        message = f"the encoders read {joints[joint]} {turns[joint]:+g} turns (2π = 6.283 rad each)"
+        message += " beside the angle that the motion capture tracked: log the angle of the URDF"
         raise RecordingError(message, **where)
-    fault = "the encoders do not read what the motion capture tracked"
-    suspects = "their angle_unit, the order of their columns (actual), and when their log starts"
-    _require(missed(read, tracked), joints, fault, f"{suspects} (start)", MOST, **where)
+    fault = "the encoders do not read what the motion capture tracked; suspected are their"
+    fault += " angle_unit, the order of their columns (actual), and when their log starts (start)"
+    _require_near(read, tracked, joints, MOST, fault, **where)
 
 
-def _require(
-    shares: np.ndarray, names: Sequence[str], fault: str, suspects: str, most: float, **where
+def _require_near(
+    a: np.ndarray, b: np.ndarray, names: Sequence[str], most: float, fault: str, **where: object
 ) -> None:
-    worst = int(shares.argmax())
-    if shares[worst] > most:
-        off = f"{names[worst]} is off by {shares[worst]:.2g} of the motion, more than {most:g}"
-        raise RecordingError(f"{fault}: {off}; suspected are {suspects}", **where)
+    errors = tracking_errors(a, b)
+    worst = int(errors.argmax())
+    if errors[worst] > most:
+        off = f"{names[worst]} is off by {errors[worst]:.2g} of the motion, more than {most:g}"
+        raise RecordingError(f"{off}: {fault}", **where)

@@ -1,4 +1,4 @@
-"""Depth takes as tables: the time of every frame on the camera's clock, and the arm's points."""
+"""Depth takes as tables: the times of the frames on the camera's clock, and the arm's points."""
 
 import os
 from collections import Counter
@@ -25,7 +25,7 @@ from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 KEY = "dataset.depth"
-Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]  # with where each is
+Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]  # and their places
 
 
 class DepthTake(NamedTuple):
@@ -40,27 +40,25 @@ class DepthTake(NamedTuple):
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
     """Return take → folder or bag; RecordingError where none matches or two have one name."""
-    what, key = "folder of depth frames and no bag", f"{KEY}.takes"
-    wanted = {"what": what, "wanted": lambda path: path.is_dir() or is_bag(path)}
-    return named_takes(raw, depth.takes, key=key, **wanted)
+    wanted = {"what": "folder of depth frames and no bag", "key": f"{KEY}.takes"}
+    return named_takes(raw, depth.takes, wanted=lambda p: p.is_dir() or is_bag(p), **wanted)
 
 
 def frame_rows(
     named: tuple[str, Path], depth: Depth, arm: Arm, raw: Path, folder: Path
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a take (name, and folder or bag) in s since the
-    motion capture's start by the camera's own clock, and their quality; write the arm's points
+    motion capture's start by the camera's own clock, and their quality; write the arm's points in m
     below ``folder``.
 
-    ``frozen_frames``, whose points of the arm are those of the frame before, are counted and left
-    out. Raises RecordingError for files that cannot be read, contradict each other or are no depth,
-    ConfigError for what the options leave open.
+    ``frozen_frames``, which have the arm's points of the frame before, are counted and left out.
+    Raises RecordingError for unreadable or contradictory files, ConfigError for missing options.
     """
     name, path = named
     take = _of_bag(path, depth, raw) if is_bag(path) else _of_folder(path, depth, raw)
     time = take.time - (take.time[0] if depth.start is None else depth.start)
     clouds, valid = zip(*_points(take, depth, arm), strict=True)
-    same = [len(a) > 0 and np.array_equal(a, b) for b, a in pairwise(clouds)]
+    same = (len(after) > 0 and np.array_equal(before, after) for before, after in pairwise(clouds))
     frozen = np.array([False, *same])
     kept = [points for points, still in zip(clouds, frozen, strict=True) if not still]
     empty = np.full(2, np.nan)
@@ -80,13 +78,12 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
     encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
+    segment = partial(cut_cloud, arm, *pose, depth.workspace)
     if take.camera is not None:
         segment = ArmSegmenter(arm, take.camera, *pose, depth.workspace)
     elif depth.encoding != "plain":
-        message = f"point clouds are not encoded in {depth.encoding}; their encoding is plain"
+        message = f"the encoding of point clouds is plain, not {depth.encoding}"
         raise ConfigError(message, key=f"{KEY}.encoding")
-    else:
-        segment = partial(cut_cloud, arm, *pose, depth.workspace)
     for frame, where in take.frames:
         if isinstance(frame, cloud.PointCloud):
             share = len(frame.points) / (len(frame.points) + frame.missing)
@@ -123,12 +120,10 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
 
 def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
-    """A pass over the bag for the times in the headers; another reads the frames."""
+    """The bag's take: one pass reads the times in the headers, another one the frames."""
     topic = rosbag.choose_topic(path, (ros.IMAGE, ros.CLOUD), depth.topic)
-    time, where = (
-        np.array([*rosbag.messages(path, topic, rosbag.seconds)]),
-        {"file": path, "topic": topic},
-    )
+    time = np.array([*rosbag.messages(path, topic, rosbag.seconds)])
+    where = {"file": path, "topic": topic}
     if (late := np.flatnonzero(np.diff(time) <= 0)).size:
         raise RecordingError("the time does not increase", **where, number=int(late[0]) + 1)
     pick, camera = ros.cloud_points, None
@@ -149,7 +144,7 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
 
 def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrinsics:
-    """The calibration in a file, else the message of a bag with images of the ``topic``."""
+    """The calibration of a file, else of a message in the bag with images of the ``topic``."""
     if depth.width is None or depth.height is None:
         raise ConfigError("depth images need their width and height", key=f"{KEY}.width")
     size = {"width": depth.width, "height": depth.height}
@@ -162,7 +157,6 @@ def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrins
     stated = rosbag.choose_topic(path, (ros.CAMERA_INFO,), depth.camera_info)
     camera = next(rosbag.messages(path, stated, partial(ros.camera_info, **size), {0}))
     if camera.distortion and "rect" in topic:
-        message = "the images are called rectified, and their camera distorted; give the intrinsics"
-        message += " that hold for them in a file"
-        raise RecordingError(message, file=path, topic=topic)
+        message = "the topic is called rectified, and its camera is distorted; give the intrinsics"
+        raise RecordingError(f"{message} of its images in a file", file=path, topic=topic)
     return camera

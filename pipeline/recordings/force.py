@@ -1,4 +1,4 @@
-"""Force records without their bias, as tables: all axes that were logged."""
+"""Force records as tables: forces and moments of all logged axes without their bias."""
 
 from pathlib import Path
 
@@ -15,17 +15,16 @@ from pipeline.recordings.quality import quality_row
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # N, N·m
 SHARED = ("columns", "separator", "decimal", "force_unit", "torque_unit", "time_unit", "rate")
-MIN_SAMPLES = 10  # fewer leave the bias less certain than a third of the noise of one sample
-# s; a clock rebuilt from its rate rounds, and one loaded sample would spoil the mean
-CLOCK_ROUNDING = 1e-6
+MIN_SAMPLES = 10  # of the tare: the bias is known to a third of the noise of one sample
+CLOCK_ROUNDING = 1e-6  # s, of a clock made from its rate: a loaded sample would spoil the mean
 
 
 def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``force`` of the configuration ``name`` from the end of its tare
-    on, moments about the option ``point``, and their quality.
+    on, in N and, about the option ``point``, N·m, and their quality.
 
-    Saturated or frozen samples are left out before the bias is subtracted: a sensor measures the
-    whole load. Raises ConfigError for a format that does not exist.
+    Saturated or frozen samples are left out before the bias is subtracted: ratings are of the whole
+    load. Raises ConfigError for a format that does not exist, RecordingError as remove_bias.
     """
     log, file = force.log, raw / force.configurations[name].file
     calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
@@ -41,10 +40,7 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
     if np.isfinite(record.torque).any():
         moment = record.torque - np.cross(force.point, record.force)
         wrench = np.hstack([record.force, moment])
-    try:
-        time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare)
-    except RecordingError as error:
-        raise RecordingError(error.message, **error.evidence, file=file) from None
+    time, wrench, biases = remove_bias(record.time[sound], wrench[sound], force.tare, file=file)
     axes = dict(zip(WRENCH, wrench.T, strict=False))
     quality = [*(record.counts | faults).items()]
     for axis, bias in zip(axes, biases, strict=True):
@@ -54,22 +50,24 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
 
 
 def remove_bias(
-    time: np.ndarray, wrench: np.ndarray, tare_seconds: float
+    time: np.ndarray, wrench: np.ndarray, tare_seconds: float, **evidence: object
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, wrench less bias, and bias, the mean of the first ``tare_seconds``, which are
-    dropped, of a record ``time`` (N,) s, ``wrench`` (N, c) N and N·m; with 0 its instrument tared
-    it. Raises RecordingError for values that are not finite, an interval too short for a mean, or a
+    """Return time and wrench after the tare less the bias, and the bias: the mean of ``wrench`` (N,
+    c) in N and N·m at ``time`` (N,) s in the first ``tare_seconds``, 0 if the instrument tared it.
+
+    Raises RecordingError for values that are not finite, an interval too short for a mean, or a
     record that ends with it.
     """
     if not (finite := np.isfinite(wrench).all(axis=1)).all():
         message = "the force record has values that are not finite"
-        raise RecordingError(message, step=int(finite.argmin()))
+        raise RecordingError(message, **evidence, step=int(finite.argmin()))
     if tare_seconds == 0:
         return time, wrench, np.zeros(wrench.shape[1])
     unloaded = time - time[0] < tare_seconds - CLOCK_ROUNDING
     count = int(unloaded.sum())
     if count < MIN_SAMPLES or count == len(time):
-        message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s; it"
-        raise RecordingError(f"{message} needs at least {MIN_SAMPLES}, and a rest")
+        message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s;"
+        message += f" {MIN_SAMPLES} or more are required, and others after it"
+        raise RecordingError(message, **evidence)
     bias = wrench[unloaded].mean(axis=0)
     return time[~unloaded], wrench[~unloaded] - bias, bias

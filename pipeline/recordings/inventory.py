@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable
-from operator import attrgetter
+from functools import reduce
 from pathlib import Path, PurePosixPath
 
 import pandas as pd
@@ -22,7 +22,7 @@ KEYS = {
 
 def take_name(path: Path, raw: Path, pattern: str) -> str:
     """Name the recording at ``path`` that ``pattern`` matches below ``raw``: its path from the
-    first to the last part that the pattern leaves open, without a file's ending, or its last part.
+    first to the last part that has a wildcard, without a file's ending, else its last part.
     """
     parts = list(path.relative_to(raw).parts)
     if not path.is_dir():
@@ -41,14 +41,15 @@ def named_takes(
     what: str = "recording",
     wanted: Callable[[Path], bool] = lambda path: True,
 ) -> dict[str, Path]:
-    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order;
-    RecordingError where there is none, for two of one name or a name that is not UTF-8; ConfigError
-    for no pattern.
+    """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
+
+    Raises RecordingError for no match, two of one name or a name that is not UTF-8; ConfigError for
+    an unsound pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
         if any("\udc80" <= letter <= "\udcff" for letter in str(path)):  # as Python names bytes
-            message = "the name holds letters that are no UTF-8; rename it"
+            message = "the name is not UTF-8; rename it"
             raise RecordingError(message, file=Path(repr(str(path))[1:-1]))
         name = take_name(path, raw, pattern)
         if name in named:
@@ -69,23 +70,25 @@ def listing(folder: Path) -> pd.DataFrame:
             digest = hashlib.file_digest(data, "sha256").hexdigest()
         rows.append((file.relative_to(folder).as_posix(), file.stat().st_size, digest))
     if not rows:
-        message = "there are no recordings in this folder, or it does not exist; see the dataset's"
-        raise RecordingError(f"{message} datasheet for how to get them", file=folder)
+        message = "there are no recordings in this folder, or it does not exist; the dataset's"
+        raise RecordingError(f"{message} datasheet says how to get them", file=folder)
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
+def _value(section: object, key: str) -> object:
+    return getattr(section, key, None)
+
+
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """Return the rows of a :func:`listing` that each part of KEYS reads, and what no part names."""
+    """Return for each part of KEYS the rows of a :func:`listing` that it reads, or that no part
+    names.
+    """
     raw, claims = Path(dataset.recordings), {}
     for part, keys in KEYS.items():
-        # of an instrument that the dataset has
-        stated = [
-            key for key in keys.split() if getattr(dataset, key.partition(".")[0]) is not None
-        ]
-        named = [(key, attrgetter(key)(dataset)) for key in stated]
+        named = [(key, reduce(_value, key.split("."), dataset)) for key in keys.split()]
         if part == "force" and dataset.force is not None:
-            each = dataset.force.configurations.values()
-            named += [("force.configurations", configuration.file) for configuration in each]
+            configurations = dataset.force.configurations.values()
+            named += [("force.configurations", one.file) for one in configurations]
         places = {
             place.relative_to(raw).as_posix()
             for key, pattern in named

@@ -8,15 +8,17 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.interface import Chain, trajectory_table
+from pipeline.arm.interface import trajectory_table
+from pipeline.arm.model import chain_of
+from pipeline.core.angles import TURN, apart, turns_apart
 from pipeline.core.columns import spread
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.recordings import movement, repetitions
-from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.commands import circular_joints, require_pair
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.pairing import require_pair
+from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 
 RESIDUALS = "residuals"
@@ -29,65 +31,8 @@ class LoggedTake(NamedTuple):
     first: int
     actual: np.ndarray  # (N, n) rad, measured angles of the chain
     target: np.ndarray  # (N, n) rad, commanded
-    circular: np.ndarray  # (n,) whether a joint turns
+    circular: np.ndarray  # (n,) which joints turn
     signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
-
-
-def joint_log_rows(
-    raw: Path, dataset: Dataset, chain: Chain
-) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
-    """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
-    motion of the dataset, and their quality.
-
-    The desired pose is the mean command, held before and after the motion, as a controller at rest
-    logs the measured angle for it. Repetitions without rest are brought in phase between the rows.
-    Raises RecordingError for fewer than two repetitions, and for commands that differ.
-    """
-    options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
-    rest, length = options.rest, dataset.motion.steps + 1
-    steps = dataset.motion.steps - 2 * rest
-    takes, observed, quality = find_takes(raw, dataset, steps)
-    note, rows, reference = partial(_note, quality), {}, None
-    for name, take in takes.items():
-        if reference is None:
-            reference = take.target[take.first :][: steps + 1]
-        angles = take.actual, take.target, take.first, reference, take.circular
-        start, *pair = repetitions.matched(*angles, passing=not rest)
-        logged = dict(zip(("actual", "target"), pair, strict=True)) | take.signals
-        rows[name] = {
-            key: repetitions.stretch(each, start - rest, length) for key, each in logged.items()
-        }
-        if start != round(start):
-            note(name, "resampled_rows", length)
-    _leave_out_disturbed(rows, takes, dataset, raw, quality)
-    for name, take in rows.items():
-        evidence = {"limit": options.mismatch, "joints": joints, "file": raw, "take": name}
-        require_pair(take["actual"], take["target"], rate, **evidence)
-    if len(rows) < 2:
-        message = (
-            f"{len(rows)} repetition(s), where the fits need two, of a motion of {steps} steps"
-        )
-        message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
-        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
-        raise RecordingError(message, file=raw, key=OPTION)
-    both = ("actual", "target")
-    measured, commanded = (np.stack([take[key] for take in rows.values()]) for key in both)
-    command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
-    deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
-    if np.any(deviations > options.tolerance):
-        message = f"the command is {deviations.max():.2g} rad off its mean over the takes, above"
-        message += f" {options.tolerance:g}: another motion?"
-        take = [*rows][int(deviations.argmax())]
-        raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
-    for take, q, deviation in zip(rows, measured, deviations, strict=True):
-        note(take, "command_deviation", deviation, "rad")
-        note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
-    # the commanded angle takes its first step one sample before the commanded speed is first logged
-    held = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
-    k = np.tile(np.arange(length), len(rows))
-    identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
-    table = pd.DataFrame(identity | spread("q", joints, measured))
-    return trajectory_table(chain, held, rate, joints), table, quality
 
 
 def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str = "count") -> None:
@@ -100,34 +45,89 @@ def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
     return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
 
 
-def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> movement.LoggedMovement:
-    """Read one of :func:`find_movements`; RecordingError also for steps that are too fast."""
-    options, urdf, rate = dataset.joint_log, dataset.robot.urdf, dataset.motion.rate
-    circular = circular_joints(urdf, options.joints)
-    read = movement.read_logged_movement(name, place, options, rate, circular)
-    angles, clock = {"actual": read.actual, "target": read.target}, np.arange(len(read.actual))
-    movement.require_speeds(clock / rate, angles, options.joints, urdf, file=place)
-    return read
+def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
+    """Read one of :func:`find_movements` as :func:`read_logged_movement` does."""
+    log, rate, urdf = dataset.joint_log, dataset.motion.rate, dataset.robot.urdf
+    return movement.read_logged_movement(name, place, log, rate, urdf)
+
+
+def joint_log_rows(
+    movements: Mapping[str, LoggedMovement], dataset: Dataset
+) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
+    """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
+    dataset's motion in the ``movements``, and their quality.
+
+    The desired pose is the mean command, constant before and after the motion, as a controller at
+    rest logs the measured angle for it. Repetitions without rest are brought in phase between rows.
+    Raises RecordingError for fewer than two repetitions, and for commands that differ.
+    """
+    options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
+    rest, length, raw = options.rest, dataset.motion.steps + 1, Path(dataset.recordings)
+    steps = dataset.motion.steps - 2 * rest
+    takes, observed, quality = find_takes(movements, dataset)
+    note, rows, reference = partial(_note, quality), {}, None
+    find = repetitions.align if rest else repetitions.in_phase
+    for name, take in takes.items():
+        if reference is None:
+            reference = take.target[take.first :][: steps + 1]
+        turns = TURN * turns_apart(reference[0], take.target[take.first], take.circular)
+        start = find(take.target + turns, take.first, reference)
+        logged = {"actual": take.actual + turns, "target": take.target + turns} | take.signals
+        rows[name] = {
+            key: repetitions.stretch(signal, start - rest, length) for key, signal in logged.items()
+        }
+        if start != round(start):
+            note(name, "resampled_rows", length)
+    if rows:
+        _leave_out_disturbed(rows, takes, dataset, quality)
+    for name, take in rows.items():
+        pair = take["actual"], take["target"], rate, options.mismatch, joints
+        require_pair(*pair, file=raw, take=name)
+    if len(rows) < 2:
+        message = f"{len(rows)} repetition(s), and the fits need two, of a motion of {steps} steps"
+        message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
+        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
+        raise RecordingError(message, file=raw, key=OPTION)
+    measured = np.stack([take["actual"] for take in rows.values()])
+    commanded = np.stack([take["target"] for take in rows.values()])
+    command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
+    deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
+    if np.any(deviations > options.tolerance):
+        message = f"the command is {deviations.max():.2g} rad off its mean over the takes, above"
+        message += f" {options.tolerance:g}: another motion?"
+        take = [*rows][int(deviations.argmax())]
+        raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
+    for take, q, deviation in zip(rows, measured, deviations, strict=True):
+        note(take, "command_deviation", deviation, "rad")
+        note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
+    # the commanded angle takes its first step one sample before the commanded speed is first logged
+    desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
+    k = np.tile(np.arange(length), len(rows))
+    identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
+    table = pd.DataFrame(identity | spread("q", joints, measured))
+    return trajectory_table(chain_of(dataset.robot), desired, rate, joints), table, quality
 
 
 def find_takes(
-    raw: Path, dataset: Dataset, steps: int
+    movements: Mapping[str, LoggedMovement], dataset: Dataset
 ) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
-    """Return the repetitions by name, all motions in words, and the quality of the movements."""
+    """Return the repetitions by name, all motions in words, and the quality of the movements.
+
+    Raises RecordingError where a joint leaves its locked angle in a repetition.
+    """
     takes, observed, quality, options = {}, [], [], dataset.joint_log
     columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
-    for name, place in find_movements(raw, dataset).items():
-        read = read_dataset_movement(name, place, dataset)
+    steps, ends = dataset.motion.steps - 2 * rest, (options.start, options.end)
+    for name, read in movements.items():
         target, circular = read.target, read.circular[columns]
         sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
-        ends = options.start, options.end
-        sought["circular"] = circular
-        found = repetitions.find_repetitions(target, read.speed, columns, ends, **sought)
+        log = target, read.speed, columns, ends
+        found = repetitions.find_repetitions(*log, **sought, circular=circular)
         signals = {RESIDUALS: read.actual - target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
-            read.require_held(rows, dataset.robot.locked, file=place, take=take)
+            _require_locked(read, rows, dataset, take)
             angles = read.actual[:, columns], target[:, columns]
             takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
         for run in repetitions.excursions(target, read.speed, options.rest_speed):
@@ -137,33 +137,38 @@ def find_takes(
             observed.append(words)
         counts = dict(read.counts) | {REPETITIONS: len(found.runs)}
         counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
-        for key, value in counts.items():
-            _note(quality, name, key, value, movement.UNITS.get(key, "count"))
-        # a motion that was left out is named by the row it starts at
+        notes = [(key, value, movement.UNITS.get(key, "count")) for key, value in counts.items()]
+        # a motion that was left out is named by its first row
         for reason, rows in found.left_out.items():
-            for row in rows:
-                _note(quality, name, f"{reason}_from_row", row, "row")
+            notes += [(f"{reason}_from_row", row, "row") for row in rows]
+        quality += [quality_row(name, "training", "joint log", *note) for note in notes]
     return takes, observed, quality
 
 
+def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: str) -> None:
+    """RecordingError for joints not within 0.01 rad of their locked angle in ``rows``."""
+    locked = dataset.robot.locked
+    for joint in sorted({*locked} & {*read.joints}):
+        angle, column = locked[joint], read.joints.index(joint)
+        measured = read.actual[rows, column]
+        if np.abs(apart(measured, angle, read.circular[column])).max() > repetitions.REACH:
+            message = f"{joint} is locked at {angle:.4g} rad, and was logged from"
+            message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it there, or"
+            message += " choose a motion in which it does not move"
+            evidence = {"file": dataset.recordings, "take": take}
+            raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
+
+
 def _leave_out_disturbed(
-    rows: dict[str, Mapping[str, np.ndarray]],
-    takes: Mapping[str, LoggedTake],
-    dataset: Dataset,
-    raw: Path,
-    quality: list[dict],
+    rows: dict[str, dict], takes: Mapping[str, LoggedTake], dataset: Dataset, quality: list[dict]
 ) -> None:
-    """Delete disturbed takes from ``rows``, or refuse them; distances go to ``quality``."""
-    if not rows:
-        return
+    """Delete disturbed takes from ``rows``, or refuse them; append distances to ``quality``."""
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
     limit = np.inf if options.residual_limit is None else options.residual_limit
-    scores, distances = (
-        repetitions.disturbances(residuals, others, rate),
-        repetitions.beside_others(residuals),
-    )
+    scores = repetitions.disturbances(residuals, others, rate)
+    distances = repetitions.beside_others(residuals)
     greatest = np.abs(residuals).max(axis=(1, 2))
     for name, distance, score, largest in zip(takes, distances, scores, greatest, strict=True):
         note(name, "residual_beside_others", distance, "rad")
@@ -175,7 +180,8 @@ def _leave_out_disturbed(
         if options.disturbed == "refuse":
             message = f"the repetition from row {row} was disturbed: {score:.3g} robust standard"
             message += f" deviations from the others, its residual at most {largest:.3g} rad"
-            raise RecordingError(message, file=raw, take=name, key=f"{OPTION}.disturbed")
+            evidence = {"file": dataset.recordings, "take": name}
+            raise RecordingError(message, **evidence, key=f"{OPTION}.disturbed")
         del rows[name]
         note(takes[name].movement, "disturbed_from_row", row, "row")
 
@@ -183,13 +189,9 @@ def _leave_out_disturbed(
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
     """Return rows of the table ``encoders`` and quality of every log, training first."""
     options, joints, urdf, result = dataset.encoders, dataset.robot.joints, dataset.robot.urdf, []
-    read = LogOptions(
-        **{key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")},
-        joints=len(joints),
-        names=joints,
-        signals={"actual": options.actual},
-        circular=circular_joints(urdf, joints),
-    )
+    stated = {key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")}
+    stated |= {"names": joints, "joints": len(joints), "signals": {"actual": options.actual}}
+    read = LogOptions(**stated, circular=circular_joints(urdf, joints))
     for part in ("training", "test"):
         pattern, key = getattr(options, part), f"dataset.encoders.{part}"
         for name, file in named_takes(raw, pattern, key=key, what="log").items():

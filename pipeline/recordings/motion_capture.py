@@ -21,8 +21,8 @@ from pipeline.recordings.quality import quality_row
 
 
 def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
-    """Return the table ``trajectory`` from its file; RecordingError where it is not on the motion's
-    grid, has other joints than the arm, or leaves open what joints do beside the task.
+    """Return the table ``trajectory`` of a file; RecordingError where it is not on the motion's
+    grid, has other joints than the arm, or lacks the joints of another task.
     """
     motion, table, joints = dataset.motion, read_trajectory(file), dataset.robot.joints
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
@@ -34,19 +34,16 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
         table.insert(0, "k", np.arange(len(table)))
         require_velocities(table, motion.rate, file)
         return table.drop(columns=columns("q", names))
-    if not names:
-        message = f"the trajectory commands {', '.join(task)}, which is not the task of the arm;"
-        message += " export the commanded joints, t and q:JOINT of each"
-        raise RecordingError(message, file=file, key="dataset.robot.task")
     if sorted(names) != sorted(joints):
-        message = f"the trajectory has the joints {', '.join(names)}; the arm's are"
-        message += f" {', '.join(joints)}"
+        message = f"the trajectory has the joints {', '.join(names) or 'none'} and the task"
+        message += f" {', '.join(task) or 'none'}; the arm's are {', '.join(joints)} and"
+        message += f" {', '.join(chain.task)}: export t and q:JOINT of each joint"
         raise RecordingError(message, file=file, key="dataset.robot.joints")
     return trajectory_table(chain, table[columns("q", joints)].to_numpy(), motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
-    """Return name, file and part of every take; RecordingError for none or two of one name."""
+    """Return name, file and part of every take; RecordingError for none, or two of one name."""
     takes: dict[str, tuple[Path, str]] = {}
     for part in ("training", "test"):
         key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
@@ -59,7 +56,7 @@ def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """Read the take in ``file`` in whichever format it begins; ``unit`` where it states none."""
+    """Read the take in ``file`` by its format; ``unit`` of lengths where the file states none."""
     formats = formats_in(motion_formats, Kind.MOTION)
     if chosen := format_of(file, formats):
         return chosen.read(file, unit)
@@ -70,12 +67,12 @@ def read_take(file: Path, unit: str | None) -> MotionTake:
 def marker_rows(
     name: str, file: Path, part: str, dataset: Dataset
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the markers of the take ``name`` in the arm's base frame, those of the template by
-    link, others as unlabelled (link 0; none where bodies carry the links), and its quality.
+    """Return the markers of the take ``name`` in m in the arm's base frame, and its quality.
 
-    Skipped frames, and ``frozen_frames`` that repeat every position of the frame before, are
-    missing samples. Raises RecordingError for a take of another rate or length, or without a marker
-    or body.
+    Markers of the template have their link's number from 1; other markers have link 0, and are left
+    out where bodies carry the links. Skipped frames, and ``frozen_frames`` that repeat every
+    position of the frame before, are missing samples. Raises RecordingError for a take of another
+    rate or length, or without a marker or body.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
@@ -110,40 +107,43 @@ def marker_rows(
 def _tracks(
     take: MotionTake, mocap: Mocap, file: Path
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
-    """(link, marker) from 1: (N, 3) m in the world frame, and the markers of other names. A marker
-    has its own name in the take, or alone has it after its asset's and a colon.
+    """(link, marker) from 1 → (N, 3) m in the world frame, and positions of the other markers. In
+    the take a marker's name may follow its asset's name and a colon, if that is unambiguous.
     """
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
-    tracks, used, absent = {}, set(), {"marker": [], "rigid body": []}
+    full = {
+        name: [one for one in take.markers if one == name]
+        or [one for one in take.markers if one.rsplit(":", 1)[-1] == name]
+        for link, places in mocap.markers.items()
+        for name in (places if link not in mocap.bodies else ())
+    }
+    bodies = {one.name: [one.name] * (one.name in take.bodies) for one in mocap.bodies.values()}
+    for kind, key, names, recorded in (
+        ("marker", "dataset.mocap.markers", full, take.markers),
+        ("rigid body", "dataset.mocap.bodies", bodies, take.bodies),
+    ):
+        for name, fitting in names.items():
+            if len(fitting) != 1:
+                there = ", ".join(sorted(recorded)) or "none"
+                message = f"no {kind} named {name} in the take; it has {there}"
+                if fitting:
+                    message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
+                raise RecordingError(message, file=file, key=key)
+    tracks = {}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
-        body, positions = mocap.bodies.get(link), []
-        if body is not None and body.name not in take.bodies:
-            absent["rigid body"].append(body.name)
-        elif body is not None:
-            positions = _carried(take.bodies[body.name], body.mount, np.array([*places.values()]))
-        for name in places if body is None else ():
-            named = [other for other in take.markers if other.rsplit(":", 1)[-1] == name]
-            fitting = [name] if name in take.markers else named
-            if len(fitting) > 1:
-                message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
-                raise RecordingError(message, file=file, key="dataset.mocap.markers")
-            used.update(fitting)
-            absent["marker"] += [] if fitting else [name]
-            positions += [take.markers[full] for full in fitting]
+        if body := mocap.bodies.get(link):
+            positions = _carry(take.bodies[body.name], body.mount, np.array([*places.values()]))
+        else:
+            positions = [take.markers[full[name][0]] for name in places]
         tracks |= {(number, i): track for i, track in enumerate(positions, 1)}
-    for kind, held in (("marker", take.markers), ("rigid body", take.bodies)):
-        if absent[kind]:
-            message = f"no {kind} named {', '.join(sorted(absent[kind]))} in the take; it has"
-            key = "dataset.mocap.markers" if kind == "marker" else "dataset.mocap.bodies"
-            message += f" {', '.join(sorted(held)) or 'none'}"
-            raise RecordingError(message, file=file, key=key)
-    others = [] if mocap.bodies else [name for name in take.markers if name not in used]
+    used = {name for fitting in full.values() for name in fitting}
+    others = [name for name in take.markers if name not in used and not mocap.bodies]
     return tracks, [take.markers[name] for name in others]
 
 
-def _carried(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
+def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
     """(P, N, 3) m in the world frame of the ``places`` (P, 3) m of a link with a body on it."""
     tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()

@@ -1,8 +1,7 @@
-"""Motions in a controller's logs: ends, steps, pauses and repetitions, and the steps of each."""
+"""Motions in a controller's logs: ends, steps, pauses and repetitions, and their recorded steps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,19 +9,19 @@ import numpy as np
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
-from pipeline.core.angles import apart
+from pipeline.core.angles import TURN, apart, turns_apart
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
-from pipeline.recordings.joint_logs import find_movements
-from pipeline.recordings.movement import LoggedMovement, read_logged_movement
-from pipeline.recordings.repetitions import REACH, SLACK
+from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
+from pipeline.recordings.movement import LoggedMovement
+from pipeline.recordings.repetitions import REACH, SLACK, stretch
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
-NEARLY = 0.1  # of the greatest least singular value of J: below, it is nearly singular
-LEAST_TURN = 0.5  # of the farthest turn of a joint: turns less far cut no motion
+NEARLY = 0.1  # of the greatest least singular value of J: below, J is nearly singular
+LEAST_TURN = 0.5  # of the joint's range: least prominence of a turn that separates two motions
 SAME = 0.02  # rad: motions whose ends are this near and as long are repetitions of one
 
 Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad of the robot
@@ -30,7 +29,7 @@ Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad
 
 @dataclass
 class FoundMotion:
-    """One commanded motion of n joints, and movement and first row of every repetition."""
+    """One commanded motion of n joints, and the places (movement, first row) of repetitions."""
 
     start: np.ndarray  # (n,) rad
     end: np.ndarray  # (n,) rad
@@ -38,26 +37,28 @@ class FoundMotion:
     pause: int | None  # the shortest at either end, in steps; None: it starts and ends in passing
     places: list[tuple[str, int]] = field(default_factory=list)
     disturbed: list[tuple[str, int]] = field(default_factory=list)  # of the places
-    least_singular: float = np.nan  # value of J on the way, in m/rad or 1
-    deviation: float = np.nan  # rad, the greatest of a command from the first one's
+    least_singular: float = np.nan  # m/rad or 1, least singular value of J on the way
+    deviation: float = np.nan  # rad, greatest distance of a command from the first repetition's
 
     def rest(self, rate: float) -> int:
-        """Steps at rest to keep on either side: KEPT, or half of the shortest pause."""
+        """Return the steps at rest to keep on either side: KEPT, or half of the shortest pause."""
         if self.pause is None:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
     def like(self, ends: tuple, steps: int, circular: np.ndarray, reach: float, slack: int) -> bool:
-        """Return True for a motion of ``steps`` between ``ends`` within ``slack`` and ``reach``."""
+        """Return whether a motion of ``steps`` between ``ends`` is this one, within ``slack`` steps
+        and ``reach`` (rad).
+        """
         off = apart(np.stack([self.start, self.end]), np.stack(ends), circular)
         return bool(np.abs(off).max() <= reach and abs(self.steps - steps) <= slack)
 
 
-def motions(
+def find_motions(
     movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
 ) -> list[FoundMotion]:
     """Find the motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
-    most repetitions first. Where no command ever rests, they are the stretches that repeat between
+    most repetitions first. If no command ever rests, motions are the repeated stretches between
     rows at which J is nearly singular, else between turns of the joint that moves farthest.
     """
     chain, circular = chain_of(robot), circular_joints(robot.urdf, robot.joints)
@@ -74,7 +75,7 @@ def motions(
         edges = [0, *(edge for run in runs for edge in (run.first, run.last)), len(target)]
         for run, before, after in zip(runs, edges[::2], edges[3::2], strict=False):
             rows = target[max(run.first - 1, 0) : run.last + 1]
-            # other motions are of joints alone that the robot does not have
+            # excursions of other joints alone are none of the robot's
             if run.whole and np.ptp(rows, axis=0).max() > REACH:
                 pause, ends = min(run.first - before, after - run.last), (rows[0], rows[-1])
                 if not (motion := known(ends, run.steps)):
@@ -85,13 +86,11 @@ def motions(
         for first, last in _stretches(target, chain):
             ends, steps = (target[first], target[last]), last - first
             if not known(ends, steps):
-                sought = {"ends": ends, "steps": steps, "rest": 0, "circular": circular}
-                find = partial(repetitions.find_repetitions, columns=slice(None), **sought)
-                places = [
-                    (name, run.first)
-                    for name, (_, other) in paths.items()
-                    for run in find(other, other).runs
-                ]
+                sought, places = {"steps": steps, "rest": 0, "circular": circular}, []
+                for name, (_, other) in paths.items():
+                    log = other, other, slice(None), ends
+                    found = repetitions.find_repetitions(*log, **sought)
+                    places += [(name, run.first) for run in found.runs]
                 listed += [FoundMotion(*ends, steps, None, places)] if len(places) > 1 else []
     for motion in listed:
         _compare(motion, paths, chain, rate, circular)
@@ -116,39 +115,37 @@ def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:
     return np.linalg.svd(chain.jacobian(angles), compute_uv=False)[:, -1]
 
 
-def _compare(
-    motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular: np.ndarray
-) -> None:
-    """Compare the repetitions of a ``motion`` with the first."""
+def _compare(motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular) -> None:
+    """Set the fields of a ``motion`` that compare its repetitions with the first."""
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
     residuals, deviations, whole = [], [], []
+    find = repetitions.in_phase if motion.pause is None else repetitions.align
     for name, row in motion.places:
         if SLACK <= row < len(paths[name][1]) - motion.steps - SLACK:
-            place = (*paths[name], row, reference, circular)
-            start, *pair = repetitions.matched(*place, passing=motion.pause is None)
-            actual, target = (repetitions.stretch(q, start, len(reference)) for q in pair)
+            turns = TURN * turns_apart(reference[0], paths[name][1][row], circular)
+            actual, target = (q + turns for q in paths[name])
+            start = find(target, row, reference)
+            actual, target = (stretch(q, start, len(reference)) for q in (actual, target))
             residuals.append(actual - target)
             deviations.append(np.abs(target - reference).max())
             whole.append((name, row))
     if whole:
         scores = repetitions.disturbances(np.stack(residuals), [], rate)
         motion.deviation = float(np.max(deviations))
-        motion.disturbed = [each for each, far in zip(whole, scores > BEYOND, strict=True) if far]
+        motion.disturbed = [place for place, far in zip(whole, scores > BEYOND, strict=True) if far]
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the steps of every motion in the logs, most repetitions first, none disturbed."""
+    """Return the undisturbed steps of every motion in the logs, most repetitions first."""
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
-    movements = {
-        name: read_logged_movement(name, place, log, rate, circular_joints(robot.urdf, log.joints))
-        for name, place in find_movements(Path(dataset.recordings), dataset).items()
-    }
+    places = find_movements(Path(dataset.recordings), dataset).items()
+    movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}
     columns = [log.joints.index(joint) for joint in robot.joints]
     circular = circular_joints(robot.urdf, robot.joints)
     found, listed = [], []
-    for motion in motions(movements, robot, rate):
+    for motion in find_motions(movements, robot, rate):
         rest, kept, ends = motion.rest(rate), [], (motion.start, motion.end)
         for name, row in motion.places:
             rows = movements[name]
@@ -159,7 +156,8 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
             continue
         listed.append(motion)
         length = min(len(actual) for actual, _ in kept)
-        actual, target = (np.stack([each[:length] for each in q]) for q in zip(*kept, strict=True))
+        pairs = zip(*kept, strict=True)
+        actual, target = (np.stack([q[:length] for q in angles]) for angles in pairs)
         dq = np.diff(target, axis=1)
         name = str(len(listed))
         found.append(MotionSteps(name, actual[:, :-1], dq, np.diff(actual, axis=1) - dq))

@@ -1,4 +1,4 @@
-"""Counts, losses and repairs of each take beside the dataset's limits; the takes that stay."""
+"""Counts, losses and repairs of each take, compared with the dataset's limits; the kept takes."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -7,19 +7,18 @@ import pandas as pd
 
 from pipeline.core.errors import RecordingError
 
-DEPTH_CAMERA = "depth camera"  # as the table names the instrument
-# counts of a movement: its repetitions, which are takes, and its other motions, by reason
+DEPTH_CAMERA = "depth camera"  # name of the instrument in the tables
+# counts of a movement: repetitions, which are takes, and motions that are left out, by reason
 REPETITIONS, LEFT_OUT = "repetitions", "excursions_"
-# quantities of the table ``quality`` that say how good a take is, whatever its length
+# quantities of the table ``quality`` that measure how good a take is, whatever its length
 MEASURES = (
     *("missing_share", "longest_gap", "interpolated", "relabelled_share", "residual_rms"),
     *("dropped_share", "clock_offset", "clock_offset_standard_error", "clock_drift"),
     *("clock_drift_standard_error", "lag_behind_command", "greatest_residual"),
     *("residual_beside_others", "disturbance"),
 )
-TWO_SIDED = ("clock_drift", "lag_behind_command")  # the size counts; elsewhere less is never worse
-FEWEST = 2  # takes of a part: a covariance over takes, and leaving out each in turn, need another
-SHOWN = 8  # folders whose files no part reads
+TWO_SIDED = ("clock_drift", "lag_behind_command")  # the limit is of the absolute value
+FEWEST = 2  # takes of a part: the covariance over takes, and leaving one out, need two
 
 
 def quality_row(
@@ -30,7 +29,7 @@ def quality_row(
     return row | {"value": float(value), "unit": unit}
 
 
-def summarised(quality: pd.DataFrame) -> pd.DataFrame:
+def summarise(quality: pd.DataFrame) -> pd.DataFrame:
     """Sum up ``quality`` by instrument and quantity: total of counts, mean of others, extremes."""
     summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
     table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
@@ -39,15 +38,15 @@ def summarised(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def metrics(summary: pd.DataFrame) -> dict[str, float]:
-    """Name totals of counts and means of the rest of :func:`summarised`."""
+    """Return by name the totals of counts and the other means of :func:`summarise`."""
     names = summary["instrument"].str.replace(" ", "_") + "_" + summary["quantity"]
     names = names.where(summary["unit"] == "count", "mean_" + names)
     return dict(zip(names, summary["total"].fillna(summary["mean"]), strict=True))
 
 
 def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
-    """Return the table ``takes`` of the table ``quality``: every measure of a take beside its limit
-    (in the measure's unit; None: no limit), and whether the take is left out; training takes first.
+    """Return the table ``takes`` of the table ``quality``: every measure of a take, its limit (in
+    the measure's unit; None: no limit), and whether the take is left out; training takes first.
     """
     takes = quality[quality["quantity"].isin(MEASURES)].rename(columns={"quantity": "measure"})
     takes = takes.assign(limit=takes["measure"].map(limits).astype(float))
@@ -62,20 +61,20 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
 
 def _reasons(takes: pd.DataFrame) -> dict[str, str]:
     """Take → its measures beyond their limits, in words."""
-    words: dict[str, str] = {}
+    words: dict[str, list[str]] = {}
     for row in takes[takes["beyond"]].itertuples():
-        one = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
-        words[row.take] = f"{words[row.take]}, {one}" if row.take in words else one
-    return words
+        reason = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
+        words.setdefault(row.take, []).append(reason)
+    return {take: ", ".join(reasons) for take, reasons in words.items()}
 
 
 def reasons(takes: pd.DataFrame) -> list[str]:
-    """Name every take that is left out and why, in the order of the table ``takes``."""
+    """Return name and reason of every take that is left out, in the order of ``takes``."""
     return [f"{take} ({words})" for take, words in _reasons(takes).items()]
 
 
 def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
-    """Return a row a take of the table ``takes``: measures, whether and why it is left out."""
+    """Return one row for each take of the table ``takes``: measures, whether and why left out."""
     unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
     column = takes["measure"] + unit
     wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
@@ -88,12 +87,11 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
 def require_enough(takes: pd.DataFrame) -> None:
     """Raise RecordingError where the limits leave fewer than two takes of a part."""
     for part, rows in takes.groupby("part", sort=False):
-        left_out = rows[rows["left_out"]]
-        staying = rows["take"].nunique() - left_out["take"].nunique()
-        if len(left_out) and staying < FEWEST:
-            message = f"the limits leave {staying} {part} take(s) where {FEWEST} are needed; beyond"
+        left = rows.loc[~rows["left_out"], "take"].nunique()
+        beyond = rows.loc[rows["beyond"], "measure"].unique()
+        if len(beyond) and left < FEWEST:
+            message = f"the limits leave {left} {part} take(s) where {FEWEST} are needed; beyond"
             message += f" them are {'; '.join(reasons(rows))}: record these takes again, or state"
-            beyond = left_out.loc[left_out["beyond"], "measure"].unique()
             keys = ", ".join(f"dataset.limits.{measure}" for measure in beyond)
             raise RecordingError(f"{message} other limits", key=keys)
 
@@ -101,14 +99,12 @@ def require_enough(takes: pd.DataFrame) -> None:
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return a row per step and recording: found, kept, and what is left out in words."""
+    """Return a row for each step and recording: found, kept, and what is left out in words."""
     names = [set(table["file"]) for table in files]
-    present, other = set().union(*names), set.intersection(*names)  # unnamed: any part's
-    places = Counter(name.partition("/")[0] for name in other)
-    words = [f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items())]
-    more = [f"and in {len(words) - SHOWN} more places"] if len(words) > SHOWN else []
-    words = ", ".join([*words[:SHOWN], *more])
-    rows = [("files", "all", len(present), len(present - other), words)]
+    present, unread = set().union(*names), set.intersection(*names)  # unnamed: listed by each part
+    places = Counter(name.partition("/")[0] for name in unread)
+    words = ", ".join(f"{place} ({n})" if n > 1 else place for place, n in sorted(places.items()))
+    rows = [("files", "all", len(present), len(present - unread), words)]
     counts = quality[quality["quantity"].str.startswith((REPETITIONS, LEFT_OUT))]
     for movement, of_movement in counts.groupby("take"):
         number = of_movement.set_index("quantity")["value"].astype(int)
@@ -117,7 +113,7 @@ def account(
         words = ", ".join(f"{name} {count}" for name, count in zip(reason, lost, strict=True))
         rows.append(("motions", movement, number.sum(), number[REPETITIONS], words))
     for part, of_part in takes.groupby("part", sort=False):
-        present = of_part["take"].nunique()
+        found = of_part["take"].nunique()
         gone = of_part.loc[of_part["left_out"], "take"].nunique()
-        rows.append(("takes", part, present, present - gone, "; ".join(reasons(of_part))))
+        rows.append(("takes", part, found, found - gone, "; ".join(reasons(of_part))))
     return pd.DataFrame(rows, columns=["step", "recording", "found", "kept", "left_out"])

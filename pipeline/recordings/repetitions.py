@@ -5,20 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.angles import TURN, apart, turns_apart
+from pipeline.core.angles import apart
 
-# rad: a command that moves no joint farther is the controller taking over, not a motion; ends this
-# near are the same
+# rad: a command that moves no joint farther is the controller's start, not a motion; ends within
+# this distance are the same
 REACH = 0.01
 REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
-PHASE_ROUNDS = 4  # each squares what is left of the phase
-# of the median, by which undisturbed repetitions differ, however few there are to show it; and of
-# the median over all joints, by which a joint differs
-LEAST_SPREAD = 0.25
-LEAST_IN_WINDOWS = 0.45  # of the median likewise: the greatest of many differs by more
+PHASE_ROUNDS = 4  # each squares the error of the phase
+# least scale of a score as a share of the median over the takes: of a whole take, and of its
+# greatest window; and least scale of a joint as a share of the median over all joints
+LEAST_SPREAD, LEAST_IN_WINDOWS = 0.25, 0.45
 WINDOW = 0.25  # s, as a push by hand lasts
 OVERLAP = 4  # windows begin within the time of one
-SLACK = 2  # rows by which the logger may see the same command start early or late, or last longer
+SLACK = 2  # rows by which the logger may record the same command early, late or longer
 
 
 class Excursion(NamedTuple):
@@ -34,12 +33,13 @@ class Excursion(NamedTuple):
         return self.last - self.first
 
     def lack(self, rows: int) -> str:
-        """Name what keeps the motion from being whole in a log of so many ``rows``; "" if whole."""
-        at_start, at_end = self.first <= 1, self.last >= rows  # the first row has no step before it
-        if self.whole or (at_start and at_end):
-            return "" if self.whole else "a command that never rests, to be cut with rest: 0"
+        """Say why the motion is not whole in a log of so many ``rows``; "" if it is."""
+        at_start = self.first <= 1  # the first row has no step before it
+        if at_start and self.last >= rows:
+            return "a command that never rests, to be cut with rest: 0"
         edge = "start" if at_start else "end"
-        return f"a motion from row {self.first}, cut off by the {edge} of the log"
+        cut = f"a motion from row {self.first}, cut off by the {edge} of the log"
+        return "" if self.whole else cut
 
 
 class Repetitions(NamedTuple):
@@ -86,21 +86,21 @@ def find_repetitions(
     rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the whole :func:`excursions` that take the joints ``columns`` from one to the other of
-    the ``ends`` (rad; m of joints not ``circular``) within 0.01, in ``steps`` ± 2, ``rest`` rows at
-    rest on either side; with ``rest`` 0 the :func:`_passes`.
+    """Find the whole :func:`excursions` that move the joints ``columns`` between the ``ends`` (rad;
+    m of joints not ``circular``) within 0.01, in ``steps`` ± 2, with ``rest`` rows at rest on
+    either side. With ``rest`` 0 find the stretches of ``steps`` that pass both ends within 0.01.
     """
     if not rest:
-        return _passes(angles[:, columns], ends, steps, circular)
+        return _find_passes(angles[:, columns], ends, steps, circular)
     moving = np.any(np.abs(speeds) > rest_speed, axis=1)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
     for run in excursions(angles, speeds, rest_speed):
         if not run.whole:
             left_out["cut_off"].append(run.first)
             continue
-        own = angles[[run.first - 1, run.last]][:, columns]
+        reached = angles[[run.first - 1, run.last]][:, columns]
         before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
-        away = np.abs(apart(own, np.stack(ends), circular)).max()
+        away = np.abs(apart(reached, np.stack(ends), circular)).max()
         near = moving[max(before, 0) : run.first].any() or moving[run.last : after].any()
         if away > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)
@@ -111,23 +111,21 @@ def find_repetitions(
     return Repetitions(runs, left_out)
 
 
-def _passes(
+def _find_passes(
     angles: np.ndarray, ends: Sequence[Sequence[float]], steps: int, circular: np.ndarray | bool
 ) -> Repetitions:
-    """Stretches of ``steps`` steps in which ``angles`` pass the ``ends`` within 0.01 rad."""
-    runs, left_out = [], {"overlapping": []}
-    if len(angles) <= steps:
-        return Repetitions(runs, left_out)
-    rows = angles[:-steps], angles[steps:]
-    distances = [apart(*each, circular) for each in zip(rows, np.array(ends), strict=True)]
-    away = np.abs(np.hstack(distances)).max(axis=1)
-    for begin, stop in _runs(away <= REACH):
-        first = begin + int(away[begin:stop].argmin())
-        if runs and first < runs[-1].last:
-            left_out["overlapping"].append(first)
-        else:
-            runs.append(Excursion(first, first + steps, whole=True))
-    return Repetitions(runs, left_out)
+    runs, overlapping = [], []
+    if len(angles) > steps:
+        rows = angles[:-steps], angles[steps:]
+        distances = [apart(*pair, circular) for pair in zip(rows, np.array(ends), strict=True)]
+        away = np.abs(np.hstack(distances)).max(axis=1)
+        for begin, stop in _runs(away <= REACH):
+            first = begin + int(away[begin:stop].argmin())
+            if runs and first < runs[-1].last:
+                overlapping.append(first)
+            else:
+                runs.append(Excursion(first, first + steps, whole=True))
+    return Repetitions(runs, {"overlapping": overlapping})
 
 
 def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
@@ -144,23 +142,6 @@ def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
     """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
     rows = range(first - SLACK, first + SLACK + 1)
     return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
-
-
-def matched(
-    actual: np.ndarray,
-    target: np.ndarray,
-    row: int,
-    reference: np.ndarray,
-    circular: np.ndarray | bool,
-    *,
-    passing: bool,
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the place near ``row`` from which the command ``target`` follows ``reference`` (K, n),
-    between rows for a motion in ``passing``; and both angles (N, n) in rad, moved by whole turns.
-    """
-    turns = TURN * turns_apart(reference[0], target[row], circular)
-    place = in_phase if passing else align
-    return place(target + turns, row, reference), actual + turns, target + turns
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
@@ -181,11 +162,13 @@ def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
 
 
 def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
-    """Return (takes,) the distance of each repetition from the others, in robust standard
-    deviations (1.4826 times the median absolute deviation, no less than a share of the median) from
-    their median: as a whole, by the root mean square, or in the joint and window where it is
-    greatest, by the mean. ``residuals`` (takes, K, joints) rad, measured minus commanded angles at
-    ``rate`` rows a second; ``others`` likewise, as currents. Of two repetitions none is disturbed.
+    """Return (takes,) the distance of each repetition from the others in robust standard
+    deviations (1.4826 times the median absolute deviation, at least a share of the median).
+
+    The distance is the greater one of the whole take's, by the root mean square, and of the joint
+    and window of greatest mean. ``residuals`` (takes, K, joints) rad are measured minus commanded
+    angles at ``rate`` rows a second; ``others`` are signals of the same shape, as currents. Of two
+    repetitions none is disturbed.
     """
     signals = [residuals, *others]
     farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
@@ -194,17 +177,13 @@ def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: floa
 
 
 def beside_others(signal: np.ndarray) -> np.ndarray:
-    """Return (takes,) the root mean square of ``signal`` beside its median at each step."""
-    return np.sqrt(np.mean(_beside(signal) ** 2, axis=(-2, -1)))
-
-
-def _beside(signal: np.ndarray) -> np.ndarray:
-    return signal - np.median(signal, axis=0)
+    """Return (takes,) the root mean square distance of ``signal`` from its median at each step."""
+    return np.sqrt(np.mean((signal - np.median(signal, axis=0)) ** 2, axis=(-2, -1)))
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
     """(takes,) greatest mean over a window of a joint beside the median, over the usual one."""
-    beside, length = _beside(signal), signal.shape[1]
+    beside, length = signal - np.median(signal, axis=0), signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
     sums = np.cumsum(np.concatenate([np.zeros_like(beside[:, :1]), beside], axis=1), axis=1)

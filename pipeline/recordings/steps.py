@@ -27,8 +27,8 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
-    """Return the least and the greatest of measured ``pose`` and commanded ``joint speed``, of the
-    commanded ``speed`` of each row at ``rate`` steps a second, and of the ``condition`` ‖J⁺‖.
+    """Return least and greatest value of the measured ``pose``, the commanded ``joint speed``, the
+    commanded ``speed`` of each row at ``rate`` steps a second, and the ``condition`` ‖J⁺‖.
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
@@ -37,26 +37,26 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task] + turning
     norms = frobenius(chain.inverse_jacobian(recorded.q))[..., None]
     rows = [
-        (quantity, name, unit, float(each.min()), float(each.max()))
-        for quantity, names, units, values in (
+        (quantity, name, unit, float(column.min()), float(column.max()))
+        for quantity, names, units, array in (
             ("pose", joints, ["rad"] * len(joints), poses),
             ("joint speed", joints, turning, speeds),
             ("speed", command, units[: len(command)], rate * v),
             ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),
         )
-        for name, unit, each in zip(names, units, np.moveaxis(values, -1, 0), strict=True)
+        for name, unit, column in zip(names, units, np.moveaxis(array, -1, 0), strict=True)
     ]
     return pd.DataFrame(rows, columns=["quantity", "name", "unit", "least", "greatest"])
 
 
 def truth_of(dataset: Dataset) -> Path:
-    """Return the folder where a synthetic dataset has the truth; the stage score alone reads it."""
+    """Return the folder of a synthetic dataset's truth, which the stage score alone reads."""
     return Path(dataset.recordings).parent / "truth"
 
 
-def held_against(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
-    """Return the joint angles that a filter is compared with, and whether they are true: measured,
-    unless the filter weighs by the cameras that measured them and there is a truth.
+def reference_joints(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
+    """Return the joint angles to compare a filter with, and whether they are true: the measured
+    ``joints``, unless the filter weighs by the cameras that measured them and there is a truth.
     """
     if dataset.measurement == "tip" and contracts.exists("true_joints", truth_of(dataset)):
         return contracts.read("true_joints", truth_of(dataset)), True

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import config, contracts
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.recordings.depth_angles import DEPTH, TRACK, arm_points, articulated, depth_takes
+from pipeline.recordings.depth_takes import DEPTH, TRACK, arm_points, articulate_takes, kept_takes
 
 OUT = Path("data/articulate")
 
@@ -21,8 +21,8 @@ def run() -> None:
         if settings.dataset.depth is None:
             print("articulate: the dataset has no depth camera; nothing to do")
             return
-        takes = depth_takes()
-        angles = articulated(takes, robot, o, settings.compute, "articulate: takes")
+        takes = kept_takes()
+        angles = articulate_takes(takes, robot, o, settings.compute)
         contracts.write(angles, "angles", folder)
         errors = errors_of(angles, contracts.read("joints", TRACK))
         noise = leave_one_out(errors, window=o.noise_window)

@@ -21,11 +21,10 @@ from pipeline.formats.joints.table import write_joint_table
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
-from pipeline.laboratory import mocap, session
+from pipeline.laboratory import dynamics, mocap
+from pipeline.laboratory.dynamics import Session, desired_path, desired_trajectory
 from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
-from pipeline.laboratory.session import Session
-from pipeline.laboratory.swing import desired_path, desired_trajectory
 
 RAW = Path("data/raw")
 # start of a capture in Motive's spelling; fixed, so that recordings do not depend on the time
@@ -62,7 +61,7 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     # the arm moves with all rows of the task, whichever are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
-    opened = session.open_session(nominal, dataset.laboratory["dynamics"], stream)
+    opened = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
     for place in ("optitrack", "kinect" if dataset.robot.plane else "joints"):
         (folder / place).mkdir()
     instruments = (_in_plane if dataset.robot.plane else _in_space)(opened, dataset, stream)
@@ -115,15 +114,15 @@ def _record_take(
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
     trajectory, options, base = laboratory["trajectory"], laboratory["mocap"], dataset.mocap.base
-    motion = session.perform(opened, trajectory, laboratory["dynamics"], stream)
+    motion = dynamics.perform(opened, trajectory, laboratory["dynamics"], stream)
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
     markers, bodies = {}, {}
     if dataset.robot.plane:
         arm, placed, bias = instruments
-        frames = session.depth_frames(
+        frames = dynamics.depth_frames(
             motion.swing, trajectory.duration, laboratory["clock"], stream
         )
-        markers = mocap.capture(arm, motion.motion_capture, placed, *world, options, stream)
+        markers = mocap.capture(arm, motion.motion_capture, placed, world, options, stream)
         if part == "test":
             camera = DepthCamera(arm, laboratory["kinect"], bias)
             images = folder / "kinect" / name
@@ -136,7 +135,7 @@ def _record_take(
         captured = (instruments, motion.motion_capture, world, options, stream)
         poses = mocap.capture_bodies(*captured)
         bodies = {body: RigidBody(*pose) for body, pose in poses.items()}
-        log = session.log_joints(motion.swing, trajectory, laboratory["encoders"])
+        log = dynamics.log_joints(motion.swing, trajectory, laboratory["encoders"])
         write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)
     k, rate = np.arange(len(motion.truth)), dataset.motion.rate
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})

@@ -19,7 +19,7 @@ from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed
-from pipeline.recordings.steps import held_against, training_steps, truth_of
+from pipeline.recordings.steps import reference_joints, training_steps, truth_of
 from pipeline.statistics import curves
 from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, no_filter
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
@@ -149,7 +149,7 @@ def _score_filters(
     places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
     if not places:
         return {}, {}
-    measured, true = held_against(joints, dataset)
+    measured, true = reference_joints(joints, dataset)
     measured = measured[["take", "k", *columns("q", names)]]
     posteriors = {
         name: contracts.read("posterior", place).merge(measured, on=["take", "k"])
@@ -200,7 +200,7 @@ def _quality() -> Scored:
     """Return the sums over the takes of what instruments lost and what was repaired."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
-    summary = quality.summarised(pd.concat(records, ignore_index=True))
+    summary = quality.summarise(pd.concat(records, ignore_index=True))
     return quality.metrics(summary), {"recording_quality": summary}
 
 

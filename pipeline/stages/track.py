@@ -15,7 +15,7 @@ from pipeline.core.errors import SingularJacobianError
 from pipeline.models.steps import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
-from pipeline.recordings.clocks import on_motion_clock, with_markers
+from pipeline.recordings.depth_takes import on_motion_clock, with_markers
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")

@@ -17,9 +17,9 @@ from pipeline.arm.interface import Chain
 from pipeline.cases.case import Camera, Takes, camera_of
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
-from pipeline.laboratory import session
+from pipeline.laboratory.dynamics import depth_frames, desired_trajectory, open_session
+from pipeline.laboratory.dynamics import perform as perform_take
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
-from pipeline.laboratory.swing import desired_trajectory
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
@@ -121,12 +121,12 @@ def perform(
 ) -> list[SimulatedTake]:
     """Simulate ``count`` takes of a ``part`` (train or test) as `record` draws them."""
     dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
-    opened = session.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
+    opened = open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
     takes = []
     for number in range(count):
         stream = rng.stream(seed, f"record.{part}", number)
-        take = session.perform(opened, motion, dynamics, stream)
-        frames = session.depth_frames(take.swing, motion.duration, laboratory.clock, stream)
+        take = perform_take(opened, motion, dynamics, stream)
+        frames = depth_frames(take.swing, motion.duration, laboratory.clock, stream)
         takes.append(SimulatedTake(take.motion_capture, frames.exposed, frames.joints))
     return takes
 

@@ -26,14 +26,13 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake
 from pipeline.formats.trajectory import write_trajectory
+from pipeline.laboratory.dynamics import desired_joints, desired_trajectory
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 from pipeline.laboratory.options import KinectOptions
-from pipeline.laboratory.swing import desired_joints, desired_trajectory
 from pipeline.perception.articulation import articulate_rows
 from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture
-from pipeline.recordings.clocks import on_motion_clock
-from pipeline.recordings.depth_angles import arm_points
+from pipeline.recordings.depth_takes import arm_points, on_motion_clock
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument

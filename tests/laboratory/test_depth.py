@@ -16,9 +16,16 @@ import pipeline
 import pipeline.arm
 from pipeline.arm.model import load_arm
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.kinect import DepthCamera, deviations, draw_bias, read_depth
+from pipeline.laboratory.kinect import (
+    DepthCamera,
+    cast,
+    deviations,
+    draw_bias,
+    place_solid,
+    prism,
+    read_depth,
+)
 from pipeline.laboratory.options import KinectOptions
-from pipeline.laboratory.scene import cast, moved, prism
 
 URDF = Path(pipeline.arm.__file__).with_name("youbot.urdf")
 ARM = load_arm(URDF, ["arm_joint_2", "arm_joint_3", "arm_joint_4"], "arm_tool", {})
@@ -36,7 +43,7 @@ def test_depth_of_a_box_equals_that_of_analytic_slabs():
     directions = np.stack([*np.meshgrid(x, y), np.ones((60, 80))], axis=-1)
     for rotation in Rotation.random(10, rng=rng).as_matrix():
         centre = np.array([*rng.uniform(-0.1, 0.1, 2), 1.2])
-        depth, grazing = cast(moved(prism(BOX, -half[1], half[1]), rotation, centre), x, y)
+        depth, grazing = cast(place_solid(prism(BOX, -half[1], half[1]), rotation, centre), x, y)
         origin, ray = -centre @ rotation, directions @ rotation
         bounds = np.sort(np.stack([(-half - origin) / ray, (half - origin) / ray]), axis=0)
         enter, leave = bounds[0].max(axis=-1), bounds[1].min(axis=-1)
@@ -57,7 +64,7 @@ def digest(seed: int) -> str:
 
 
 def elsewhere(**environment: str) -> tuple[str, str]:
-    """The digest of the images, and that of functions of numpy, in a process of its own."""
+    """Digests of the images and of values of NumPy's functions, computed in another process."""
     script = (
         f"import hashlib, runpy; images = runpy.run_path({__file__!r})['digest'](2); "
         "import numpy as np; x = np.linspace(0.01, 0.99, 10**5); "

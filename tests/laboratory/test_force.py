@@ -9,9 +9,9 @@ import pytest
 from scipy.special import i0e, i1e
 
 from pipeline.core.errors import ConfigError
+from pipeline.laboratory.dynamics import open_session
 from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
 from pipeline.laboratory.options import Robots, TrajectoryOptions, Transducer
-from pipeline.laboratory.session import open_session
 
 TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
 CABLES = Cables(TENSION, DIRECTION)
@@ -145,7 +145,7 @@ def test_options_without_a_meaning_are_refused_by_their_key(options, change, key
 
 
 def test_the_disturbances_of_another_arm_and_cables_of_fewer_robots_are_refused(arm, dynamics, rng):
-    with pytest.raises(ConfigError, match=r"laboratory\.dynamics\.sway_std"):
+    with pytest.raises(ConfigError, match=r"sway_std .*laboratory\.dynamics"):
         open_session(arm.chain, replace(dynamics, sway_std=(1e-3, 1e-3)), rng)
-    with pytest.raises(ConfigError, match=r"laboratory\.force"):
+    with pytest.raises(ConfigError, match="2 tensions"):
         record_force(Cables(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng)

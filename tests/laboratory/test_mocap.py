@@ -34,7 +34,7 @@ def take(arm):
 
     def captured(options: MocapOptions, frames: int):
         q, rng = planar_angles(frames), np.random.default_rng(5)
-        return capture(arm, q, TEMPLATE, WORLD, ORIGIN, options, rng)
+        return capture(arm, q, TEMPLATE, (WORLD, ORIGIN), options, rng)
 
     return captured
 

@@ -8,15 +8,20 @@ import pytest
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.dynamics import (
     Chance,
+    JointPath,
+    depth_frames,
+    desired_joints,
+    desired_path,
+    desired_trajectory,
     draw,
     lagged_correlation,
     lagged_noise,
-    simulate_take,
+    log_joints,
+    open_session,
+    perform,
     swing,
 )
 from pipeline.laboratory.options import ClockOptions, EncoderOptions
-from pipeline.laboratory.session import depth_frames, log_joints, open_session, perform
-from pipeline.laboratory.swing import JointPath, desired_joints, desired_path, desired_trajectory
 
 NO_OFFSET, OFFSET = np.zeros(3), np.array([1e-3, -2e-3, 3e-3])
 ENCODERS = EncoderOptions(rate=250.0, resolution=1e-3)
@@ -27,7 +32,8 @@ def moved(arm, trajectory, rng):
     """Function of the disturbances that lets the arm perform the motion once."""
 
     def once(options, offset: np.ndarray = NO_OFFSET):
-        return simulate_take(arm.chain, offset, trajectory, options, rng)
+        chance = draw(arm.chain, trajectory, options, rng)
+        return swing(arm.chain, offset, trajectory, options, chance)
 
     return once
 
@@ -79,11 +85,9 @@ def sampled(arm, trajectory):
 
 
 def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
-    def streams() -> list[np.random.Generator]:
-        return [np.random.default_rng(seed) for seed in range(3)]
-
-    single = [simulate_take(arm.chain, OFFSET, sampled, dynamics, rng) for rng in streams()]
-    drawn = [draw(arm.chain, sampled, dynamics, rng) for rng in streams()]
+    rngs = [np.random.default_rng(seed) for seed in range(3)]
+    drawn = [draw(arm.chain, sampled, dynamics, rng) for rng in rngs]
+    single = [swing(arm.chain, OFFSET, sampled, dynamics, chance) for chance in drawn]
     stacked = Chance(*map(np.stack, zip(*drawn, strict=True)))
     together = swing(arm.chain, OFFSET, sampled, dynamics, stacked)
     for field in ("q", "servo"):

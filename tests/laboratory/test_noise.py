@@ -13,8 +13,7 @@ import pytest
 
 from pipeline.core.config import CONF
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.laboratory.dynamics import expose, simulate_take
-from pipeline.laboratory.swing import desired_joints, desired_trajectory
+from pipeline.laboratory.dynamics import desired_joints, desired_trajectory, draw, expose, swing
 from pipeline.models.draws import realize
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
@@ -53,7 +52,8 @@ def perform(arm, motion, dynamics, takes: int, seed: int) -> Recorded:
     grid = np.arange(len(v) + 1) / motion.rate
     poses, paths = [], []
     for _ in range(takes):
-        t, path, _ = simulate_take(arm.chain, np.zeros(3), motion, dynamics, rng)
+        chance = draw(arm.chain, motion, dynamics, rng)
+        t, path, _ = swing(arm.chain, np.zeros(3), motion, dynamics, chance)
         poses.append(expose(t, path, grid, dynamics, rng))
         paths.append(path)
     q = np.array(poses)

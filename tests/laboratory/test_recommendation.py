@@ -8,17 +8,11 @@ from pipeline.arm.model import chain_of
 from pipeline.core.config import CONF, model_options
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.laboratory.dynamics import simulate_take, true_chain
+from pipeline.laboratory.dynamics import JointPath, draw, swing, true_chain
 from pipeline.laboratory.options import DynamicsOptions
-from pipeline.laboratory.swing import JointPath
 from pipeline.models import kinds
 from pipeline.models.joint_steps import PLAIN, fit_joint_steps
-from pipeline.models.other_motions import (
-    MotionSteps,
-    all_steps,
-    other_motions,
-    recorded_motions,
-)
+from pipeline.models.other_motions import MotionSteps, all_steps, other_motions, recorded_motions
 from pipeline.studies.simulated import PhysicsFactors, disturb
 from pipeline.verdicts.model_card import recommended
 
@@ -57,7 +51,10 @@ def simulated(physics: PhysicsFactors, seed: int) -> tuple[list[MotionSteps], ob
         grid = np.arange(STEPS + 1) / RATE
         try:
             nominal.require_regular(path.joints)
-            takes = [simulate_take(arm, offset, path, dynamics, rng) for _ in range(REPEATS)]
+            takes = [
+                swing(arm, offset, path, dynamics, draw(arm, path, dynamics, rng))
+                for _ in range(REPEATS)
+            ]
         except PipelineError:
             continue
         q = np.stack(

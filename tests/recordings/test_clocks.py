@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from pipeline.core.errors import RecordingError
-from pipeline.recordings import pairing
-from pipeline.recordings.clocks import find_offset
-from pipeline.recordings.pairing import Pairing, delayed, missed, pairing_of, require_pair, suspects
+from pipeline.recordings import commands
+from pipeline.recordings.commands import (
+    Pairing,
+    find_pairing,
+    require_pair,
+    shift_rows,
+    suspects,
+    tracking_errors,
+)
+from pipeline.recordings.depth_takes import find_offset
 
 OFFSET = 0.0837  # s
 MIX = np.array([[0.8, 0.15], [-0.1, 1.1]])
@@ -99,7 +106,7 @@ HELD = {"rate": RATE, "limit": 0.05, "joints": JOINTS}
 
 def logged(kind: str = "there and back", lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Measured and commanded angles (N, 4) in rad at 100 Hz: point to point with pauses, all joints
-    in step; or without rest, each in its own way. The last joint stands still.
+    together; or without rest, each joint on another path. The last joint does not move.
     """
     t = np.arange(1500) / RATE
     noise = np.random.default_rng(1).normal(0, 1e-4, (len(t), 4))
@@ -129,7 +136,7 @@ WRONG = {
 
 
 def spoiled(target: np.ndarray, right: Pairing) -> np.ndarray:
-    """The commanded angles that ``right`` makes those of the measured ones again."""
+    """Commanded angles from which the pairing ``right`` recovers ``target``."""
     wrong = np.empty_like(target)
     wrong[:, right.order] = target / right.factor
     return wrong
@@ -140,12 +147,12 @@ def spoiled(target: np.ndarray, right: Pairing) -> np.ndarray:
 def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, name):
     factor, order, delay = WRONG[name]
     right = Pairing(np.array(factor, float), np.array(order), delay)
-    actual, target = delayed(*logged(kind, lag=4e-3), -delay)
+    actual, target = shift_rows(*logged(kind, lag=4e-3), -delay)
     wrong = spoiled(target, right)
-    pair = pairing_of(actual, wrong, RATE)
+    pair = find_pairing(actual, wrong, RATE)
     np.testing.assert_allclose(pair.factor, right.factor)
     assert (pair.order.tolist(), pair.delay) == (order, delay)
-    assert missed(*pair.apply(actual, wrong)).max() < 0.02
+    assert tracking_errors(*pair.apply(actual, wrong)).max() < 0.02
     with pytest.raises(RecordingError, match="are no pair") as refused:
         require_pair(actual, wrong, **HELD, file="log")
     for option, said in (
@@ -161,11 +168,11 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
     require_pair(actual, target, **HELD)
-    assert not list(suspects(pairing_of(actual, target, RATE), actual, target, RATE))
+    assert not list(suspects(find_pairing(actual, target, RATE), actual, target, RATE))
     # up to the limit a lag is the controller's
-    actual, target = logged(kind, lag=0.9 * pairing.LATEST)
+    actual, target = logged(kind, lag=0.9 * commands.LATEST)
     require_pair(actual, target, **HELD)
-    actual, target = logged(kind, lag=1.3 * pairing.LATEST)
+    actual, target = logged(kind, lag=1.3 * commands.LATEST)
     with pytest.raises(RecordingError, match=r"s behind its command|target_delay: 0.0[67]"):
         require_pair(actual, target, **HELD)
 

@@ -17,9 +17,8 @@ from pipeline.core.options.dataset import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth
 from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
-from pipeline.recordings.clocks import on_motion_clock, with_markers
 from pipeline.recordings.depth import frame_rows, take_paths
-from pipeline.recordings.depth_angles import arm_points
+from pipeline.recordings.depth_takes import arm_points, on_motion_clock, with_markers
 
 LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
 CHAIN = PlanarChain(np.array([0.02, 0.1]), LINKS, np.ones(3), -LIMIT, LIMIT, np.ones(3))

@@ -131,7 +131,7 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
         with pytest.raises(error, match=words):
             find_takes(tmp_path, dataset(**patterns).mocap)
     (tmp_path / "test_1.csv").rename(tmp_path / "t\udce9.csv")
-    with pytest.raises(RecordingError, match="no UTF-8"):
+    with pytest.raises(RecordingError, match="is not UTF-8"):
         find_takes(tmp_path, dataset(training="t*.csv").mocap)
 
 

@@ -13,7 +13,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
 from pipeline.recordings.inventory import KEYS, by_part, listing, take_name
 from pipeline.recordings.quality import account, beside_limits, quality_row, reasons, require_enough
-from pipeline.recordings.steps import held_against, truth_of
+from pipeline.recordings.steps import reference_joints, truth_of
 
 
 def measured(quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"):
@@ -156,5 +156,5 @@ def test_only_by_the_tip_and_only_where_there_is_a_truth(
         Path("raw/t/truth").mkdir(parents=True)
         contracts.write(TRUE, "true_joints", truth_of(dataset))
     measured = TRUE.assign(**{"q:arm": 0.4})
-    table, is_true = held_against(measured, dataset)
+    table, is_true = reference_joints(measured, dataset)
     assert is_true == true and table["q:arm"].tolist() == [0.5 if true else 0.4]

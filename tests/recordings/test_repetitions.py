@@ -7,7 +7,7 @@ import pytest
 
 from pipeline import arm
 from pipeline.core.options.dataset import Robot
-from pipeline.recordings.motions import motions
+from pipeline.recordings.motions import find_motions
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     align,
@@ -163,7 +163,7 @@ def rounds(times: int) -> np.ndarray:
 
 @pytest.mark.parametrize("pushed", [None, 3 * (2 * SPAN + 2 * PAUSE) + PAUSE + 40])
 def test_motions_have_ends_steps_pauses_and_repetitions(pushed):
-    listed = motions({"run": movement(rounds(5), pushed)}, ROBOT, SAMPLED)
+    listed = find_motions({"run": movement(rounds(5), pushed)}, ROBOT, SAMPLED)
     assert [(motion.steps, motion.pause, len(motion.places)) for motion in listed] == [
         (SPAN, PAUSE, 5)
     ] * 2

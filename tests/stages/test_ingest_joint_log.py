@@ -227,14 +227,14 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
 def test_joints_that_are_locked_elsewhere_than_logged_are_refused(read, tmp_path):
     # joint 1 turns by 0.2 rad in this motion, joint 6 by 0.1
     write_movement(tmp_path / "logs/move_1", 5)
-    with pytest.raises(RecordingError, match=r"joint_1 is held at 1 rad.*0.8 to 1 rad") as refused:
+    with pytest.raises(RecordingError, match=r"joint_1 is locked at 1 rad.*0.8 to 1") as refused:
         read(tmp_path / "logs", robot={"locked": {"joint_1": float(HOME[0])}})
     assert refused.value.evidence["key"] == "dataset.robot.locked.joint_1"
     assert refused.value.evidence["take"] == "move_1_1"
     # the control: another joint's column is not its own
     names = [f"joint_{j}" for j in (6, 2, 3, 4, 5, 1)]
     robot = {"locked": {"joint_1": float(HOME[5])}}
-    with pytest.raises(RecordingError, match=r"joint_1 is held at 0 rad.*0.1 rad"):
+    with pytest.raises(RecordingError, match=r"joint_1 is locked at 0 rad.*0.1 rad"):
         read(tmp_path / "logs", robot=robot, joints=names)
 
 

@@ -12,7 +12,7 @@ from study_runs import options_of
 
 from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.laboratory import session
+from pipeline.laboratory import dynamics
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.statistics.scores import Filtered, no_filter
 from pipeline.studies.filters import stage
@@ -25,12 +25,12 @@ STILL = PhysicsFactors(disturbances=0.0)
 
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
     own, stream = laboratory.dynamics, rng.stream(5, "record.session")
-    recorded_session = session.open_session(laboratory.chain, own, stream)
+    recorded_session = dynamics.open_session(laboratory.chain, own, stream)
     for number, take in enumerate(perform(laboratory, PhysicsFactors(), 5, "test", 2)):
         stream = rng.stream(5, "record.test", number)
-        motion = session.perform(recorded_session, laboratory.motion, own, stream)
+        motion = dynamics.perform(recorded_session, laboratory.motion, own, stream)
         duration = laboratory.motion.duration
-        frames = session.depth_frames(motion.swing, duration, laboratory.clock, stream)
+        frames = dynamics.depth_frames(motion.swing, duration, laboratory.clock, stream)
         np.testing.assert_array_equal(take.poses, motion.motion_capture)
         np.testing.assert_array_equal(take.seen, frames.joints)
 

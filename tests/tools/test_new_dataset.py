@@ -145,6 +145,14 @@ def test_rigid_bodies_follow_an_arm_in_space_and_logs_named_as_takes_are_its_enc
     assert option["robot"]["plane"] and "measurement" not in option
 
 
+def test_encoders_of_training_takes_alone_leave_the_test_logs_open(root, space_exports):
+    for file in space_exports.rglob("hold_1.csv"):
+        file.unlink()
+    run("lab", "--from", space_exports)
+    parts = {"training": "logs/move_*.csv", "test": "???"}
+    assert contains(written()[0]["encoders"], parts)
+
+
 def test_numbered_frames_and_bags_are_takes_and_several_topics_a_choice(root, exports):
     for name in ("hold_1", "hold_2"):
         (exports / "kinect" / name / "depth.txt").unlink()

@@ -16,9 +16,14 @@ from pipeline.figures import style
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import FilterOptions, particle_filter
-from pipeline.laboratory.dynamics import lagged_correlation, play_share, servo_times, sway_share
+from pipeline.laboratory.dynamics import (
+    desired_joints,
+    lagged_correlation,
+    play_share,
+    servo_times,
+    sway_share,
+)
 from pipeline.laboratory.options import DynamicsOptions
-from pipeline.laboratory.swing import desired_joints
 from pipeline.models import kinds
 from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
 from pipeline.models.steps import Recorded

@@ -20,11 +20,16 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.figures import style
-from pipeline.laboratory.dynamics import Chance, expose, swing
+from pipeline.laboratory.dynamics import (
+    Chance,
+    JointPath,
+    desired_path,
+    expose,
+    open_session,
+    swing,
+)
 from pipeline.laboratory.dynamics import draw as draw_chance
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
-from pipeline.laboratory.session import open_session
-from pipeline.laboratory.swing import JointPath, desired_path
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
 from pipeline.models.steps import Recorded, process_noise

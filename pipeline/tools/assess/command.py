@@ -4,7 +4,6 @@ with the recordings that a model was fitted to.
 
 from collections.abc import Iterator
 from contextlib import chdir
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,7 +20,7 @@ from pipeline.models.exported import ExportedModel
 from pipeline.models.model import Commands
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
-from pipeline.recordings.joint_logs import find_takes
+from pipeline.recordings.joint_logs import find_takes, read_dataset_movement
 from pipeline.recordings.motion_capture import marker_rows
 from pipeline.recordings.repetitions import align, in_phase, stretch
 from pipeline.statistics.takes import percentile_interval
@@ -108,9 +107,9 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
         return {file.stem: follower(dataset.robot, dataset.mocap)(rows, take=file.stem).q}
     options, steps = dataset.joint_log, dataset.motion.steps
     moving, rest = steps - 2 * options.rest, options.rest
-    alone = replace(options, movements=file.name)
-    single = SimpleNamespace(**vars(dataset) | {"joint_log": alone})
-    takes, observed, _ = find_takes(file.resolve().parent, single, moving)
+    movement = file.name if file.is_dir() else file.stem
+    read = {movement: read_dataset_movement(movement, file, dataset)}
+    takes, observed, _ = find_takes(read, dataset)
     if not takes:
         held = "; ".join(sorted(set(observed))) or "no motion"
         raise RecordingError(f"no repetition of the dataset's motion; it holds {held}", file=file)

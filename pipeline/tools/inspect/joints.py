@@ -15,8 +15,8 @@ from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.formats.joints.names import meaning, named_like, signals_of
 from pipeline.formats.joints.table import read_joint_table
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, bare, spelled
+from pipeline.recordings.commands import find_pairing, suspects, tracking_errors
 from pipeline.recordings.movement import CLOCK_TOLERANCE, MOST_TURNS, UNWRAPPED, smoothness_by_rows
-from pipeline.recordings.pairing import missed, pairing_of, suspects
 from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
 from pipeline.tools.inspect.finding import Finding
 
@@ -182,12 +182,12 @@ def _compare(
     finding.count({UNWRAPPED: removed + more})
     actual = actual + TURN * whole_turns(target, actual)
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # as it was meant
-    pairing = pairing_of(actual, target, rate)
+    pairing = find_pairing(actual, target, rate)
     for what, option, value, without in suspects(pairing, actual, target, rate):
         question = f"the command differs from the measured angles by its {what}: without that, "
         finding.ask(f"{question}{without:.2g} of the motion is left", option, value)
     actual, target = pairing.apply(actual, target)
-    missing, late = float(missed(actual, target).max()), lag(target, actual, rate)
+    missing, late = float(tracking_errors(actual, target).max()), lag(target, actual, rate)
     finding.facts["command"] = (
         f"missed by {missing:.2g} of the motion (0.9 quantile) and {1e3 * late:.2g} ms"
         if np.isfinite(late)

@@ -20,9 +20,8 @@ from pipeline.core.datasheet import get_filled, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import JointLogSection, Robot
 from pipeline.core.validation import validated
-from pipeline.recordings.commands import circular_joints
 from pipeline.recordings.inventory import named_takes
-from pipeline.recordings.motions import NEARLY, FoundMotion, motions
+from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
 from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import REACH
 from pipeline.tools.inspect.command import inspect
@@ -256,12 +255,12 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
         raise ConfigError(f"the motions are found once these are filled in: {keys}")
     options, folder = JointLogSection(**log), Path(values["recordings"])
     places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
-    circular = circular_joints(values["robot"]["urdf"], options.joints)
+    urdf = values["robot"]["urdf"]
     movements = {
-        name: read_logged_movement(name, place, options, float(rate), circular)
+        name: read_logged_movement(name, place, options, float(rate), urdf)
         for name, place in places.items()
     }
-    offered = motions(movements, validated(Robot, values["robot"], "robot"), rate)
+    offered = find_motions(movements, validated(Robot, values["robot"], "robot"), rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 
     def last(motion: FoundMotion) -> tuple[bool, int]:

@@ -16,7 +16,7 @@ from pipeline.core import config, contracts
 from pipeline.core.columns import matrices, values
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot
-from pipeline.recordings.depth_angles import arm_points
+from pipeline.recordings.depth_takes import arm_points
 
 HERE, FOLDER, ENVIRONMENT = Path(__file__).parent, Path("data/view"), Path(".venv-view")
 TRACK, FILTER, ARTICULATE = Path("data/track"), Path("data/filter"), Path("data/articulate")

@@ -1,18 +1,27 @@
-"""Clock offset between two instruments that saw the same motion: stated, or found."""
+"""Depth takes after ingest: the offset of the camera's clock from the motion's, the arm's points,
+and the joint angles that fit them.
+"""
 
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.model import Arm
+from pipeline.arm.model import Arm, arm_of
+from pipeline.core import contracts
+from pipeline.core.columns import columns
+from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Depth
+from pipeline.core.options.analysis import ArticulationSection, Compute
+from pipeline.core.options.dataset import Depth, Robot
+from pipeline.perception.articulation import articulate_rows
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
+MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
 GRID = 0.005  # s, step of the coarse search: fine against any motion of an arm
-MIN_OVERLAP = 0.5  # share of the first signal that has to fall inside the second
+MIN_OVERLAP = 0.5  # share of the first signal that must be within the second
 MIN_SAMPLES = 10  # of a signal
 MIN_CORRELATION = 0.9
 
@@ -20,25 +29,19 @@ MIN_CORRELATION = 0.9
 class Offset(NamedTuple):
     """Offset in the middle of a take, multiple correlation, drift, and standard errors."""
 
-    value: float
-    standard_error: float
+    value: float  # s
+    standard_error: float  # s
     correlation: float
-    drift: float
-    drift_standard_error: float
+    drift: float  # s/s
+    drift_standard_error: float  # s/s
 
 
 def find_offset(
-    t_a: np.ndarray,
-    a: np.ndarray,
-    t_b: np.ndarray,
-    b: np.ndarray,
-    *,
-    search: tuple[float, float] = (-0.5, 0.5),
-    take: str = "",
+    t_a: np.ndarray, a: np.ndarray, t_b: np.ndarray, b: np.ndarray, search=(-0.5, 0.5), take=""
 ) -> Offset:
     """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
     which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments
-    see different points of the moving body.
+    measure different points of the moving body.
 
     ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
     any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
@@ -47,16 +50,16 @@ def find_offset(
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
 
-    refused, signals = partial(RecordingError, take=take), []
+    refusal, signals = partial(RecordingError, take=take), []
     for t, signal in ((t_a, a), (t_b, b)):
         signal = np.asarray(signal, dtype=float).reshape(len(t), -1)
         finite = np.isfinite(t) & np.isfinite(signal).all(axis=1)
         signals += [t[finite], signal[finite]]
         if finite.sum() < MIN_SAMPLES or np.any(np.diff(t[finite]) <= 0):
             message = f"a signal with fewer than {MIN_SAMPLES} samples, or whose times do not"
-            raise refused(f"{message} increase, gives no clock offset")
+            raise refusal(f"{message} increase, gives no clock offset")
         if not np.ptp(signal[finite], axis=0).any():
-            raise refused("no motion to compare the clocks by: one of the signals is constant")
+            raise refusal("no motion to compare the clocks by: one of the signals is constant")
     t_a, a, t_b, b = signals
     spline = CubicSpline(t_b, b)
 
@@ -71,7 +74,7 @@ def find_offset(
         return a[use] - regressors @ affine, regressors, affine
 
     def unexplained(tau: float) -> float:
-        """Share of the variance of ``a`` that is left: the samples inside change with τ."""
+        """Unexplained share of the variance of the samples of ``a`` inside, which depend on τ."""
         left, use = fitted(tau)[0], inside(tau)
         return float((left**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
 
@@ -80,59 +83,60 @@ def find_offset(
     grid = grid[[inside(tau).sum() >= least for tau in grid]]
     if len(grid) < 3:
         message = "the two signals do not overlap anywhere in the search range of the clock offset"
-        raise refused(message, search=search)
+        raise refusal(message, search=search)
     best = int(np.argmin([unexplained(tau) for tau in grid]))
     if best in (0, len(grid) - 1):
         message = "the clock offset lies at the edge of the search range, or beyond"
-        raise refused(message, offset=round(float(grid[best]), 4))
+        raise refusal(message, offset=round(float(grid[best]), 4))
     bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
     tau = float(minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x)
     correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
     if correlation < MIN_CORRELATION:
         message = "the signals of the two instruments are not alike at any clock offset: no motion"
-        raise refused(f"{message}, or not the same take", correlation=round(correlation, 3))
+        raise refusal(f"{message}, or not the same take", correlation=round(correlation, 3))
     residual, regressors, affine = fitted(tau)
     time = t_a[inside(tau)]
     slope = spline.derivative()(time + tau) @ affine[:-1]
-    # parts of the derivatives by offset and drift that B and c do not take up
+    # parts of the derivatives by offset and drift that B and c do not explain
     late, drifting = (
         each - regressors @ np.linalg.lstsq(regressors, each, rcond=None)[0]
         for each in (slope, (time - time.mean())[:, None] * slope)
     )
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
-    # the variance of a mean of AR(1) noise is larger; a negative correlation is not taken as a gain
+    # positive autocorrelation of AR(1) noise inflates the variance of a mean; negative is ignored
     square = (residual**2).sum()
     lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
     inflation = (1 + lag) / (1 - lag)
     freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
-    variance, errors = (residual**2).sum(axis=0) / freedom, []
-    for each in (late, drifting):
-        information = (each**2).sum(axis=0)
-        error = np.sqrt(inflation * (variance * information).sum()) / information.sum()
-        errors.append(float(error))
-    return Offset(tau, errors[0], correlation, drift, errors[1])
+    variance = (residual**2).sum(axis=0) / freedom
+
+    def standard_error(derivative: np.ndarray) -> float:
+        information = (derivative**2).sum(axis=0)
+        return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
+
+    return Offset(tau, standard_error(late), correlation, drift, standard_error(drifting))
 
 
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Return each take's rows of ``frames`` and ``markers``; RecordingError where it has none."""
-    by_take = dict(list(markers.groupby("take")))
-    takes = list(frames.groupby("take", sort=False))
-    for take, rows in takes:
+    """Return each take's rows of ``frames`` and ``markers``; RecordingError for a take without."""
+    by_take, takes = dict(list(markers.groupby("take"))), []
+    for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take of this name to set the clock by"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
-    return [(rows, by_take[take]) for take, rows in takes]
+        takes.append((rows, by_take[take]))
+    return takes
 
 
 def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
-    clock, and the quality of the offset: stated, else by the centroids in the plane of the arm's
-    points and of its labelled markers. Raises RecordingError where none can be found.
+    clock, and the quality of the offset. The offset is stated, else found by the centroids in the
+    plane of the arm's points and of its labelled markers. Raises RecordingError as find_offset.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []
@@ -158,3 +162,31 @@ def on_motion_clock(
     quality = [("clock_offset", offset, "s"), *errors]
     rows = rows.assign(t=rows["t"] + offset)
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in quality]
+
+
+def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
+    """Read the arm's points (I, 2), m in its plane, of a take's ``rows`` of ``frames``."""
+    take = rows["take"].iloc[0]
+    return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
+
+
+def kept_takes() -> list[pd.DataFrame]:
+    """Return the rows of the table ``frames`` of every take that ``track`` has not left out."""
+    frames, joints = contracts.read("frames", TRACK), contracts.read("joints", TRACK)
+    return [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
+
+
+def articulate_takes(
+    takes: list[pd.DataFrame], robot: Robot, options: ArticulationSection, compute: Compute
+) -> pd.DataFrame:
+    """Return the table ``angles`` of the ``takes`` of :func:`kept_takes`."""
+    joints = contracts.read("joints", TRACK)
+    first = joints[(joints.part == "training") & (joints.k == 0)]
+    start = first[columns("q", robot.joints)].mean().to_numpy()
+    known = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
+    fit, label = partial(_articulate, known=known), "articulate: takes"
+    return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
+
+
+def _articulate(rows: pd.DataFrame, known: tuple) -> pd.DataFrame:
+    return articulate_rows(rows, arm_points(rows, DEPTH), *known)
