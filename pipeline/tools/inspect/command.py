@@ -40,9 +40,8 @@ ARGUMENTS = {
     "--json": {"action": "store_true", "help": "every fact as JSON (default a table)"},
     "--reading": {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "help": BOUNDS},
 }
-LENGTH, UNIT = "dataset.mocap.unit", "dataset.depth.units_per_metre"
+LENGTH, UNIT, SIZE = "dataset.mocap.unit", "dataset.depth.units_per_metre", ("width", "height")
 TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
-SIZE = ("width", "height")
 DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
 ANALYSED = {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}  # types of messages
 # option → the types of messages of its topic
@@ -82,7 +81,11 @@ def inspect(place: Path) -> list[Finding]:
 
         if is_bag(place) or not place.is_dir():
             return [read(place)]
-        files, bags = _files(place)
+        paths = [p for p in sorted(place.rglob("*")) if "/." not in f"/{p.relative_to(place)}"]
+        bags = {path for path in paths if path.is_dir() and is_bag(path)}
+        # a folder that may not be read is a file that is refused
+        files = [p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))]
+        files = [file for file in files if bags.isdisjoint(file.parents)]
         indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
         # an index may name depth/../depth/1.png
         placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
@@ -95,26 +98,10 @@ def inspect(place: Path) -> list[Finding]:
                     pattern = file.with_name(f"{parts[1]}[0-9]*{parts[3]}{file.suffix}")
                 sequences.setdefault(pattern, []).append(file)
         findings = [*map(read, bags), *indexes]
-        for pattern, frames in sequences.items():
-            many = len(frames) > 1
-            findings.append(read(pattern, describe_numbered) if many else read(frames[0]))
+        for pattern, (first, *others) in sequences.items():
+            findings.append(read(pattern, describe_numbered) if others else read(first))
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
-
-
-def _files(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Files that are not hidden and not of a bag, and bags that are folders."""
-    files, bags = [], []
-
-    def refuse(error: OSError) -> None:
-        raise error
-
-    for place, folders, names in os.walk(folder, onerror=refuse):
-        below = [Path(place, name) for name in folders if not name.startswith(".")]
-        bags += filter(is_bag, below)
-        folders[:] = [path.name for path in below if not is_bag(path)]
-        files += [Path(place, name) for name in names if not name.startswith(".")]
-    return sorted(files), sorted(bags)
 
 
 def describe_file(file: Path) -> Finding:
@@ -124,7 +111,7 @@ def describe_file(file: Path) -> Finding:
         if is_bag(file):
             return _read(finding, rosbag.FORMAT)
         if not file.is_file():
-            raise RecordingError("this is no regular file, or a link to nothing")
+            raise RecordingError("this is no readable file or folder, or a link to nothing")
         if file.stat().st_size == 0:
             raise RecordingError("the file is empty")
         head = Head.read(file)

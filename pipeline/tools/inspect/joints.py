@@ -43,8 +43,8 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     if len(time) < 2:
         return
     # a bag's message defines its units
-    known = ("s", "rad") if form.name == bag.FORMAT.name else (None, None)
-    scales = _scales(finding, time, [*signals.values()], known)
+    known = ("s", "rad") if form.name == bag.FORMAT.name else ()
+    scales = _scales(finding, time, [*signals.values()], *known)
     time = time * scales[0]
     finding.duration = float(time[-1] - time[0])
     finding.rate = round((len(time) - 1) / finding.duration, 3)
@@ -57,8 +57,8 @@ def add_joint_log(finding: Finding, form: Format) -> None:
         )
         finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
     if {*ANGLES} <= {*signals}:
-        angles = (signals[name] * scales[1] for name in ANGLES)
-        _add_tracking(finding, time, *angles, record.joints)
+        angles = [signals[name] * scales[1] for name in ANGLES]
+        _add_tracking(finding, time, angles, record.joints)
 
 
 def add_table(finding: Finding, form: Format) -> None:
@@ -103,9 +103,9 @@ def add_table(finding: Finding, form: Format) -> None:
     if {*ANGLES} <= {*signals} and time is not None:
         angles = [np.column_stack([columns[n] for n in signals[role]]) for role in ANGLES]
         unit = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
-        scales = _scales(finding, time, angles, (sheet.unit(clocks[0]), unit))
-        angles = (values * scales[1] for values in angles)
-        _add_tracking(finding, time * scales[0], *angles, signals["actual"])
+        scales = _scales(finding, time, angles, sheet.unit(clocks[0]), unit)
+        angles = [values * scales[1] for values in angles]
+        _add_tracking(finding, time * scales[0], angles, signals["actual"])
 
 
 def compare_tables(findings: Sequence[Finding]) -> None:
@@ -118,9 +118,8 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         named = {role: named_like(role, tables) for role in ANGLES}
         if [*map(len, named.values())] != [1, 1]:
             continue
-        means = {name: meaning(name) for name in tables}
-        speed = ("target", "velocity")
-        named["speed"] = [n for n, m in means.items() if (m.role, m.quantity) == speed]
+        means = {name: meaning(name) for name in tables if meaning(name).role == "target"}
+        named["speed"] = [name for name, each in means.items() if each.quantity == "velocity"]
         roles = {role: tables[names[0]] for role, names in named.items() if len(names) == 1}
         for role, one in roles.items():
             one.facts["role"] = role
@@ -134,19 +133,16 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         if (length := min(len(log.time) for log in logs)) > 2:
             time, angles = logs[0].time[:length], [log.signals["angles"][:length] for log in logs]
             scales = _scales(finding, time, angles)
-            _add_tracking(finding, time * scales[0], *(values * scales[1] for values in angles))
+            _add_tracking(finding, time * scales[0], [values * scales[1] for values in angles])
 
 
 def _scales(
-    finding: Finding,
-    time: np.ndarray,
-    angles: Sequence[np.ndarray],
-    stated: tuple[str | None, str | None] = (None, None),
+    finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], *stated: str | None
 ) -> tuple[float, float]:
     """Return s and rad per unit of times and angles: of the ``stated`` units, else of likely ones,
     which become questions.
     """
-    clock, angle = (spelled(unit or "") for unit in stated)
+    clock, angle = (spelled(unit or "") for unit in stated or ("", ""))
     if clock not in TIME_UNITS:
         step = float(np.median(np.diff(time)))
         fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
@@ -162,16 +158,12 @@ def _scales(
 
 
 def _add_tracking(
-    finding: Finding,
-    time: np.ndarray,
-    actual: np.ndarray,
-    target: np.ndarray,
-    joints: Sequence[str] = (),
+    finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], joints: Sequence[str] = ()
 ) -> None:
-    """Add the tracking error of the measured angles ``actual`` to the command ``target``, both (N,
-    joints) in rad at ``time`` (N,) in s, the command's motions, and options that pair the signals.
+    """Add the tracking error of ``angles``, measured and commanded (N, joints) in rad at ``time``
+    (N,) in s, the command's motions, and options that pair the signals.
     """
-    time = time - time[0]
+    (actual, target), time = angles, time - time[0]
     try:
         actual, removed = unwrapped(actual, time, joints, signal="actual")
         target, more = unwrapped(target, time, joints, signal="target")

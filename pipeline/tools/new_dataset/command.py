@@ -11,8 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -77,10 +76,10 @@ def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> N
 
 def assigned_values(words: Sequence[str]) -> dict[str, str]:
     """Return the values of --set by key; ConfigError for a word without =."""
-    pairs = [word.partition("=") for word in words]
-    if wrong := [key for key, mark, _ in pairs if not mark]:
-        raise ConfigError(f"--set takes KEY=VALUE, not {wrong[0]!r}")
-    return {key.strip(): value for key, _, value in pairs}
+    for word in words:
+        if "=" not in word:
+            raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
+    return {key.strip(): value for key, _, value in (word.partition("=") for word in words)}
 
 
 def open_draft(name: str, folder: Path | None, given: Mapping[str, str]) -> "Draft":
@@ -95,32 +94,29 @@ def open_draft(name: str, folder: Path | None, given: Mapping[str, str]) -> "Dra
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         message = f"{name!r} cannot name a dataset: use letters, digits, _ and - only"
         raise ConfigError(message, key="NAME")
-    files = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
+    sheet, option = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
     if folder is None:
-        for file in files:
-            if not file.is_file():
-                raise ConfigError("there is no such dataset; make it with --from FOLDER", file=file)
-        texts = {file: file.read_text() for file in files}
+        if missing := [file for file in (sheet, option) if not file.is_file()]:
+            message = "there is no such dataset; make it with --from FOLDER"
+            raise ConfigError(message, file=missing[0])
+        texts = {file: file.read_text() for file in (sheet, option)}
         folder = Path(_merged(texts).get("recordings", ""))
         return Draft(name, texts, layout(inspect(folder), folder), folder)
-    inventory = files[0].with_name("dvc.yaml")
+    inventory = sheet.with_name("dvc.yaml")
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    for file in filter(Path.exists, (*files, inventory)):
+    for file in filter(Path.exists, (sheet, option, inventory)):
         message = "this file exists, and nothing is overwritten; choose another name, or leave out"
         raise ConfigError(f"{message} --from to fill in its open values", file=file)
     recorded = layout(inspect(folder), folder)
-    texts = dict(zip(files, dataset_texts(name, recorded, folder, given), strict=True))
-    if files[0].parent.resolve() not in folder.resolve().parents:
+    texts = dict(zip((sheet, option), dataset_texts(name, recorded, folder, given), strict=True))
+    if sheet.parent.resolve() not in folder.resolve().parents:
         texts[inventory] = _read_template("inventory.yaml", name)
     return Draft(name, texts, recorded, folder)
 
 
 def dataset_texts(
-    name: str,
-    recorded: RecordingLayout,
-    folder: Path,
-    given: Mapping[str, str] = MappingProxyType({}),
+    name: str, recorded: RecordingLayout, folder: Path, given: Mapping[str, str]
 ) -> list[str]:
     """Return the texts of datasheet and option file, with ??? for the keys that are ``given``."""
     known = entries(name, recorded, folder, {"robot": {"urdf": given.get("robot.urdf")}})
@@ -147,14 +143,6 @@ def _merged(texts: Mapping[Path, str]) -> dict[str, Any]:
     return merged
 
 
-class OpenValue(NamedTuple):
-    """The comment beside a value that is still ???, and its line of ``file``, from 0."""
-
-    hint: str
-    file: Path
-    line: int
-
-
 @dataclass
 class Draft:
     """Texts of a dataset's files, and the ``recorded`` files in ``folder`` that they describe."""
@@ -168,10 +156,10 @@ class Draft:
         """Return the values of all files; ConfigError for a text that is no YAML."""
         return _merged(self.texts)
 
-    def open_values(self) -> dict[str, OpenValue]:
-        """Return the values that are still ???, by key, in the order of the files."""
+    def open_values(self) -> dict[str, tuple[str, Path, int]]:
+        """Return comment, file and line, from 0, of each ???, by key in the order of the files."""
         return {
-            key: OpenValue(parts["hint"] or "", file, number)
+            key: (parts["hint"] or "", file, number)
             for file, text in self.texts.items()
             for number, (_, key, parts) in enumerate(keyed_lines(text))
             if parts is not None and OPEN in (parts["value"] or "")
@@ -181,20 +169,18 @@ class Draft:
         """Replace the ??? of ``key`` by ``value``, YAML; ConfigError, and no change, for a key that
         is not open and for the first fault that the value adds.
         """
-        open_values = self.open_values()
-        if key not in open_values:
+        if key not in (open_values := self.open_values()):
             there_are = ", ".join(open_values) or "none"
-            message = f"no such value is still to be filled in; there are {there_are}"
-            raise ConfigError(message, key=key)
+            raise ConfigError(f"no such value is open; there are {there_are}", key=key)
         value = " ".join(value.split())
         if value in ("", OPEN):
             raise ConfigError("a value is required here", key=key)
         try:
             parsed(f"key: {value}")
-            plain = not re.search("(^| )#", value)
+            quoted = re.search("(^| )#", value)
         except ConfigError:
-            plain = False
-        written = value if plain else json.dumps(value, ensure_ascii=False)
+            quoted = True
+        written = json.dumps(value, ensure_ascii=False) if quoted else value
         _, file, number = open_values[key]
         lines = self.texts[file].splitlines()
         line = re.sub(r"# suggested is [^;]*; ", "# ", lines[number])
@@ -280,13 +266,13 @@ class Draft:
                     except PipelineError as error:
                         print(f"! {error}")
                 passed.add(key)
-                if (question := self.open_values().get(key)) is None:
-                    continue
-                entry = self._entries().get(key, Entry())
-                print("; ".join(filter(None, [f"\n{key}: {question.hint}", entry.note])))
-                suggested = entry.value if isinstance(entry.value, str) else None
-                if not _accept_answer(partial(self.answer, key), "? ", suggested):
-                    print("left as ???")
+                if key in (open_values := self.open_values()):
+                    entry = self._entries().get(key, Entry())
+                    hint = f"\n{key}: {open_values[key][0]}"
+                    print("; ".join(filter(None, [hint, entry.note])))
+                    suggested = entry.value if isinstance(entry.value, str) else None
+                    if not _accept_answer(partial(self.answer, key), "? ", suggested):
+                        print("left as ???")
 
 
 def _accept_answer(

@@ -145,8 +145,7 @@ def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[
         found["markers"] = Entry({k: dict.fromkeys(names, PLACE) for k, names in links.items()})
     else:
         names = _listed(recorded.shared("markers")) or "none in all takes"
-        note = f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}"
-        found["markers"] = _suggestion(note)
+        found["markers"] = _suggestion(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
     return found
 
 
