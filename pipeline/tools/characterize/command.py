@@ -59,8 +59,8 @@ def run(
     if scale not in (scales := config.option_names("scale")):
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
-    given = {"robot.urdf": str(urdf)} if urdf else {}
-    _write_dataset(name, folder, given | assigned_values(options.pop("set")), **options)
+    assigned = {"robot.urdf": str(urdf)} if urdf else {}
+    _write_dataset(name, folder, assigned | assigned_values(options.pop("set")), **options)
     with _project(name, folder.resolve(), scale) as root:
         settings = config.composed_config()
         motions, tables, metrics = _results(settings)
@@ -70,7 +70,7 @@ def run(
             synthetic=False,
             joints=list(settings.dataset.robot.joints),
             task=list(chain_of(settings.dataset.robot).task),
-            models={each: options.kind for each, options in settings.models.items()},
+            models={key: options.kind for key, options in settings.models.items()},
             metrics=metrics,
             tables=tables,
         )
@@ -93,7 +93,7 @@ def run(
 
 
 def _write_dataset(
-    name: str, folder: Path, given: dict[str, str], *, ask: bool, motion: int | None
+    name: str, folder: Path, assigned: dict[str, str], *, ask: bool, motion: int | None
 ) -> None:
     """Write the dataset's files where they are missing or open; ConfigError for values left ???."""
     option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
@@ -104,17 +104,16 @@ def _write_dataset(
         values = config.dataset_values(option)
         if not datasheet.is_open(values):
             return
-        given = {key: value for key, value in given.items() if get_filled(values, key) is None}
-    draft = open_draft(name, None if exists else folder, given)
-    draft.fill(given, suggested=True, motion=motion if ask else None, ask=ask)
+        assigned = {key: v for key, v in assigned.items() if get_filled(values, key) is None}
+    draft = open_draft(name, None if exists else folder, assigned)
+    draft.fill(assigned, suggested=True, motion=motion if ask else None, ask=ask)
     if not ask:
         usual = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
-        usual |= {"about.licence": "not stated"}
+        usual["about.licence"] = "not stated"
         if urdf := get_filled(draft.values(), "robot.urdf"):
             links = read_urdf(Path(urdf)).links
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        keys = draft.open_values()
-        taken = {key: value for key, value in usual.items() if key in keys}
+        taken = {key: value for key, value in usual.items() if key in draft.open_values()}
         for key, value in taken.items():
             print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
         draft.fill(taken, suggested=True)

@@ -55,9 +55,9 @@ UNPLACED = 12  # recordings without a place that the datasheet names
 
 def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
     """Write the two files, or fill in their open values; ``options`` as :meth:`Draft.fill`."""
-    given = assigned_values(set)
-    draft = open_draft(name, folder, given)
-    draft.fill(given, **options)
+    assigned = assigned_values(set)
+    draft = open_draft(name, folder, assigned)
+    draft.fill(assigned, **options)
     draft.write()
     keys = draft.open_values()
     if "joint_log.start" in keys:
@@ -82,11 +82,11 @@ def assigned_values(words: Sequence[str]) -> dict[str, str]:
     return {key.strip(): value for key, _, value in (word.partition("=") for word in words)}
 
 
-def open_draft(name: str, folder: Path | None, given: Mapping[str, str]) -> "Draft":
+def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
     """Return a draft of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml from the
     recordings in ``folder``, or, where it is None, of the two existing files.
 
-    Keys that are ``given`` stay open. Raises ConfigError or RecordingError for a name or folder
+    Keys that are ``assigned`` stay open. Raises ConfigError or RecordingError for a name or folder
     that does not fit, and for files that would be overwritten.
     """
     if not Path("params.yaml").is_file():
@@ -109,18 +109,18 @@ def open_draft(name: str, folder: Path | None, given: Mapping[str, str]) -> "Dra
         message = "this file exists, and nothing is overwritten; choose another name, or leave out"
         raise ConfigError(f"{message} --from to fill in its open values", file=file)
     recorded = layout(inspect(folder), folder)
-    texts = dict(zip((sheet, option), dataset_texts(name, recorded, folder, given), strict=True))
+    texts = dict(zip((sheet, option), dataset_texts(name, recorded, folder, assigned), strict=True))
     if sheet.parent.resolve() not in folder.resolve().parents:
         texts[inventory] = _read_template("inventory.yaml", name)
     return Draft(name, texts, recorded, folder)
 
 
 def dataset_texts(
-    name: str, recorded: RecordingLayout, folder: Path, given: Mapping[str, str]
+    name: str, recorded: RecordingLayout, folder: Path, assigned: Mapping[str, str]
 ) -> list[str]:
-    """Return the texts of datasheet and option file, with ??? for the keys that are ``given``."""
-    known = entries(name, recorded, folder, {"robot": {"urdf": given.get("robot.urdf")}})
-    known |= dict.fromkeys(known.keys() & given.keys(), Entry())
+    """Return the texts of datasheet and option file, with ??? for the ``assigned`` keys."""
+    known = entries(name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}})
+    known |= dict.fromkeys(known.keys() & assigned.keys(), Entry())
     templates = _read_template("template.yaml", name).split("---\n")
     texts = [fill_template(template, known) for template in templates]
     if unplaced := [text_of(printable_path(one.file, folder)) for one in recorded.unplaced]:
@@ -193,13 +193,13 @@ class Draft:
         self.texts = texts
 
     def fill(
-        self, given: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
+        self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
     ) -> None:
-        """Fill in the ``given`` values, YAML by key as robot.tool; if ``suggested``, every
+        """Fill in the ``assigned`` values, YAML by key as robot.tool; if ``suggested``, every
         suggestion without a fault; the motion of the printed number; if ``ask``, answers from the
         terminal. Raises ConfigError for an answer that does not fit.
         """
-        for key, value in given.items():
+        for key, value in assigned.items():
             self.answer(key, value)
         while suggested:  # one may follow from another
             before = self.open_values()

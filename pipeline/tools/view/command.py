@@ -27,7 +27,7 @@ TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
 ARGUMENTS = {
     "take": {"nargs": "?", "metavar": "TAKE", "help": "name of a take (default the first test)"},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
-    "--open": {"action": "store_true", "help": "viewer with the file (default: none)"},
+    "--open": {"action": "store_true", "help": "viewer that opens the file (default: none)"},
 }
 Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
 
