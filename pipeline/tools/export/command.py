@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from string import Template
 from symtable import symtable
 from typing import Any
 
@@ -50,7 +51,7 @@ ARGUMENTS = {
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
 }
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
-# modules that only fits and annotations need, or that CHOICE replaces
+# modules that only fits and annotations need, or that reader.txt replaces
 LEFT_OUT = (
     "pipeline.core.validation",
     "pipeline.models",
@@ -58,28 +59,6 @@ LEFT_OUT = (
     "pipeline.models.options",
     "pipeline.models.steps",
 )
-HEAD = '''"""Reader of the motion models of `python -m pipeline export`; NumPy 2.2 is all it needs.
-
-    from read_motion_model import load
-    model = load("MODEL.json")
-
-A copy of the project's own reader (pipeline.models.load): edit it there.
-"""
-
-from __future__ import annotations
-
-'''
-CHOICE = '''
-def build_model(parameters):
-    """Build the law of these parameters; raises KeyError for an unknown kind."""
-    return {%s}[parameters["kind"]](parameters)
-'''
-TAIL = '''
-
-def load(file: str | Path) -> ExportedModel:
-    """Return the model in ``file``; raises ContractError for any other file."""
-    return read_exported(Path(file))
-'''
 
 
 def run(model: str, to: Path | None = None) -> None:
@@ -259,25 +238,22 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def reader_source() -> str:
-    """Return the text of READER_NAME: the project's reader and laws, one module after another,
-    under names that do not clash.
+    """Return the text of READER_NAME: reader.txt with the project's reader and laws, one module
+    after another, under names that do not clash.
     """
     laws = {f"pipeline.models.{kind}.law": kind for kind in kinds.kinds()}
-    outer: set[str] = set()
-    bodies: list[str] = []
+    imports: set[str] = set()
+    modules: list[str] = []
     renamed: dict[str, dict[str, str]] = {}  # module → its names in the file
     for module in dict.fromkeys(each for one in (*laws, READER) for each in _needed(one)):
-        if module == READER:
-            pairs = [f'"{k}": {renamed[law].get("build", "build")}' for law, k in laws.items()]
-            bodies.append(CHOICE % ", ".join(pairs))
         text = _source(module)
         tree, lines = ast.parse(text), text.splitlines()
         taken = {new for names in renamed.values() for new in names.values()}
         suffix = module.removeprefix("pipeline").replace(".", "_")
         symbols = symtable(text, module, "exec").get_symbols()
         own = [one.get_name() for one in symbols if one.is_assigned() and not one.is_imported()]
-        own = {name: name + suffix * (name in taken) for name in own}
-        names, renamed[module] = dict(own), own
+        renamed[module] = {name: name + suffix * (name in taken) for name in own}
+        names = dict(renamed[module])
         for node in tree.body:
             typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
             if not typing and not isinstance(node, ast.Import | ast.ImportFrom):
@@ -286,16 +262,18 @@ def reader_source() -> str:
             if _is_internal(node):
                 known = renamed.get(node.module, {})
                 names |= {each.name: known.get(each.name, each.name) for each in node.names}
-            elif not typing:
-                outer.add(ast.unparse(node))
+            elif not typing and ast.unparse(node) != "from __future__ import annotations":
+                imports.add(ast.unparse(node))
         body = re.sub(r"\n{4,}", "\n\n\n", "\n".join(lines)).strip() + "\n"
         changed = {name: new for name, new in names.items() if new != name}
         if changed:  # where it is defined or called; a method has a dot before it
             pattern = rf"(?<![\w.])({'|'.join(changed)})(?=\()"
             body = re.sub(pattern, lambda match, new=changed: new[match[0]], body)
-        bodies.append(body)
-    imports = "\n".join(sorted(line for line in outer if "__future__" not in line))
-    return HEAD + imports + "\n\n" + "\n\n".join(bodies) + TAIL
+        modules.append(body)
+    build = [f'"{kind}": {renamed[law].get("build", "build")}' for law, kind in laws.items()]
+    parts = {"imports": "\n".join(sorted(imports)), "modules": "\n\n".join(modules)}
+    template = (HERE / "reader.txt").read_text(encoding="utf-8")
+    return Template(template).substitute(parts, laws=", ".join(build))
 
 
 def _needed(module: str) -> Iterator[str]:
