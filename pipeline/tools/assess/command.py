@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.core import config, contracts
@@ -182,10 +183,7 @@ def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) ->
 class TakeVerdict(NamedTuple):
     """Distance of a take from N others, of all joints together and of each."""
 
-    names: Sequence[str]  # "all joints", then each
-    evidence: np.ndarray  # (1 + n,) nats a step
-    theirs: np.ndarray  # (1 + n, 2) mean and standard deviation of the others' evidence
-    p: np.ndarray  # (1 + n,) of each evidence
+    evidence: pd.DataFrame  # nats a step: own, the others' mean and std, p; all joints, then each
     p_whole: float  # of the greatest |t| of these
     ends: np.ndarray  # (SPANS + 1,) s, of the spans
     span_t: np.ndarray  # (n, SPANS) t of each joint in each span
@@ -229,17 +227,13 @@ def judge(
     spans = np.stack([evidence[:, part, 1:].mean(axis=1) for part in steps], axis=-1)
     t, their_t = _distances(whole[others], whole[number])
     span_t, their_span_t = _distances(spans[others], spans[number])
-    return TakeVerdict(
-        names=["all joints", *joints],
-        evidence=whole[number],
-        theirs=np.stack([whole[others].mean(axis=0), whole[others].std(axis=0, ddof=1)], axis=-1),
-        p=np.array([_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]),
-        p_whole=_rank(t, their_t),
-        ends=np.array([0, *(part[-1] + 1 for part in steps)]) / rate,
-        span_t=span_t,
-        p_spans=_rank(span_t, their_span_t),
-        others=others,
-    )
+    table = {"own": whole[number], "mean": whole[others].mean(axis=0)}
+    table["std"] = whole[others].std(axis=0, ddof=1)
+    table["p"] = [_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]
+    table = pd.DataFrame(table, index=["all joints", *joints])
+    ends = np.array([0, *(part[-1] + 1 for part in steps)]) / rate
+    p_whole, p_spans = _rank(t, their_t), _rank(span_t, their_span_t)
+    return TakeVerdict(table, p_whole, ends, span_t, p_spans, others)
 
 
 def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -267,6 +261,7 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     known = f", {fitted} of which the model was fitted to" if fitted else ""
     joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
     t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
+    name = verdict.evidence.index[1 + joint]
     if verdict.shows:
         behaves = "behaves" if verdict.behaves else "does NOT behave"
         head = f"{take} {behaves} as the {count} takes it is compared with"
@@ -275,22 +270,21 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
         head += f": record {FEWEST} or more"
     lines = [
         f"assess: {head}{known} ({model}).",
-        f"  largest difference: {verdict.names[1 + joint]} from {begins:.3g} to {ends:.3g} s, "
+        f"  largest difference: {name} from {begins:.3g} to {ends:.3g} s, "
         f"{'less' if t < 0 else 'more'} likely by {abs(t):.3g} of their standard deviations; "
         f"{100 * verdict.p_spans:.0f} % of such takes differ as much somewhere",
         f"  as a whole: {100 * verdict.p_whole:.0f} % of such takes differ as much; by chance up "
         f"to {200 * verdict.limit:.0f} % of takes of the same kind are called different",
         "  joint: log evidence of this take; mean ± standard deviation of the others (nats a step)",
     ]
-    rows = zip(verdict.names, verdict.evidence, verdict.theirs, verdict.p, strict=True)
-    for name, own, (mean, std), p in rows:
+    for name, own, mean, std, p in verdict.evidence.itertuples():
         lines.append(f"  {name}: {own:.4g}; {mean:.4g} ± {std:.2g}; {100 * p:.0f} % differ as much")
     return "\n".join(lines)
 
 
 def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int) -> Figure:
     """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
-    looks = style.joint_lines(list(verdict.names[1:])).values()
+    looks = style.joint_lines([*verdict.evidence.index[1:]]).values()
     shape = (style.TWO_COLUMNS, 1.5, 0.85)
     figure, (grid,) = style.joint_panels(len(looks), style.beside(len(looks)), shape)
     t = np.linspace(0, verdict.ends[-1], innovations.error.shape[1] + 1)[1:]
