@@ -42,7 +42,7 @@ SPANS = 10  # parts of the motion that are compared one by one
 GREATEST = 8.0  # standard deviations at which a span is darkest
 MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
 ARGUMENTS = {
-    "file": {"type": Path, "metavar": "FILE", "help": "recording in the format of the dataset's"},
+    "file": {"type": Path, "metavar": "FILE", "help": "recording in the dataset's format"},
     "--model": {"type": Path, "metavar": "FILE", "help": MODEL},
 }
 

@@ -57,13 +57,9 @@ def _locked_stages(file: Path) -> dict[str, dict]:
 
 
 def card(
-    settings: Any,
-    about: Mapping[str, str],
-    stored: list[dict],
-    takes: pd.DataFrame,
-    quality: pd.DataFrame,
+    settings: Any, about: Mapping, stored: list[dict], takes: pd.DataFrame, quality: pd.DataFrame
 ) -> str:
-    """Return the dataset card as Markdown: answers of card.yaml, and the composition in numbers.
+    """Return the dataset card as Markdown: card.yaml with values and tables.
 
     ``settings`` holds seed and dataset, ``about`` is the datasheet's section, ``stored`` the locked
     outputs of the recording, ``takes`` and ``quality`` are tables of the reports.

@@ -134,7 +134,7 @@ def exported_record(
             "takes": sum(len(one.q) for one in motions),
         }
     else:
-        fitted, sources = _fitted(model, settings, recorded)
+        fitted, sources = _fit_record(model, settings, recorded)
         record |= fitted | {"takes": len(recorded.q)}
     digests = [hashlib.sha256(file.read_bytes()).digest() for file in sources]
     record["run"] = {
@@ -156,7 +156,7 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
     }
 
 
-def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
+def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
     """Part of the record from the stage fit, or a fit here; and its sources."""
     name = model.removesuffix(CLOSED)
     closed_form, not_known, covariance, sources = model != name, [], None, SOURCES
@@ -245,7 +245,7 @@ def reader_source() -> str:
     imports: set[str] = set()
     modules: list[str] = []
     renamed: dict[str, dict[str, str]] = {}  # module → its names in the file
-    for module in dict.fromkeys(each for one in (*laws, READER) for each in _needed(one)):
+    for module in dict.fromkeys(each for one in (*laws, READER) for each in _needed_modules(one)):
         text = _source(module)
         tree, lines = ast.parse(text), text.splitlines()
         taken = {new for names in renamed.values() for new in names.values()}
@@ -276,12 +276,12 @@ def reader_source() -> str:
     return Template(template).substitute(parts, laws=", ".join(build))
 
 
-def _needed(module: str) -> Iterator[str]:
+def _needed_modules(module: str) -> Iterator[str]:
     """Yield the modules of the project that ``module`` imports, each after its own imports."""
     if module not in LEFT_OUT:
         for node in ast.parse(_source(module)).body:
             if _is_internal(node):
-                yield from _needed(node.module)
+                yield from _needed_modules(node.module)
         yield module
 
 

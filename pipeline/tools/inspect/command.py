@@ -1,8 +1,8 @@
 """``python -m pipeline inspect FILE|FOLDER [--json]``: format, rate, units and counted faults of
 recordings, the options that they leave open, and the reasons that would stop their analysis.
 
-The stages' own reader of its format reads each file, in a separate process that bounds time and
-memory.
+In the table ? marks an open option, ! a fault that stops the analysis. Each file is read by the
+stages' reader of its format, in a separate process that bounds time and memory.
 """
 
 import os
@@ -34,7 +34,7 @@ from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tabl
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
 DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
-BOUNDS = f"bounds on the size of a file and on its reader, as in dataset.reading ({DEFAULTS})"
+BOUNDS = f"bounds on a file and on its reader, as in dataset.reading (default {DEFAULTS})"
 ARGUMENTS = {
     "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "recording, or folder of them"},
     "--json": {"action": "store_true", "help": "every fact as JSON (default a table)"},

@@ -34,15 +34,15 @@ from pipeline.tools.new_dataset.layout import RecordingLayout, layout
 from pipeline.tools.new_dataset.template import Entry, fill_template, keyed_lines, text_of
 from pipeline.tools.new_dataset.values import KEYS, entries
 
-FROM = "folder of the recordings (default: the dataset's files, to fill in their ???)"
-VALUE = "value that no file states, as robot.tool=flange; may be repeated (default none)"
+FROM = "folder of the recordings (default: fill in the ??? of the existing dataset NAME)"
+VALUE = "value of a key, as robot.tool=flange; may be repeated (default none)"
 SUGGESTED = "all suggested values (default: they stay ???)"
 MOTION = "printed number of the motion to analyse (default: new-dataset none, characterize 1)"
 # arguments that characterize has too
 FILLING = {
     "--set": {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE},
     "--motion": {"type": int, "metavar": "NUMBER", "help": MOTION},
-    "--ask": {"action": "store_true", "help": "questions on the terminal (default: none)"},
+    "--ask": {"action": "store_true", "help": "questions on the terminal (default none)"},
 }
 ARGUMENTS = {
     "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
@@ -100,7 +100,7 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
             message = "there is no such dataset; make it with --from FOLDER"
             raise ConfigError(message, file=missing[0])
         texts = {file: file.read_text() for file in (sheet, option)}
-        folder = Path(_merged(texts).get("recordings", ""))
+        folder = Path(_merge_values(texts).get("recordings", ""))
         return Draft(name, texts, layout(inspect(folder), folder), folder)
     inventory = sheet.with_name("dvc.yaml")
     if not folder.is_dir():
@@ -133,7 +133,7 @@ def _read_template(file: str, name: str) -> str:
     return text.replace("{name}", name)
 
 
-def _merged(texts: Mapping[Path, str]) -> dict[str, Any]:
+def _merge_values(texts: Mapping[Path, str]) -> dict[str, Any]:
     """Keys and values of all files; ConfigError for a text that is no YAML."""
     merged: dict[str, Any] = {}
     for file, text in texts.items():
@@ -154,7 +154,7 @@ class Draft:
 
     def values(self) -> dict[str, Any]:
         """Return the values of all files; ConfigError for a text that is no YAML."""
-        return _merged(self.texts)
+        return _merge_values(self.texts)
 
     def open_values(self) -> dict[str, tuple[str, Path, int]]:
         """Return comment, file and line, from 0, of each ???, by key in the order of the files."""
@@ -187,7 +187,7 @@ class Draft:
         lines[number] = line.replace(OPEN, written, 1)
         texts = self.texts | {file: "\n".join(lines) + "\n"}
         before = {str(fault) for fault in value_faults(self.values())}
-        for fault in value_faults(_merged(texts)):
+        for fault in value_faults(_merge_values(texts)):
             if str(fault) not in before:
                 raise fault
         self.texts = texts
@@ -235,7 +235,7 @@ class Draft:
             places = ", ".join(f"{name} ({count})" for name, count in counts)
             print(
                 f"motion {number}: {motion.steps} steps, {pause}, in {places}\n"
-                f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad\n"
+                f"  from {_round(motion.start, 2)} to {_round(motion.end, 2)} rad\n"
                 f"  commands differ by {motion.deviation:.2g} rad, least singular value "
                 f"{motion.least_singular:.2g}, disturbed: {disturbed or 'none'}"
             )
@@ -246,7 +246,7 @@ class Draft:
             raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
         motion = offered[int(number) - 1]
         rest = motion.rest(self.values()["motion"]["rate"])
-        ends = (_rounded(motion.start, 4), _rounded(motion.end, 4))
+        ends = (_round(motion.start, 4), _round(motion.end, 4))
         values = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
         for key in values.keys() & self.open_values().keys():
             self.answer(key, str(values[key]))
@@ -320,5 +320,5 @@ def find_motions(values: dict[str, Any]) -> list[FoundMotion]:
     return sorted(offered, key=order)
 
 
-def _rounded(angles: np.ndarray, digits: int) -> list[float]:
+def _round(angles: np.ndarray, digits: int) -> list[float]:
     return (np.round(angles, digits) + 0.0).tolist()

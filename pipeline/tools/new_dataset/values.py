@@ -42,13 +42,13 @@ def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
     return Entry(listed[0]) if len(listed) == 1 else _suggestion(note, suggested)
 
 
-def _agreed(values: Iterable[float | None]) -> Entry:
+def _consensus(values: Iterable[float | None]) -> Entry:
     """The one value that all recordings state."""
     stated = {*values}
     return Entry(f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None)
 
 
-def _listed(names: Iterable[str]) -> str:
+def _name_list(names: Iterable[str]) -> str:
     return ", ".join(map(text_of, names))
 
 
@@ -99,7 +99,7 @@ def entries(
     rates |= {f"{1 / (step * TIME_UNITS[unit]):.4g}" for step in steps if unit}
     stated = not any("time_unit" in one.suggested for one in logs)
     found["motion.rate"] = Entry(rates.pop() if len(rates) == 1 else None, certain=stated)
-    found["motion.steps"] = _agreed(take.facts["steps"] for take in takes)
+    found["motion.steps"] = _consensus(take.facts["steps"] for take in takes)
     return found | robot
 
 
@@ -144,7 +144,7 @@ def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[
     elif links:
         found["markers"] = Entry({k: dict.fromkeys(names, PLACE) for k, names in links.items()})
     else:
-        names = _listed(recorded.shared("markers")) or "none in all takes"
+        names = _name_list(recorded.shared("markers")) or "none in all takes"
         found["markers"] = _suggestion(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
     return found
 
@@ -168,8 +168,8 @@ def _encoders(recorded: RecordingLayout) -> Entries:
     labels = [str(label) for label in first.get("labels", [])]
     found["time"] = Entry(text_of(labels[0]) if labels and first.get("timed") else "0")
     measured = named_like("actual", labels)
-    stated = Entry(f"[{_listed(measured)}]") if measured else None
-    return found | {"actual": stated or _suggestion(f"of {_listed(labels)}")}
+    stated = Entry(f"[{_name_list(measured)}]") if measured else None
+    return found | {"actual": stated or _suggestion(f"of {_name_list(labels)}")}
 
 
 def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
@@ -187,7 +187,7 @@ def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
         return found | {"encoding": Entry("plain")}
     if calibrations or first.kind == Kind.SEQUENCE:
         found["intrinsics"] = _one_of(calibrations)
-    return found | {k: _agreed(one.facts.get(k) for one in takes) for k in ("width", "height")}
+    return found | {k: _consensus(one.facts.get(k) for one in takes) for k in ("width", "height")}
 
 
 def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -> Entries:
@@ -223,14 +223,14 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
         count = first.facts["columns"] - 1 if timed else None
     elif first.kind != Kind.JOINTS:
         if "signals" not in first.suggested:
-            named = [f"{name}: [{_listed(labels)}]" for name, labels in signals.items()]
+            named = [f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()]
             found["signals"] = Entry(f"{{{', '.join(named)}}}")
         count = len(next(iter(signals.values())))
         none = _suggestion("null: the rows follow each other at motion.rate")
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
     stated = {tuple(take.facts.get("joint_names", ())) for take in takes.values()}
     if len(stated) == 1 and (names := stated.pop()):
-        found["joints"] = Entry(f"[{_listed(names)}]", "as the logs name them")
+        found["joints"] = Entry(f"[{_name_list(names)}]", "as the logs name them")
     else:
         arm = robot.get("robot.joints", Entry()).value
         fits = arm is not None and count in (None, arm.count(",") + 1)
@@ -257,17 +257,17 @@ def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
         if arms:
             joints = arms[0]["joints"]
-            found["robot.joints"] = Entry(f"[{_listed(joints)}]", "all that move the last link")
+            found["robot.joints"] = Entry(f"[{_name_list(joints)}]", "all that move the last link")
             found["robot.tool"] = _one_of(arm["tip"] for arm in arms)
             if len(joints) < SPACE:
                 found["robot.task"] = _suggestion("", "[x, y, z]" if len(joints) >= 3 else None)
         return found
     others = facts.get("joints", {}).get("revolute", [])
-    chain = _suggestion(f"three parallel ones of {_listed(others) or 'the URDF'}")
+    chain = _suggestion(f"three parallel ones of {_name_list(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
-        chain = Entry(f"[{_listed(own)}]", "the only three in a row that are parallel")
+        chain = Entry(f"[{_name_list(own)}]", "the only three in a row that are parallel")
         found["robot.tool"] = _one_of(chains[0]["tools"])
         others = [joint for joint in others if joint not in own]
-    locked = _suggestion(_listed(others)) if others or not chains else Entry("{}")
+    locked = _suggestion(_name_list(others)) if others or not chains else Entry("{}")
     return found | {"robot.plane": Entry(""), "robot.joints": chain, "robot.locked": locked}

@@ -90,7 +90,7 @@ def _section(
             tokens[place - 1].attrs |= FRAME | {"class": "figure"}
         for child in token.children or []:
             if child.type == "image":
-                child.attrs |= _embedded(file.parent / str(child.attrs["src"]))
+                child.attrs |= _figure_attributes(file.parent / str(child.attrs["src"]))
             elif child.type == "link_open":
                 child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
     html = parser.renderer.render(tokens, parser.options, {})
@@ -113,7 +113,7 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
     return Path(os.path.relpath(target, folder)).as_posix() + mark + slug
 
 
-def _embedded(file: Path) -> dict[str, str]:
+def _figure_attributes(file: Path) -> dict[str, str]:
     """Attributes of a figure: data address of its PNG in few colours, and class by its shape."""
     picture, written = file.with_suffix(".png"), io.BytesIO()
     if not picture.is_file():
