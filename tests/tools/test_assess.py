@@ -20,9 +20,17 @@ from pipeline.models import load
 from pipeline.models.model import Commands
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
-from pipeline.tools.assess.command import assessment, new_takes, run_folder
-from pipeline.tools.assess.judge import LEVEL, Innovations, TakeVerdict, filtered, judge
-from pipeline.tools.export.command import exported
+from pipeline.tools.assess.command import (
+    LEVEL,
+    Innovations,
+    TakeVerdict,
+    assessment,
+    filter_takes,
+    judge,
+    new_takes,
+    run_folder,
+)
+from pipeline.tools.export.command import exported_record
 
 JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
 
@@ -45,7 +53,7 @@ def test_innovations_are_as_large_as_predicted_and_white(kind, share, chain, tmp
     def summary(pose: np.ndarray) -> tuple[float, float]:
         """Mean normalised square and correlation of neighbours, for the noise ``pose``."""
         model.record["pose_covariance_rad2"] = pose.tolist()
-        found = filtered(model, Commands(v, targets[:-1], share), poses)
+        found = filter_takes(model, Commands(v, targets[:-1], share), poses)
         white = np.linalg.solve(found.covariance, found.error[..., None])[..., 0]
         z = found.error / found.std
         return float(np.vecdot(found.error, white).mean()), float(np.mean(z[:, 1:] * z[:, :-1]))
@@ -139,7 +147,7 @@ def test_a_pushed_repetition_is_named_and_the_usual_ones_behave(logs, capsys):
         command.run(logs / "new")
     settings = config.sections("export", Path("pipeline/tools/export/reads.yaml"))
     Path("data/export").mkdir()
-    text = json.dumps(exported("additive", settings))
+    text = json.dumps(exported_record("additive", settings))
     Path("data/export/ur5_planar_additive.json").write_text(text)
     command.run(logs / "new")
     said = capsys.readouterr().out

@@ -76,14 +76,14 @@ def edit(file: Path, old: str, new: str) -> None:
 
 def refused(capsys, count: int | str) -> str:
     """Return what check prints where it finds so many faults."""
-    with pytest.raises(ConfigError, match=rf"^{count} to be mended"):
+    with pytest.raises(ConfigError, match=rf"^{count} faults: correct"):
         tool_call("check", ["lab"])()
     return capsys.readouterr().out
 
 
 def test_nothing_is_wrong_and_another_name_is_refused(files, capsys):
     tool_call("check", ["lab"])()
-    assert capsys.readouterr().out == "check: nothing is wrong with lab\n"
+    assert capsys.readouterr().out == "check: lab has no faults\n"
     with pytest.raises(ConfigError, match="no dataset 'nowhere'; there are"):
         tool_call("check", ["nowhere"])()
 
@@ -145,7 +145,7 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
         line = f"suggested is {delay}: dataset.joint_log.target_delay"
         assert as_table(findings, tmp_path).count(line) == 1
     recorded = layout(findings, tmp_path)
-    proposed = dataset_texts("lab", recorded, tmp_path)[0]
+    proposed = dataset_texts("lab", recorded, tmp_path, {})[0]
     assert "joints: ??? # 3 joints; names of the logged joints" in proposed
     assert "suggested is {run_1: 0.8, run_2: 0.96}; the command differs from the" in proposed
     suggested = entries("lab", recorded, tmp_path, {})

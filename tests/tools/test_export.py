@@ -20,7 +20,7 @@ from pipeline.models import load
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.other_motions import MotionSteps
 from pipeline.tools.export import command
-from pipeline.tools.export.reader_file import NAME, reader_source
+from pipeline.tools.export.command import READER_NAME, reader_source
 
 SEEN = {"least": -7.0, "greatest": 7.0, "unit": "rad"}
 PLAIN = {
@@ -71,7 +71,7 @@ def alone(module: str, file: Path) -> subprocess.CompletedProcess:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("colleague")
-    (place / NAME).write_text(reader_source())
+    (place / READER_NAME).write_text(reader_source())
     return place
 
 
@@ -84,7 +84,7 @@ def write_plain(file: Path, chain, **changes) -> Path:
     return file
 
 
-@pytest.mark.parametrize("module", [NAME.removesuffix(".py"), "pipeline.models"])
+@pytest.mark.parametrize("module", [READER_NAME.removesuffix(".py"), "pipeline.models"])
 @pytest.mark.parametrize("kind", [*PARAMETERS, "joint_steps", "untold"])
 def test_both_readers_give_the_projects_numbers_by_numpy_alone(kind, module, folder, chain):
     file = folder / f"{kind}.json"
@@ -136,7 +136,7 @@ def run_blocks(blocks: list[str], folder: Path, monkeypatch) -> dict:
     monkeypatch.chdir(folder)
     module = types.ModuleType("read_motion_model")
     monkeypatch.setitem(sys.modules, "read_motion_model", module)
-    exec(compile((folder / NAME).read_text(), NAME, "exec"), module.__dict__)
+    exec(compile((folder / READER_NAME).read_text(), READER_NAME, "exec"), module.__dict__)
     known: dict = {}
     for block in blocks:
         exec(block, known)
@@ -163,7 +163,7 @@ def test_the_readmes_filter_planner_and_frame_use_the_model_of_a_real_arm(
     noise = (2e-5 + 0.02 * np.abs(dq)) * rng.standard_normal(dq.shape)
     steps = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
     monkeypatch.setattr(command, "SOURCES", [urdf])
-    record = command.exported("scaled_all", settings, [steps])
+    record = command.exported_record("scaled_all", settings, [steps])
     command.write_export(record, tmp_path / "model.json")
     (tmp_path / "arm.urdf").write_text(urdf.read_text())
     known = run_blocks(BLOCKS[:4], tmp_path, monkeypatch)

@@ -13,9 +13,8 @@ from source_code import ROOT
 from zoo import write_zoo
 
 from pipeline.__main__ import main
-from pipeline.tools.inspect.command import as_json, as_table, inspect
+from pipeline.tools.inspect.command import as_json, as_table, describe_file, inspect
 from pipeline.tools.inspect.finding import Finding
-from pipeline.tools.inspect.kinds import described
 
 FORMATS = {
     "Motive CSV": ["columns.csv", "rows.csv"],
@@ -59,7 +58,7 @@ def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(zoo, 
     expected = {name: form for form, names in FORMATS.items() for name in names}
     assert {name: finding.format for name, finding in findings.items()} == expected
     for name, finding in findings.items():
-        assert not finding.stops and ("[" in name or described(zoo / name) == finding), name
+        assert not finding.stops and ("[" in name or describe_file(zoo / name) == finding), name
     length, force = {"length": "m"}, {"force": "N", "torque": "N-m"}
     stated = {
         "columns.csv": ("1.23", 100.0, 0.49, length, []),
@@ -103,7 +102,7 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
 
     def changed(text: str) -> Finding:
         (tmp_path / "arm.urdf").write_text(text)
-        return described(tmp_path / "arm.urdf")
+        return describe_file(tmp_path / "arm.urdf")
 
     bent = changed(urdf.replace('xyz="0 1 0"', 'xyz="1 0 0"', 1))
     assert bent.facts["arms"] == [{"joints": ["j1", "j2", "j3"], "tip": "tip"}]

@@ -240,7 +240,7 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     ("words", "said"),
     [
         (["lab", "--set", "robot.urdf"], "--set takes KEY=VALUE"),
-        (["lab", "--set", "robot.pace=1"], "no such value is still to be filled in; there are"),
+        (["lab", "--set", "robot.pace=1"], "no such value is open; there are"),
         (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
         (["lab", "--motion", "1"], "the motions are found once these are filled in: joint_log"),
         *((([name]), "cannot name a dataset") for name in ("1st", "../up", "ü")),

@@ -2,16 +2,18 @@
 with the recordings that a model was fitted to.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import chdir
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from pipeline.core import config, contracts
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.errors import ConfigError, ModelDomainError, RecordingError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import style
 from pipeline.models import load
@@ -23,17 +25,23 @@ from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.joint_logs import find_takes, read_dataset_movement
 from pipeline.recordings.motion_capture import marker_rows
 from pipeline.recordings.repetitions import align, in_phase, stretch
+from pipeline.statistics.scores import normal_log_score
 from pipeline.statistics.takes import percentile_interval
-from pipeline.tools.assess.judge import FEWEST, Innovations, TakeVerdict, filtered, judge
 
 HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/assess")
 CHARACTERIZED = Path("data/characterize")  # runs of characterize, a folder a dataset
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
-ENOUGH = 20  # takes that were not fitted, from which on they are the reference alone
-GREATEST = 8.0  # standard deviations at which a part is darkest
+ENOUGH = 20  # takes outside the fit, from which on they are the only reference
+DIFFERENCE = 1e-5  # rad
+# share of takes of the same kind that are called different, half of it as a whole, half by a span
+LEVEL = 0.05
+MOST_CHANCE = 0.25  # the same share of few takes, above which no difference can be shown
+FEWEST = round(2 / MOST_CHANCE) - 1  # takes to compare with, so that a difference can be shown
+SPANS = 10  # parts of the motion that are compared one by one
+GREATEST = 8.0  # standard deviations at which a span is darkest
 MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
 ARGUMENTS = {
-    "file": {"type": Path, "metavar": "FILE", "help": "recording, as the dataset's others are"},
+    "file": {"type": Path, "metavar": "FILE", "help": "recording in the dataset's format"},
     "--model": {"type": Path, "metavar": "FILE", "help": MODEL},
 }
 
@@ -52,7 +60,7 @@ def run(file: Path, model: Path | None = None) -> None:
     law, file, out = load(model), file.resolve(), OUT.resolve()
     with chdir(run_folder(law.record["dataset"], model)):
         out.mkdir(parents=True, exist_ok=True)
-        for name, text, figure in _assessed(file, law, model.name):
+        for name, text, figure in _assessments(file, law, model.name):
             print(text)
             style.save(figure, out, name)
             print(f"assess: drawn in {OUT / name}.png")
@@ -72,31 +80,32 @@ def run_folder(dataset: str, model: Path) -> Path:
     raise ConfigError(message, file=model)
 
 
-def _assessed(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str, str, Figure]]:
+def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str, str, Figure]]:
     """Name, verdict in words and picture of each take in the recording."""
     dataset = config.sections("assess", HERE / "reads.yaml").dataset
     names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
-    chosen = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
-    own, mean, rate = np.array(names)[chosen], q[fitted].mean(axis=0), dataset.motion.rate
+    reference = ~fitted if np.sum(~fitted) >= ENOUGH else np.ones_like(fitted)
+    known, mean, rate = np.array(names)[reference], q[fitted].mean(axis=0), dataset.motion.rate
     takes = new_takes(file, dataset, mean)
-    poses = np.concatenate([q[chosen], [*takes.values()]])
+    poses = np.concatenate([q[reference], [*takes.values()]])
     path, share = MeanPath(law.chain, mean), law.record["closed_loop_share"]
     steps = commanded_steps(contracts.read("trajectory", MOTION), rate)
     commands = path.commands(share) if share > 0 else Commands(steps, path.path, 0.0)
-    found = filtered(law, commands, poses)
-    for number, name in enumerate(takes, len(own)):
+    innovations = filter_takes(law, commands, poses)
+    for number, name in enumerate(takes, len(known)):
         # a take of the dataset is compared with the others
-        others = np.pad(own != name, (0, len(takes)))
-        verdict = judge(found, number, others, dataset.robot.joints, rate)
-        among = int(np.sum(fitted[chosen] & (own != name)))
-        yield name, assessment(name, export, among, verdict), _draw(name, verdict, found, number)
+        others = np.pad(known != name, (0, len(takes)))
+        verdict = judge(innovations, number, others, dataset.robot.joints, rate)
+        among = int(np.sum(fitted[reference] & (known != name)))
+        figure = _draw(name, verdict, innovations, number)
+        yield name, assessment(name, export, among, verdict), figure
 
 
 def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
     """Return by name the angles (M+1, n) in rad of each repetition in ``file``: one of a motion
-    capture, of a joint log as many as it holds. ``mean`` (M+1, n) in rad is that of the dataset's
-    takes, which a log is brought in phase with.
+    capture, all of a joint log, in phase with ``mean`` (M+1, n) in rad, the mean of the dataset's
+    takes.
 
     Raises RecordingError for a file that the dataset's stages would refuse.
     """
@@ -111,8 +120,9 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
     read = {movement: read_dataset_movement(movement, file, dataset)}
     takes, observed, _ = find_takes(read, dataset)
     if not takes:
-        held = "; ".join(sorted(set(observed))) or "no motion"
-        raise RecordingError(f"no repetition of the dataset's motion; it holds {held}", file=file)
+        motions = "; ".join(sorted(set(observed))) or "no motion"
+        message = f"no repetition of the dataset's motion; it holds {motions}"
+        raise RecordingError(message, file=file)
     path, place = mean[rest : rest + moving + 1], align if rest else in_phase
     return {
         name: stretch(take.actual, place(take.actual, take.first, path) - rest, steps + 1)
@@ -120,14 +130,137 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
     }
 
 
+class Innovations(NamedTuple):
+    """Measured minus predicted poses ``error`` (T, M, n) in rad of T takes, and the predicted
+    ``covariance`` S (T, M, n, n) in rad².
+    """
+
+    error: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def std(self) -> np.ndarray:
+        """Predicted standard deviation (T, M, n) in rad, by joint."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+
+
+def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Innovations:
+    """Return the innovations e = y − x⁻ of the measured ``poses`` y (T, M+1, n) in rad under the
+    ``commands``, by the extended Kalman filter (Anderson & Moore, Optimal Filtering, 1979, Sec.
+    8.2) with the slope F of the model's mean by differences:
+
+        x⁻ = E(q_{k+1} | x),   P⁻ = F P Fᵀ + Cov(q_{k+1} | x),   S = P⁻ + Σ,   G = P⁻S⁻¹,
+        x = x⁻ + G e,   P = (I − G)P⁻.
+
+    The noise Σ of a measured pose is the exported one, zero where it is not known. Raises
+    ModelDomainError where the model has no moments, or no noise at a pose.
+    """
+    known, n = model.record["pose_covariance_rad2"], poses.shape[-1]
+    noise = np.zeros((n, n)) if known is None else np.array(known)
+    x, P = poses[:, 0], np.broadcast_to(noise, (len(poses), n, n))
+    steps = []
+    shifts = DIFFERENCE * np.concatenate([np.eye(n), -np.eye(n)])[:, None]
+    for k, (v, target) in enumerate(zip(commands.v, commands.path, strict=False)):
+        places = np.concatenate([x[None], x + shifts])
+        ahead = model.mean(places, model.command(places, v, target))
+        F = np.moveaxis(ahead[1 : n + 1] - ahead[n + 1 :], 0, -1) / (2 * DIFFERENCE)
+        P = F @ P @ np.swapaxes(F, -1, -2) + model.covariance(x, model.command(x, v, target))
+        x, S = ahead[0], P + noise
+        e = poses[:, k + 1] - x
+        steps.append((e, S))
+        try:
+            G = np.swapaxes(np.linalg.solve(S, P), -1, -2)
+        except np.linalg.LinAlgError:
+            message = "the model has no noise at a pose, so no measurement can be compared with it;"
+            advice = "state dataset.motion.pose_noise and export it again"
+            raise ModelDomainError(f"{message} {advice}", step=k) from None
+        x, P = x + np.matvec(G, e), P - G @ P
+        P = (P + np.swapaxes(P, -1, -2)) / 2
+    return Innovations(*(np.stack(each, axis=1) for each in zip(*steps, strict=True)))
+
+
+class TakeVerdict(NamedTuple):
+    """Distance of a take from N others, of all joints together and of each."""
+
+    evidence: pd.DataFrame  # nats a step: own, the others' mean and std, p; all joints, then each
+    p_whole: float  # of the greatest |t| of these
+    ends: np.ndarray  # (SPANS + 1,) s, of the spans
+    span_t: np.ndarray  # (n, SPANS) t of each joint in each span
+    p_spans: float  # of the greatest |t| of these
+    others: np.ndarray  # (T,) True for the takes it was compared with
+
+    @property
+    def limit(self) -> float:
+        """Greatest p of a take that is called different: of few takes the least possible p."""
+        return max(LEVEL / 2, 1 / (1 + self.others.sum()))
+
+    @property
+    def behaves(self) -> bool:
+        """True where neither the whole nor a span differs from the others."""
+        return bool(min(self.p_whole, self.p_spans) > self.limit)
+
+    @property
+    def shows(self) -> bool:
+        """True where there are enough takes to compare with for a difference to be shown."""
+        return bool(2 * self.limit <= MOST_CHANCE)
+
+
+def judge(
+    innovations: Innovations, number: int, others: np.ndarray, joints: Sequence[str], rate: float
+) -> TakeVerdict:
+    """Return the verdict on take ``number`` of T takes of n ``joints`` among the ``others`` (T,), a
+    mask; ``rate`` is in steps a second.
+
+    The evidence of a take is the mean of ln N(e; 0, S) over its steps, its distance from N others
+    t = (x − x̄)/(s√(1 + 1/N)). Log evidence is skew and heavy-tailed, so that t is not Student's:
+    each other take is compared with the remaining ones likewise, and p is the rank of the greatest
+    |t| among theirs, exact for exchangeable takes (Vovk et al., Algorithmic Learning in a Random
+    World, 2005).
+    """
+    error, std = innovations.error, innovations.std
+    alone = -0.5 * ((error / std) ** 2 + np.log(2 * np.pi)) - np.log(std)
+    together = normal_log_score(error, innovations.covariance)
+    evidence = np.concatenate([together[..., None], alone], axis=-1)  # (T, M, 1 + n)
+    whole = evidence.mean(axis=1)
+    steps = np.array_split(np.arange(evidence.shape[1]), SPANS)
+    spans = np.stack([evidence[:, part, 1:].mean(axis=1) for part in steps], axis=-1)
+    t, their_t = _distances(whole[others], whole[number])
+    span_t, their_span_t = _distances(spans[others], spans[number])
+    table = {"own": whole[number], "mean": whole[others].mean(axis=0)}
+    table["std"] = whole[others].std(axis=0, ddof=1)
+    table["p"] = [_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]
+    table = pd.DataFrame(table, index=["all joints", *joints])
+    ends = np.array([0, *(part[-1] + 1 for part in steps)]) / rate
+    p_whole, p_spans = _rank(t, their_t), _rank(span_t, their_span_t)
+    return TakeVerdict(table, p_whole, ends, span_t, p_spans, others)
+
+
+def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """t of ``one`` (...) among ``theirs`` (N, ...), and t of each of these among the others."""
+
+    def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
+        scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
+        return (one - rest.mean(axis=0)) / scale
+
+    others = [np.delete(theirs, i, axis=0) for i in range(len(theirs))]
+    return distance(one, theirs), np.stack(list(map(distance, theirs, others)))
+
+
+def _rank(t: np.ndarray, theirs: np.ndarray) -> float:
+    """p of the greatest |``t``| among the greatest of each of ``theirs`` (N, ...)."""
+    greatest = np.abs(theirs).reshape(len(theirs), -1).max(axis=1)
+    return float((1 + np.sum(greatest >= np.abs(t).max())) / (1 + len(theirs)))
+
+
 def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     """Return the verdict in a sentence, then a line of numbers for each joint; the ``model`` was
-    fitted to ``fitted`` of the takes it is compared with.
+    fitted to ``fitted`` of the takes that the ``take`` is compared with.
     """
     count = int(verdict.others.sum())
     known = f", {fitted} of which the model was fitted to" if fitted else ""
     joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
     t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
+    name = verdict.evidence.index[1 + joint]
     if verdict.shows:
         behaves = "behaves" if verdict.behaves else "does NOT behave"
         head = f"{take} {behaves} as the {count} takes it is compared with"
@@ -136,34 +269,33 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
         head += f": record {FEWEST} or more"
     lines = [
         f"assess: {head}{known} ({model}).",
-        f"  largest difference: {verdict.names[1 + joint]} from {begins:.3g} to {ends:.3g} s, "
+        f"  largest difference: {name} from {begins:.3g} to {ends:.3g} s, "
         f"{'less' if t < 0 else 'more'} likely by {abs(t):.3g} of their standard deviations; "
         f"{100 * verdict.p_spans:.0f} % of such takes differ as much somewhere",
         f"  as a whole: {100 * verdict.p_whole:.0f} % of such takes differ as much; by chance up "
         f"to {200 * verdict.limit:.0f} % of takes of the same kind are called different",
         "  joint: log evidence of this take; mean ± standard deviation of the others (nats a step)",
     ]
-    rows = zip(verdict.names, verdict.evidence, verdict.theirs, verdict.p, strict=True)
-    for name, own, (mean, std), p in rows:
+    for name, own, mean, std, p in verdict.evidence.itertuples():
         lines.append(f"  {name}: {own:.4g}; {mean:.4g} ± {std:.2g}; {100 * p:.0f} % differ as much")
     return "\n".join(lines)
 
 
-def _draw(take: str, verdict: TakeVerdict, found: Innovations, number: int) -> Figure:
+def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int) -> Figure:
     """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
-    looks = style.joint_lines(list(verdict.names[1:])).values()
+    looks = style.joint_lines([*verdict.evidence.index[1:]]).values()
     shape = (style.TWO_COLUMNS, 1.5, 0.85)
     figure, (grid,) = style.joint_panels(len(looks), style.beside(len(looks)), shape)
-    t = np.linspace(0, verdict.ends[-1], found.error.shape[1] + 1)[1:]
-    low, high = percentile_interval(found.error[verdict.others])
+    t = np.linspace(0, verdict.ends[-1], innovations.error.shape[1] + 1)[1:]
+    low, high = percentile_interval(innovations.error[verdict.others])
     thin, red = {"color": style.BLACK, "linewidth": 0.6}, style.VERMILLION
     for j, (look, axes) in enumerate(zip(looks, grid, strict=True)):
         for begin, end, off in zip(verdict.ends, verdict.ends[1:], verdict.span_t[j], strict=False):
             shade = min(abs(off) / GREATEST, 1.0) / 2
             axes.axvspan(begin, end, color=red, alpha=shade, linewidth=0)
         band = axes.fill_between(t, low[:, j], high[:, j], color=style.LIGHT_GREY, linewidth=0)
-        bound, _ = axes.plot(t, found.std[number, :, j, None] * [2, -2], **thin)
-        (error,) = axes.plot(t, found.error[number, :, j], color=red, linewidth=0.8)
+        bound, _ = axes.plot(t, innovations.std[number, :, j, None] * [2, -2], **thin)
+        (error,) = axes.plot(t, innovations.error[number, :, j], color=red, linewidth=0.8)
         axes.set(title=look["label"], xlim=(0, t[-1]))
     grid[0].set_ylabel("innovation (rad)")
     unlike = "behaves as" if verdict.behaves else "does NOT behave as"

@@ -1,5 +1,5 @@
-"""``python -m pipeline audit FOLDER``: comparison of all committed files with those of a new run of
-every stage, in a clone of the last commit.
+"""``python -m pipeline audit FOLDER``: comparison of all committed files with the files of a new
+run of every stage, in a clone of the last commit.
 """
 
 import os
@@ -12,13 +12,13 @@ from pathlib import Path
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
-HELP = "folder of the clone, which stays there"
+HELP = "folder of the clone, which is kept"
 ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 
 def run(folder: Path) -> None:
-    """Clone the last commit to ``folder``, delete the outputs of its stages, run them and print
-    what git finds changed. Raises PipelineError for any difference.
+    """Clone the last commit to ``folder``, delete the outputs of its stages, run the stages and
+    print the files that git finds changed. Raises PipelineError for any difference.
     """
     root = Path.cwd()
     print(f"audit: commit {_git(root, 'rev-parse', 'HEAD').strip()}", flush=True)
@@ -35,7 +35,7 @@ def run(folder: Path) -> None:
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
     dry = subprocess.run([*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE)
     planned = set(re.findall(r"(?m)^Running stage '([^']+)'", dry.stdout.decode()))
-    stages = []  # of a lock file those alone that its dvc.yaml still has
+    stages = []  # entries of the lock files whose stages still exist
     for lock in project.rglob("dvc.lock"):
         place = lock.parent.relative_to(project).as_posix()
         prefix = "" if place == "." else f"{place}/dvc.yaml:"
@@ -55,8 +55,8 @@ def run(folder: Path) -> None:
 
 
 def clone_commit(root: Path, folder: Path) -> Path:
-    """Clone the commit of ``root`` into ``folder`` without DVC's cache, and link the recordings
-    that a datasheet names beside the project beside the clone; return the clone.
+    """Clone the commit of ``root`` into ``folder`` without DVC's cache, link the recordings that
+    lie beside the project by a datasheet, and return the clone.
     """
     folder.mkdir(parents=True, exist_ok=True)
     project = folder / "project"

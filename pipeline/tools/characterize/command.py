@@ -1,16 +1,15 @@
 """``python -m pipeline characterize FOLDER --urdf FILE``: model card and exported model of the
 recordings in a folder, in one run.
 
-The dataset's two files are written as by new-dataset and stay; the stages run in
-data/characterize/NAME, beside the results of params.yaml's own dataset.
+The dataset's two files are written as by new-dataset. The stages run in data/characterize/NAME,
+so that the results of the dataset in params.yaml stay as they are.
 """
 
 import json
-import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import chdir, contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +27,8 @@ from pipeline.models.other_motions import other_motions
 from pipeline.recordings import quality
 from pipeline.recordings.motions import logged_motions
 from pipeline.stages import fit, ingest, predict, track
-from pipeline.tools.export.command import EXPORTS, exported, require_name, write_export
-from pipeline.tools.new_dataset.command import ASK, MOTION, SET, answers, open_dataset
+from pipeline.tools.export.command import EXPORTS, exported_record, require_name, write_export
+from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card, recommended
 from pipeline.verdicts.run import Run
@@ -38,28 +37,19 @@ WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.lo
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
 TAILS, TO_EXPORT = "## Tails and coverage\n", re.compile(r"To have it: .*\n*")
-SCALE = "size of the computation (default paper; smoke is quick, its intervals mean nothing)"
+SCALE = "size of the computation (default paper); smoke is quick, its intervals mean nothing"
 ARGUMENTS = {
     "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
     "--urdf": {"type": Path, "metavar": "FILE", "help": "URDF of the arm (default: in FOLDER)"},
     "--name": {"help": "name of the dataset (default: from FOLDER)"},
-    "--ask": ASK,
-    "--set": SET,
-    "--motion": MOTION | {"help": f"{MOTION['help']} (default 1)"},
+    **FILLING,
     "--scale": {"default": "paper", "help": SCALE},
     "--model": {"help": "model to export (default: the recommended one)"},
 }
 
 
 def run(
-    folder: Path,
-    *,
-    urdf: Path | None,
-    name: str | None,
-    scale: str,
-    model: str | None,
-    set: list[str],
-    **options: Any,
+    folder: Path, urdf: Path | None, name: str | None, scale: str, model: str | None, **options: Any
 ) -> None:
     """Write the dataset if there is none of that name, run the stages, write card and export."""
     if not folder.is_dir():
@@ -69,8 +59,8 @@ def run(
     if scale not in (scales := config.option_names("scale")):
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
-    given = {"robot.urdf": str(urdf)} if urdf else {}
-    _dataset(name, folder, given | answers(set), **options)
+    assigned = {"robot.urdf": str(urdf)} if urdf else {}
+    _write_dataset(name, folder, assigned | assigned_values(options.pop("set")), **options)
     with _project(name, folder.resolve(), scale) as root:
         settings = config.composed_config()
         motions, tables, metrics = _results(settings)
@@ -80,66 +70,65 @@ def run(
             synthetic=False,
             joints=list(settings.dataset.robot.joints),
             task=list(chain_of(settings.dataset.robot).task),
-            models={each: options.kind for each, options in settings.models.items()},
+            models={key: options.kind for key, options in settings.models.items()},
             metrics=metrics,
             tables=tables,
         )
         best, _ = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
-        chosen = model or best
-        record = None if chosen is None else exported(chosen, settings, motions)
+        exported = model or best
+        record = exported and exported_record(exported, settings, motions)
         text = model_card(card, []).replace(TAILS, f"{TAILS}\n{PICTURE}\n", 1)
         figure = noise_quantiles(tables["noise_quantiles"])
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(figure, report, "noise_quantiles")
-    # the model is exported here; the command that the card names is one of params.yaml's dataset
+    # the model is exported here; the card's own command would export from params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
     print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
     if record is not None:
-        write_export(record, file := EXPORTS / f"{name}_{chosen}.json")
+        write_export(record, file := EXPORTS / f"{name}_{exported}.json")
         command = f"python -m pipeline assess RECORDING --model {file}"
-        print(f"characterize: `{command}` compares another")
+        print(f"characterize: `{command}` compares another recording with these")
 
 
-def _dataset(
-    name: str, folder: Path, given: dict[str, str], *, ask: bool, motion: int | None
+def _write_dataset(
+    name: str, folder: Path, assigned: dict[str, str], *, ask: bool, motion: int | None
 ) -> None:
-    """Write the dataset's files where they are not there; ConfigError names what is open."""
+    """Write the dataset's files where they are missing or open; ConfigError for values left ???."""
     option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
-    there = option.exists() and sheet.exists()
-    if there:
-        print(f"characterize: the dataset {name} is there and stays; delete {sheet} and {option}")
-        print("characterize: where --urdf, --set or --motion shall make it anew")
+    exists = option.exists() and sheet.exists()
+    if exists:
+        print(f"characterize: the dataset {name} exists and is used as it is; to make it anew by")
+        print(f"characterize: --urdf, --set or --motion delete {sheet} and {option}")
         values = config.dataset_values(option)
         if not datasheet.is_open(values):
             return
-        given = {key: value for key, value in given.items() if get_filled(values, key) is None}
-    filling = open_dataset(name, None if there else folder, given)
-    filling.fill(given, suggested=True, motion=motion if ask else None, ask=ask)
+        assigned = {key: v for key, v in assigned.items() if get_filled(values, key) is None}
+    draft = open_draft(name, None if exists else folder, assigned)
+    draft.fill(assigned, suggested=True, motion=motion if ask else None, ask=ask)
     if not ask:
         usual = {"about.subject": f"recordings of {name}", "about.source": str(folder)}
         usual["about.licence"] = "not stated"
-        if arm := get_filled(filling.draft.values(), "robot.urdf"):
-            links = read_urdf(Path(arm)).links
+        if urdf := get_filled(draft.values(), "robot.urdf"):
+            links = read_urdf(Path(urdf)).links
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
-        left = filling.draft.questions()
-        taken = {key: value for key, value in usual.items() if key in left}
+        taken = {key: value for key, value in usual.items() if key in draft.open_values()}
         for key, value in taken.items():
             print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
-        filling.fill(taken, suggested=True)
-        if "joint_log.start" in (left := filling.draft.questions()) and {*left} <= {*KEYS}:
-            filling.fill({}, motion=motion or 1)
+        draft.fill(taken, suggested=True)
+        if "joint_log.start" in (keys := draft.open_values()) and {*keys} <= {*KEYS}:
+            draft.fill({}, motion=motion or 1)
             print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
-    filling.write()
-    if left := filling.draft.questions():
-        message = f"the files cannot tell {', '.join(left)}; run it again with --ask, or with"
+    draft.write()
+    if keys := draft.open_values():
+        message = f"the files do not state {', '.join(keys)}; run it again with --ask, or with"
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
 
 
 @contextmanager
 def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
-    """Work in a fresh folder with a params.yaml for the dataset, and come back."""
+    """Change into a new folder with a params.yaml for the dataset, and back at the end."""
     root, place = Path.cwd(), WORK / name
     option = config.dataset_values(config.CONF / "dataset" / f"{name}.yaml")
     robot = {"urdf": str(Path(option["robot"]["urdf"]).resolve())}
@@ -151,25 +140,24 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
     for linked in ("pipeline", "dvc.yaml", "data/raw"):
         (place / linked).symlink_to(root / linked)
     (place / "params.yaml").write_text(text)
-    os.chdir(place)
-    try:
+    with chdir(place):
         config.write_config(Path("params.yaml"))
         yield place
-    finally:
-        os.chdir(root)
 
 
 def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFrame], dict]:
-    """Motions, tables and metrics of the stages; of plain models where they refuse the motion."""
+    """Motions, tables and metrics of the stages, or of the plain models alone where a stage refuses
+    the motion.
+    """
     dataset, metrics = settings.dataset, {}
     try:
-        _stage(ingest.run, "motion")
+        _run_stage(ingest.run, "motion")
         Path("data/ingest/depth").mkdir(exist_ok=True)
-        _stage(track.run)
+        _run_stage(track.run)
         for model in settings.models:
-            _stage(fit.run, model)
+            _run_stage(fit.run, model)
             metrics[f"fit_{model}"] = json.loads((fit.OUT / model / "fit.json").read_text())
-        _stage(predict.run)
+        _run_stage(predict.run)
     except PipelineError as error:
         if dataset.joint_log is None:
             raise
@@ -187,8 +175,8 @@ def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFra
     return None, tables, metrics | {"motion": {"recorded_takes": int(recorded)}}
 
 
-def _stage(run: Callable[..., None], *words: str) -> None:
-    """Run a stage whose messages go to the file LOG."""
+def _run_stage(run: Callable[..., None], *words: str) -> None:
+    """Run a stage; its messages go to the file LOG."""
     name = run.__module__.rpartition(".")[2]
     print(" ".join(["characterize: stage", name, *words]), flush=True)
     with LOG.open("a", encoding="utf-8") as log, redirect_stdout(log):

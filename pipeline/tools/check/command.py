@@ -1,5 +1,5 @@
-"""``python -m pipeline check [DATASET]``: faults of a dataset that the stages would refuse, in its
-two files, its robot and its recordings.
+"""``python -m pipeline check [DATASET]``: faults in a dataset's two files, robot and recordings
+that the stages would refuse.
 """
 
 import os
@@ -23,27 +23,27 @@ from pipeline.core.validation import validated
 from pipeline.recordings.ingest import attempt, read_part
 
 PARAMS = Path("params.yaml")
-HELP = "name of the dataset (default params.yaml's)"
+HELP = "name of the dataset (default: the one in params.yaml)"
 ARGUMENTS = {"name": {"nargs": "?", "metavar": "DATASET", "help": HELP}}
 
 
 def run(name: str | None = None) -> None:
-    """Print a line for each fault; ConfigError where there are any."""
+    """Print a line for each fault. Raises ConfigError if there is a fault."""
     config.require_dataset(name := name or read_yaml(PARAMS).get("dataset"))
     option_file = config.CONF / "dataset" / f"{name}.yaml"
-    found = dataset_faults(option_file)
-    for number, fault in enumerate(found, start=1):
+    faults = dataset_faults(option_file)
+    for number, fault in enumerate(faults, start=1):
         print(f"{number}. {fault}")
-    if found:
+    if faults:
         files = " or ".join(os.path.relpath(f) for f in (datasheet.path_of(name), option_file))
-        message = f"{len(found)} to be mended in {files}, or in the file that is named"
-        asks = f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(found))
+        message = f"{len(faults)} faults: correct {files}, or the named file"
+        asks = f"; `new-dataset {name} --ask` asks for every ???" * ("???" in str(faults))
         raise ConfigError(message + asks)
-    print(f"check: nothing is wrong with {name}")
+    print(f"check: {name} has no faults")
 
 
 def dataset_faults(option_file: Path) -> list[str]:
-    """Return every fault of the dataset's values and, without one, of configure and ingest."""
+    """Return every fault of the dataset's values, or, if there is none, of ingest and configure."""
     try:
         values = config.dataset_values(option_file)
     except PipelineError as error:
@@ -51,46 +51,45 @@ def dataset_faults(option_file: Path) -> list[str]:
     dataset, _, absent = datasheet.check_values(values)
     texts = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
     texts += [f"{key}: no value for it" for key in absent]
-    refused = value_faults(values)
-    if not texts and not refused:
-        refused = ingest_faults(dataset)
-    if not texts and not refused and read_yaml(PARAMS).get("dataset") == option_file.stem:
-        refused = _errors(config.compose_config, PARAMS)
-    # errors alike but for their numbers are one line, with the number of the others
-    groups: dict[tuple[str, Any], list[PipelineError]] = {}
-    for error in refused:
-        kind = re.sub(r"[0-9]+", "#", error.message.partition(";")[0])
-        groups.setdefault((kind, error.evidence.get("key")), []).append(error)
+    errors = value_faults(values)
+    if not texts and not errors:
+        errors = ingest_faults(dataset)
+    if not texts and not errors and read_yaml(PARAMS).get("dataset") == option_file.stem:
+        errors = _errors(config.compose_config, PARAMS)
+    # errors that differ in a number alone are one line, with the files of the others
+    groups: dict[str, list[PipelineError]] = {}
+    for error in errors:
+        kind = f"{error.message.partition(';')[0]} {error.evidence.get('key')}"
+        groups.setdefault(re.sub(r"[0-9]+", "#", kind), []).append(error)
     for first, *others in groups.values():
-        files = [str(error.evidence["file"]) for error in others if "file" in error.evidence]
-        named = f", as {', '.join(files[:3])}{' …' * (len(files) > 3)}" if files else ""
-        texts.append(f"{first}; and {len(others)} more{named}" if others else str(first))
+        files = ", ".join(str(error.evidence.get("file", "")) for error in others[:3])
+        texts.append(f"{first}; and {len(others)} more: {files}" if others else str(first))
     return texts
 
 
 def value_faults(values: dict[str, Any]) -> list[PipelineError]:
-    """Return the faults of types, ranges, robot and folder in the ``values`` filled in."""
+    """Return the faults of types, ranges, robot and folder in the filled-in ``values``."""
     sound = deepcopy(values)
-    refused: list[PipelineError] = [*datasheet.check_values(values)[1]]
-    for fault in refused:  # the robot is read without them
+    errors: list[PipelineError] = [*datasheet.check_values(values)[1]]
+    for fault in errors:  # the robot is read without the faulty values
         above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
         if isinstance(node := get_nested(sound, above), dict):
             node.pop(name, None)
     recordings, urdf, robot = (get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot"))
     if recordings and not Path(recordings).is_dir():
         key = "dataset.recordings"
-        refused.append(RecordingError("no such folder", file=recordings, key=key))
+        errors.append(RecordingError("no such folder", file=recordings, key=key))
     if urdf:
-        unread = _errors(read_urdf, Path(urdf))
-        refused += unread
-        if robot and not unread:
-            refused += _errors(lambda: chain_of(validated(Robot, robot, "robot")))
+        unreadable = _errors(read_urdf, Path(urdf))
+        errors += unreadable
+        if robot and not unreadable:
+            errors += _errors(lambda: chain_of(validated(Robot, robot, "robot")))
     logged, joints = (get_filled(sound, k) for k in ("joint_log.joints", "robot.joints"))
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
         key = "dataset.joint_log.joints"
-        refused.append(ConfigError(f"{message} {', '.join(logged)}", key=key))
-    return refused
+        errors.append(ConfigError(f"{message} {', '.join(logged)}", key=key))
+    return errors
 
 
 def ingest_faults(dataset: Dataset) -> list[PipelineError]:

@@ -1,9 +1,9 @@
-"""``python -m pipeline crate``: dataset card, and a Process Run Crate of how each file of the
-reports was made.
+"""``python -m pipeline crate``: dataset card of params.yaml's dataset, and a Process Run Crate that
+records how each file of the reports was made.
 
-RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) with the profile https://w3id.org/ro/wfrun/process/0.5.
-The crate's root is the folder of the reports; a path outside it is named from the project's root,
-after a #. No time of day is stated: runs of the same inputs give the same bytes.
+The crate, reports/ro-crate-metadata.json, is an RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) whose
+root is the folder of the reports; other paths start at the project's root, after a #. It holds no
+time of day: equal inputs give equal bytes.
 """
 
 import json
@@ -35,71 +35,54 @@ def run() -> None:
     """Write the dataset card and the crate from the lock files and the reports."""
     settings = config.sections("crate", HERE / "dvc.yaml")
     name = settings.dataset.name
-    reports = REPORTS / name
-    about = read_yaml(datasheet.path_of(name))["about"]
-    stages = _locked(Path("data/raw") / name / "dvc.lock")
+    reports, about = REPORTS / name, read_yaml(datasheet.path_of(name))["about"]
+    stages = _locked_stages(Path("data/raw") / name / "dvc.lock")
     stored = [out for stage in stages.values() for out in stage["outs"]]
     tables = [pd.read_csv(reports / f"tables/{t}.csv") for t in ("takes", "recording_quality")]
     write_text(card(settings, about, stored, *tables), reports / "dataset_card.md")
     for lock in (Path("dvc.lock"), *sorted(Path("pipeline/studies").glob("*/dvc.lock"))):
-        stages |= _locked(lock)
-    files = [file for file in REPORTS.rglob("*") if file.is_file() and file != CRATE]
-    files = sorted(file.as_posix() for file in files if not file.name.startswith("."))
-    recordings = {"path": f"data/raw/{name}"} | dict(about)
-    crate = describe(read_yaml(Path("CITATION.cff")), recordings, stages, files)
+        stages |= _locked_stages(lock)
+    files = [file for file in REPORTS.rglob("[!.]*") if file.is_file() and file != CRATE]
+    recordings = {"path": f"data/raw/{name}"} | about
+    crate = _crate(read_yaml(Path("CITATION.cff")), recordings, stages, sorted(files, key=str))
     write_text(json.dumps(crate, indent=1, ensure_ascii=False, sort_keys=True) + "\n", CRATE)
     print(f"crate: wrote {reports / 'dataset_card.md'} and {CRATE}")
 
 
-def _locked(file: Path) -> dict[str, dict]:
-    """Stages of a lock file by name, without those that are gone: DVC keeps their entries."""
+def _locked_stages(file: Path) -> dict[str, dict]:
+    """Stages of a lock file by name, if their outputs exist: DVC keeps entries of removed ones."""
     entries = read_yaml(file).get("stages", {}) if file.is_file() else {}
-    there = {n: all(Path(out["path"]).exists() for out in e["outs"]) for n, e in entries.items()}
-    return {name: entry for name, entry in entries.items() if there[name]}
+    made = [name for name, e in entries.items() if all(Path(o["path"]).exists() for o in e["outs"])]
+    return {name: entries[name] for name in made}
 
 
 def card(
-    settings: Any,
-    about: Mapping[str, str],
-    stored: list[dict],
-    takes: pd.DataFrame,
-    quality: pd.DataFrame,
+    settings: Any, about: Mapping, stored: list[dict], takes: pd.DataFrame, quality: pd.DataFrame
 ) -> str:
-    """Return the dataset card as Markdown: answers of card.yaml, and the composition in numbers.
+    """Return the dataset card as Markdown: card.yaml with values and tables.
 
     ``settings`` holds seed and dataset, ``about`` is the datasheet's section, ``stored`` the locked
     outputs of the recording, ``takes`` and ``quality`` are tables of the reports.
     """
     dataset, motion = settings.dataset, settings.dataset.motion
     answers = read_yaml(HERE / "card.yaml")["synthetic" if dataset.laboratory else "recorded"]
-    filled = {"name": dataset.name, "seed": settings.seed, **about}
-    parts_of = [[part, str(count)] for part, count in takes["part"].value_counts().items()]
+    parts = [[part, str(count)] for part, count in takes["part"].value_counts().items()]
     files = [[f"`{o['path']}`", str(o.get("nfiles", 1)), number(o["size"])] for o in stored]
     cells = quality[QUALITY].map(lambda v: number(v) if isinstance(v, float) else str(v))
     left_out = takes.loc[takes["left_out"].astype(bool), "take"]
-    composition = [
-        "## Composition",
-        f"{about['subject']}. A take is one motion of {motion.steps} steps at "
-        f"{number(motion.rate)} per second.",
-        table(["part", "takes"], parts_of),
-        *([table(["folder or file", "files", "bytes"], files)] if files else []),
-        "Missing, wrong or noisy, as counted over the takes or records of an instrument:",
-        table(QUALITY, cells.to_numpy().tolist()),
-        "Takes beyond the dataset's limits, which the analysis leaves out: "
-        f"{', '.join(left_out) or 'none'}. Each take: [takes](tables/takes.csv).",
-    ]
-    parts = [f"# Dataset card: {dataset.name}"]
-    for heading, text in answers.items():
-        parts += [f"## {heading}", text.format(**filled)]
-        parts += composition if heading == "Motivation" else []
-    return "\n\n".join(parts) + "\n"
+    values = {"name": dataset.name, "seed": settings.seed, "steps": motion.steps}
+    values |= {"rate": number(motion.rate), "parts": table(["part", "takes"], parts)}
+    values["files"] = table(["folder or file", "files", "bytes"], files) if files else ""
+    values["counts"] = table(QUALITY, cells.to_numpy().tolist())
+    values["left_out"] = ", ".join(left_out) or "none"
+    texts = [f"## {heading}\n\n{text}" for heading, text in answers.items()]
+    filled = "\n\n".join([f"# Dataset card: {dataset.name}", *texts]).format(**about, **values)
+    return filled.replace("\n\n\n\n", "\n\n") + "\n"
 
 
-def describe(citation: Mapping, recordings: Mapping, stages: Mapping, files: list[str]) -> dict:
-    """Return the crate as JSON-LD.
-
-    ``citation`` is CITATION.cff, ``recordings`` holds path, subject, source and licence of the
-    dataset, ``stages`` the entries of DVC's lock files by name, ``files`` all paths below reports.
+def _crate(citation: Mapping, recordings: Mapping, stages: Mapping, files: list[Path]) -> dict:
+    """The crate as JSON-LD of CITATION.cff, path, subject, source and licence of the recordings,
+    entries of DVC's lock files by name, and all files of the reports.
     """
     crate = ROCrate(version="1.1")
 
@@ -116,36 +99,35 @@ def describe(citation: Mapping, recordings: Mapping, stages: Mapping, files: lis
             entity["identifier"] = f"md5:{md5}"
         return entity
 
-    root, inside = crate.root_dataset, [file.removeprefix("reports/") for file in files]
     licence = add(f"https://spdx.org/licenses/{citation['license']}", "CreativeWork")
     authors = [add("#contributors", "Organization", name=a["name"]) for a in citation["authors"]]
     own = {"name": citation["title"], "softwareVersion": citation["version"], "author": authors}
     software = add("#software", "SoftwareApplication", license=licence, **own)
-    folders = {parent.as_posix() for file in files for parent in PurePosixPath(file).parents}
-    for folder in sorted(name for name in folders if name.startswith("reports/")):
-        crate.add_dataset(dest_path=folder.removeprefix("reports/"), properties={"name": folder})
-    for file, name in zip(files, inside, strict=True):
-        kind = FORMATS.get(PurePosixPath(file).suffix, "application/octet-stream")
-        crate.add_file(dest_path=name, properties={"name": file, "encodingFormat": kind})
-    for folder in crate.get_by_type("Dataset"):
-        if folder is not root:
-            folder["hasPart"] = [crate.get(n) for n in inside if n.startswith(folder.id)]
+    folders = {}
+    for folder in sorted({folder for file in files for folder in file.parents[:-2]}, key=str):
+        place = {"dest_path": str(folder.relative_to(REPORTS)), "properties": {"name": str(folder)}}
+        folders[folder] = crate.add_dataset(**place)
+    for file in files:
+        kind = FORMATS.get(file.suffix, "application/octet-stream")
+        properties = {"name": str(file), "encodingFormat": kind}
+        entity = crate.add_file(dest_path=str(file.relative_to(REPORTS)), properties=properties)
+        for folder in file.parents[:-2]:
+            folders[folder].append_to("hasPart", entity)
     dataset = at(recordings["path"])
     for key, word in (("name", "subject"), ("license", "licence"), ("description", "source")):
         dataset[key] = recordings[word]
     actions = []
     for name, stage in stages.items():
-        ends = [
-            [at(one["path"], one.get("md5")) for one in stage.get(k, [])] for k in ("deps", "outs")
-        ]
-        action = {"name": name, "description": stage["cmd"], "instrument": software}
-        action |= dict(zip(("object", "result"), ends, strict=True))
-        actions.append(add(f"#run/{name}", "CreateAction", **action))
+        properties = {"name": name, "description": stage["cmd"], "instrument": software}
+        for key, ends in (("object", "deps"), ("result", "outs")):
+            properties[key] = [at(one["path"], one.get("md5")) for one in stage.get(ends, [])]
+        actions.append(add(f"#run/{name}", "CreateAction", **properties))
     papers = []
     for paper in citation["references"]:
         names = [f"{one['given-names']} {one['family-names']}" for one in paper["authors"]]
         authors = [add(f"#person/{name.replace(' ', '-')}", "Person", name=name) for name in names]
         papers.append(add("#paper", "ScholarlyArticle", name=paper["title"], author=authors))
+    root = crate.root_dataset
     root["name"], root["license"] = citation["title"], licence
     root["description"] = " ".join(citation["abstract"].split())
     root["datePublished"] = str(citation["date-released"])

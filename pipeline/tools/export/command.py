@@ -2,12 +2,17 @@
 filters outside the pipeline, and one Python file that reads it with NumPy alone.
 """
 
+import ast
 import hashlib
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
+from string import Template
+from symtable import symtable
 from typing import Any
 
 import numpy as np
@@ -21,16 +26,14 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps import LEAST_SHARE, PLAIN, fit_joint_steps
-from pipeline.models.other_motions import UNTOLD, MotionSteps, all_steps, joint_ranges, motion_of
+from pipeline.models.other_motions import UNTOLD, MotionSteps, joint_ranges, motion_of
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.tools.export.reader_file import NAME, reader_source
 
-HERE, EXPORTS = Path(__file__).parent, Path("data/export")
-FIT = Path("data/fit")
-# sources of a run's numbers, the fitted parameters beside
+HERE, EXPORTS, FIT = Path(__file__).parent, Path("data/export"), Path("data/fit")
+# files that a run's numbers come from, beside the fitted parameters
 SOURCES = [Path("data/config.yaml"), Path("data/track/joints.parquet")]
 UNITS = {
     "joint angle": "rad, m of a prismatic joint",
@@ -39,7 +42,7 @@ UNITS = {
     "joint step": "commanded step of each joint in 1/rate_per_s, rad",
 }
 MODEL = (
-    f"{', '.join(PLAIN)}: fitted to all motions; or an option of pipeline/conf/model, "
+    f"model: {', '.join(PLAIN)}, fitted to all motions; or an option of pipeline/conf/model, "
     "MODEL_closed for its closed-loop form"
 )
 TO = f"output file (default {EXPORTS}/DATASET_MODEL.json)"
@@ -47,21 +50,31 @@ ARGUMENTS = {
     "model": {"metavar": "MODEL", "help": MODEL},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
 }
+READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
+# modules that only fits and annotations need, or that reader.txt replaces
+LEFT_OUT = (
+    "pipeline.core.validation",
+    "pipeline.models",
+    "pipeline.models.kinds",
+    "pipeline.models.options",
+    "pipeline.models.steps",
+)
 
 
 def run(model: str, to: Path | None = None) -> None:
     """Write the model, fitted here where the last run has no fit of it, and its reader."""
     settings = config.sections("export", HERE / "reads.yaml")
-    record = exported(model, settings)
+    record = exported_record(model, settings)
     write_export(record, to or EXPORTS / f"{settings.dataset.name}_{model}.json")
 
 
 def write_export(record: dict[str, Any], file: Path) -> None:
-    """Write ``record`` to ``file`` and the reader beside it, and say how it is loaded."""
+    """Write ``record`` to ``file`` and the reader beside it, and print how to load it."""
+    reader = file.parent / READER_NAME
     contracts.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", file)
-    contracts.write_text(reader_source(), file.parent / NAME)
-    print(f"export: wrote {file} and {file.parent / NAME}")
-    print(f"export: in that folder: from {Path(NAME).stem} import load; load('{file.name}')")
+    contracts.write_text(reader_source(), reader)
+    print(f"export: wrote {file} and {reader}")
+    print(f"export: in that folder: from {reader.stem} import load; load('{file.name}')")
     for each in record["not_known"]:
         of = f" of {each['joint']}" if each.get("joint") else ""
         print(f"export: no number for {each['parameter']}{of}: {each['found']}")
@@ -75,15 +88,15 @@ def require_name(model: str) -> None:
         raise ConfigError(f"no model {model!r}; there are {there_are}", key="MODEL")
 
 
-def exported(
+def exported_record(
     model: str, settings: Any, motions: Sequence[MotionSteps] | None = None
 ) -> dict[str, Any]:
-    """Return the record of ``model``: a plain model, fitted here to all motions of the logs or to
-    ``motions``; a model of the run or its closed-loop form; or any other option of
+    """Return the record of ``model``: a plain model, fitted here to ``motions`` (default: all
+    motions of the logs); a model of the run or its closed-loop form; or any other option of
     pipeline/conf/model, fitted here to the training takes.
 
     Raises ConfigError for an unknown model, and ModelDomainError where the recordings give none or
-    cannot tell a parameter that its predictions need.
+    leave a parameter unknown that its predictions need.
     """
     require_name(model)
     dataset, sources = settings.dataset, SOURCES
@@ -110,32 +123,30 @@ def exported(
             motions = (dataset.joint_log and logged_motions(dataset)) or [motion_of(recorded)]
         else:
             sources = SOURCES[:1]
-        record |= _plain(model, motions, dataset)
+        joints, rate = tuple(dataset.robot.joints), motion.rate
+        fit = fit_joint_steps(
+            model, *all_steps(motions), joints, pose_noise=motion.pose_noise or 0.0
+        )
+        record |= {
+            "parameters": fit.model.parameters(),
+            "estimates": {},
+            "not_known": [dict(zip(UNTOLD, row, strict=True)) for row in fit.untold],
+            "ranges": _ranges(joint_ranges(motions, joints, rate)),
+            "motions": len(motions),
+            "takes": sum(len(one.q) for one in motions),
+        }
     else:
-        own, sources = _fitted(model, settings, recorded)
-        record |= own | {"takes": len(recorded.q)}
-    each = [hashlib.sha256(file.read_bytes()).digest() for file in sources]
+        fitted, sources = _fit_record(model, settings, recorded)
+        record |= fitted | {"takes": len(recorded.q)}
+    digests = [hashlib.sha256(file.read_bytes()).digest() for file in sources]
     record["run"] = {
-        "sha256": hashlib.sha256(b"".join(each)).hexdigest(),
+        "sha256": hashlib.sha256(b"".join(digests)).hexdigest(),
         "sources": [file.as_posix() for file in sources],
         "seed": settings.seed,
         "scale": settings.scale.name,
         "takes": record["takes"],
     }
     return record
-
-
-def _plain(model: str, motions: Sequence[MotionSteps], dataset: Any) -> dict[str, Any]:
-    joints, motion = tuple(dataset.robot.joints), dataset.motion
-    fit = fit_joint_steps(model, *all_steps(motions), joints, pose_noise=motion.pose_noise or 0.0)
-    return {
-        "parameters": fit.model.parameters(),
-        "estimates": {},
-        "not_known": [dict(zip(UNTOLD, row, strict=True)) for row in fit.untold],
-        "ranges": _ranges(joint_ranges(motions, joints, motion.rate)),
-        "motions": len(motions),
-        "takes": sum(len(one.q) for one in motions),
-    }
 
 
 def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
@@ -147,8 +158,8 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
     }
 
 
-def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
-    """Part of the record that the stage fit, or a fit here, decides; and its sources."""
+def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
+    """Part of the record from the stage fit, or a fit here; and its sources."""
     name = model.removesuffix(CLOSED)
     closed_form, not_known, covariance, sources = model != name, [], None, SOURCES
     file = FIT / name / (FOLDER if closed_form else "") / "parameters.json"
@@ -163,18 +174,18 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
         estimates = {key: metrics[key] for key in names if key in metrics}
     else:
         options = config.model_options([name])[name]
-        found = kinds.estimate(recorded, options)
-        parameters, estimates = found.parameters, found.estimates
+        fit = kinds.estimate(recorded, options)
+        parameters, estimates = fit.parameters, fit.estimates
         if closed_form:
-            closed = fit_closed_loop(recorded, options, found)
+            closed = fit_closed_loop(recorded, options, fit)
             parameters = closed.estimate.parameters | {SHARE: closed.share}
             own = closed.estimate.estimates.items()
             estimates = {f"closed_loop_{key}": value for key, value in own}
-        elif "u_unbounded" in found.diagnostics:
-            estimates = estimates | {"u_unbounded": found.diagnostics["u_unbounded"]}
+        elif "u_unbounded" in fit.diagnostics:
+            estimates = estimates | {"u_unbounded": fit.diagnostics["u_unbounded"]}
     if kinds.NO_MODEL in parameters:
         raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
-    require_told(model, parameters, recorded)
+    require_known(model, parameters, recorded)
     share = parameters.get(SHARE, 0.0)
     if parameters["kind"] == "gaussian" and estimates.get("u_unbounded"):
         # the level alone is known: α and u apart have no number
@@ -199,19 +210,17 @@ def _fitted(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, An
     }, sources
 
 
-def require_told(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
-    """Raise ModelDomainError where the steps of ``recorded`` cannot tell a gain that grows with the
-    speed of a joint, as the joint hardly moved, and for a Wishart model without a covariance.
+def require_known(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
+    """Raise ModelDomainError for a gain that grows with the speed of a joint which hardly moves in
+    ``recorded``, and for a Wishart model without a covariance.
     """
     if parameters["kind"] == "scaled":
         most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))
         least, steps = LEAST_SHARE * most.max(), zip(recorded.joints, most, strict=True)
-        still = [
-            f"{joint} (at most {step:.2g} rad a step)" for joint, step in steps if step < least
-        ]
+        still = [f"{joint} (at most {q:.2g} rad a step)" for joint, q in steps if q < least]
         if still:
             raise ModelDomainError(
-                f"{model}: the recordings cannot tell how noise grows with the speed of "
+                f"{model}: the recordings do not show how noise grows with the speed of "
                 f"{', '.join(still)}, where {least:.2g} rad is required; export scaled_all or "
                 "distance_t, which all motions are fitted to, or record a motion in which they move"
             )
@@ -228,3 +237,59 @@ def _read(file: Path) -> dict[str, Any]:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ContractError(f"cannot be read ({error}); run the stage fit", file=file) from None
+
+
+def reader_source() -> str:
+    """Return the text of READER_NAME: reader.txt with the project's reader and laws, one module
+    after another, under names that do not clash.
+    """
+    laws = {f"pipeline.models.{kind}.law": kind for kind in kinds.kinds()}
+    imports: set[str] = set()
+    modules: list[str] = []
+    renamed: dict[str, dict[str, str]] = {}  # module → its names in the file
+    for module in dict.fromkeys(each for one in (*laws, READER) for each in _needed_modules(one)):
+        text = _source(module)
+        tree, lines = ast.parse(text), text.splitlines()
+        taken = {new for names in renamed.values() for new in names.values()}
+        suffix = module.removeprefix("pipeline").replace(".", "_")
+        symbols = symtable(text, module, "exec").get_symbols()
+        own = [one.get_name() for one in symbols if one.is_assigned() and not one.is_imported()]
+        renamed[module] = {name: name + suffix * (name in taken) for name in own}
+        names = dict(renamed[module])
+        for node in tree.body:
+            typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+            if not typing and not isinstance(node, ast.Import | ast.ImportFrom):
+                continue
+            lines[node.lineno - 1 : node.end_lineno] = [""] * (node.end_lineno - node.lineno + 1)
+            if _is_internal(node):
+                known = renamed.get(node.module, {})
+                names |= {each.name: known.get(each.name, each.name) for each in node.names}
+            elif not typing and ast.unparse(node) != "from __future__ import annotations":
+                imports.add(ast.unparse(node))
+        body = re.sub(r"\n{4,}", "\n\n\n", "\n".join(lines)).strip() + "\n"
+        changed = {name: new for name, new in names.items() if new != name}
+        if changed:  # where it is defined or called; a method has a dot before it
+            pattern = rf"(?<![\w.])({'|'.join(changed)})(?=\()"
+            body = re.sub(pattern, lambda match, new=changed: new[match[0]], body)
+        modules.append(body)
+    build = [f'"{kind}": {renamed[law].get("build", "build")}' for law, kind in laws.items()]
+    parts = {"imports": "\n".join(sorted(imports)), "modules": "\n\n".join(modules)}
+    template = (HERE / "reader.txt").read_text(encoding="utf-8")
+    return Template(template).substitute(parts, laws=", ".join(build))
+
+
+def _needed_modules(module: str) -> Iterator[str]:
+    """Yield the modules of the project that ``module`` imports, each after its own imports."""
+    if module not in LEFT_OUT:
+        for node in ast.parse(_source(module)).body:
+            if _is_internal(node):
+                yield from _needed_modules(node.module)
+        yield module
+
+
+def _source(module: str) -> str:
+    return Path(find_spec(module).origin).read_text(encoding="utf-8")
+
+
+def _is_internal(node: ast.stmt) -> bool:
+    return isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "pipeline"

@@ -1,8 +1,8 @@
 """``python -m pipeline inspect FILE|FOLDER [--json]``: format, rate, units and counted faults of
-recordings, options that they leave open, and reasons that would stop their analysis.
+recordings, the options that they leave open, and the reasons that would stop their analysis.
 
-Each file is read by the stages' own reader of its format, in a process of its own, which bounds
-the time and memory that it takes.
+In the table ? marks an open option, ! a fault that stops the analysis. Each file is read by the
+stages' reader of its format, in a separate process that bounds time and memory.
 """
 
 import os
@@ -10,52 +10,82 @@ import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pipeline.core.bounds import Reading, Sandbox, within
-from pipeline.core.errors import PipelineError, RecordingError
-from pipeline.formats.depth.index import frame_endings
-from pipeline.formats.format import is_bag
-from pipeline.tools.inspect.finding import Finding, as_json, as_table
-from pipeline.tools.inspect.joints import compare_tables
-from pipeline.tools.inspect.kinds import described, numbered_sequence
+import numpy as np
+
+from pipeline import formats
+from pipeline.arm.model import load_arm
+from pipeline.arm.urdf import SINGLE, read_urdf
+from pipeline.core.bounds import Reading, Sandbox, read_whole, within
+from pipeline.core.errors import ConfigError, PipelineError, RecordingError
+from pipeline.formats import rosbag
+from pipeline.formats.delimited import foreign
+from pipeline.formats.depth import cloud, image, messages
+from pipeline.formats.depth.index import dropped_frames, frame_endings, numbered_frames
+from pipeline.formats.depth.intrinsics import ANY_SIZE
+from pipeline.formats.force.bag import WRENCH
+from pipeline.formats.force.record import ForceLogOptions, require_record
+from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
+from pipeline.formats.joints import bag as joint_bag
+from pipeline.formats.motion.take import STRAY
+from pipeline.formats.number_sheet import TREES
+from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
+from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
 DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
-BOUNDS = f"bounds of what a file may be and take, as in dataset.reading (default {DEFAULTS})"
+BOUNDS = f"bounds on a file and on its reader, as in dataset.reading (default {DEFAULTS})"
 ARGUMENTS = {
-    "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "file or folder to inspect"},
-    "--json": {"action": "store_true", "help": "every fact as JSON (default: a table)"},
+    "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "recording, or folder of them"},
+    "--json": {"action": "store_true", "help": "every fact as JSON (default a table)"},
     "--reading": {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "help": BOUNDS},
 }
+LENGTH, UNIT, SIZE = "dataset.mocap.unit", "dataset.depth.units_per_metre", ("width", "height")
+TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
+DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
+ANALYSED = {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}  # types of messages
+# option → the types of messages of its topic
+TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
+TOPICS |= {"depth.camera_info": (messages.CAMERA_INFO,)}
+NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
+NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
+BINARY = (
+    "binary data of no known format: unpack an archive, save arrays (HDF5, NPY, pickle) with their "
+    "times in one .npz, else export as in pipeline/formats/README.md"
+)
 
 
 def run(place: Path, json: bool, reading: Sequence[str]) -> None:
-    """Print the findings as a table or as JSON."""
+    """Print the accounts as a table or as JSON."""
     bounds = Reading(**dict(word.partition("=")[::2] for word in reading))
     findings = within(bounds, inspect, place)
     print(as_json(findings) if json else as_table(findings, place))
 
 
 def inspect(place: Path) -> list[Finding]:
-    """Return the account of ``place``, or of every file below it; frames of one depth sequence, and
-    the files of one bag, are one recording.
+    """Return the account of ``place``, or of each recording below it: a file, the frames of one
+    depth sequence or the files of one bag.
 
-    A file that cannot be read is a finding too, with the reason in ``stops``. Raises RecordingError
-    where ``place`` does not exist.
+    The account of an unreadable file has the reason in ``stops``. Raises RecordingError where
+    ``place`` does not exist.
     """
     if not os.path.exists(place):
         raise RecordingError("there is no such file or folder", file=place)
     with Sandbox() as sandbox:
 
-        def read(file: Path, describe: Callable[[Path], Finding] = described) -> Finding:
+        def read(file: Path, describe: Callable[[Path], Finding] = describe_file) -> Finding:
             try:
                 return sandbox.call(describe, file)
             except PipelineError as error:
-                return Finding(file).refused(error)
+                return Finding(file).refuse(error)
 
         if is_bag(place) or not place.is_dir():
             return [read(place)]
-        files, bags = _files(place)
+        paths = [p for p in sorted(place.rglob("*")) if "/." not in f"/{p.relative_to(place)}"]
+        bags = {path for path in paths if path.is_dir() and is_bag(path)}
+        # a folder that may not be read is a file that is refused
+        files = [p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))]
+        files = [file for file in files if bags.isdisjoint(file.parents)]
         indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
         # an index may name depth/../depth/1.png
         placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
@@ -68,23 +98,247 @@ def inspect(place: Path) -> list[Finding]:
                     pattern = file.with_name(f"{parts[1]}[0-9]*{parts[3]}{file.suffix}")
                 sequences.setdefault(pattern, []).append(file)
         findings = [*map(read, bags), *indexes]
-        for pattern, frames in sequences.items():
-            many = len(frames) > 1
-            findings.append(read(pattern, numbered_sequence) if many else read(frames[0]))
+        for pattern, (first, *others) in sequences.items():
+            findings.append(read(pattern, describe_numbered) if others else read(first))
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
 
-def _files(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Files but hidden ones and those of bags; bags that are folders."""
-    files, bags = [], []
+def describe_file(file: Path) -> Finding:
+    """Return the account of one file or bag, read in this process."""
+    finding = Finding(file)
+    try:
+        if is_bag(file):
+            return _read(finding, rosbag.FORMAT)
+        if not file.is_file():
+            raise RecordingError("this is no readable file or folder, or a link to nothing")
+        if file.stat().st_size == 0:
+            raise RecordingError("the file is empty")
+        head = Head.read(file)
+        if form := recognised(head, [URDF, *formats_in(formats)]):
+            return _read(finding, form)
+        if head.text is None or head.content.startswith(b"PK"):
+            finding.facts["reason"] = BINARY
+        elif known := foreign(head.text):
+            finding.format, advice = known
+            raise RecordingError(f"{finding.format} is not read: {advice}")
+        else:
+            finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else NO_TABLE
+    except OSError as error:
+        finding.refuse(RecordingError(f"the file cannot be read ({error.strerror})"))
+    except PipelineError as error:
+        finding.refuse(error)
+    return finding
 
-    def closed(error: OSError) -> None:
-        raise error
 
-    for place, folders, names in os.walk(folder, onerror=closed):
-        below = [Path(place, name) for name in folders if not name.startswith(".")]
-        bags += filter(is_bag, below)
-        folders[:] = [path.name for path in below if not is_bag(path)]
-        files += [Path(place, name) for name in names if not name.startswith(".")]
-    return sorted(files), sorted(bags)
+def _read(finding: Finding, form: Format) -> Finding:
+    finding.format, finding.kind, finding.option = form.name, form.kind, form.option
+    ADD[form.kind](finding, form)
+    return finding
+
+
+def _add_motion(finding: Finding, form: Format) -> None:
+    unit = None
+    try:
+        take = form.read(finding.file, None)
+    except RecordingError as error:
+        finding.refuse(error)
+        if error.evidence.get("key") != LENGTH:
+            return
+        # without a unit no length is reported; in mm no marker is refused as too far away
+        take, unit = form.read(finding.file, "mm"), "not stated"
+    finding.version = take.version if take.version != form.name else None
+    finding.rate, finding.units = take.rate, {"length": unit or take.unit}
+    first, steps = int(take.frame[0]), int(take.frame[-1] - take.frame[0])
+    finding.duration = steps / take.rate
+    markers = [name for name in take.markers if not STRAY.fullmatch(name)]
+    if not (markers or take.bodies):
+        question = "no marker has a name of its own, and there is no rigid body: label them"
+        finding.ask(question, "dataset.mocap.markers")
+    finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
+    finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
+    finding.count({"unlabelled_markers": len(take.markers) - len(markers)})
+    finding.count({name: n for name, n in take.counts.items() if name not in TOTALS})
+
+
+def _add_trajectory(finding: Finding, form: Format) -> None:
+    t = form.read(finding.file)["t"].to_numpy()
+    finding.duration, finding.facts["steps"] = float(t[-1] - t[0]), len(t) - 1
+    finding.rate = round((len(t) - 1) / finding.duration, 6)
+
+
+def _add_force(finding: Finding, form: Format) -> None:
+    record = form.read(finding.file, ForceLogOptions())
+    finding.rate, finding.duration = record.rate, float(record.time[-1] - record.time[0])
+    finding.units, finding.facts = dict(record.units), dict(record.marks)
+    if not {"lost_packets", "missing_samples"} & {*record.counts}:
+        finding.facts["times"] = "none in the log: lost rows cannot be counted"
+    finding.count(record.counts)
+    finding.facts |= {"samples": len(record.time), "serial": record.serial}
+    require_record(record, finding.file)
+
+
+def _add_calibration(finding: Finding, form: Format) -> None:
+    """Add the values of a calibration of a transducer or a camera."""
+    values = vars(form.read(finding.file))
+    finding.facts = {name: np.asarray(value).tolist() for name, value in values.items()}
+    if finding.kind == Kind.INTRINSICS and (values["width"], values["height"]) == ANY_SIZE:
+        finding.facts |= {"width": None, "height": None}
+        question = "the file does not state the size of the images"
+        finding.ask(question, "dataset.depth.width, .height")
+
+
+def _add_image(finding: Finding, form: Format) -> None:
+    shape = image.depth_size(read_whole(finding.file), file=finding.file)
+    pixels = image.read_depth(finding.file, shape=shape).pixels
+    measured, span = pixels[pixels > 0], ""
+    # the encoding decides which values mean a missing depth
+    share = round(1 - measured.size / pixels.size, 4)
+    finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
+    finding.version = f"{8 * pixels.itemsize} bits"
+    if measured.size:
+        span = f", {float(measured.min()):g} to {float(measured.max()):g}"
+    known = "1000 for millimetres, 5000 for TUM RGB-D, 1 for metres"
+    finding.ask(f"the unit of the values{span}, is not stated ({known})", UNIT)
+    known = "plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)"
+    finding.ask(f"the encoding of the values is not stated ({known})", "dataset.depth.encoding")
+
+
+def _add_cloud(finding: Finding, form: Format) -> None:
+    from scipy.spatial.transform import Rotation
+
+    read = form.read(read_whole(finding.file), file=finding.file)
+    share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
+    finding.facts = {"points": len(read.points), "organised": read.organised}
+    finding.facts["share_without_position"] = share
+    finding.version = read.format
+    finding.count(read.counts)
+    if read.viewpoint != cloud.UNTURNED:
+        *place, w, x, y, z = read.viewpoint
+        turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
+        angle = float(np.linalg.norm(turn))
+        at, axis = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
+        turned = f"at {at}, turned by {angle:.4g}° about {axis}"
+        finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
+    question = "the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)"
+    finding.ask(question, UNIT)
+
+
+def _add_index(finding: Finding, form: Format) -> None:
+    index = form.read(finding.file)
+    finding.count(index.counts)
+    if len(index.time) > 1:
+        dropped = dropped_frames(index.time)
+        finding.count({"dropped_frames": dropped})
+        finding.duration = float(index.time[-1] - index.time[0])
+        finding.rate = round((len(index.time) - 1 + dropped) / finding.duration, 3)
+    _add_frames(finding, index.files)
+
+
+def describe_numbered(pattern: Path) -> Finding:
+    """Return the account of the numbered frames that match ``pattern``."""
+    index = numbered_frames(pattern.parent, pattern.name, rate=1.0)
+    finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
+    finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
+    finding.ask("numbered frames have no times: their rate is not stated", "dataset.depth.rate")
+    _add_frames(finding, index.files)
+    return finding
+
+
+def _add_frames(finding: Finding, names: Sequence[str]) -> None:
+    """Add the frames by ``names``, and the account of the first that exists."""
+    finding.files = [finding.file.parent / name for name in names]
+    finding.facts["frames"] = len(names)
+    exists = [frame.is_file() for frame in finding.files]
+    if not all(exists):
+        count = f"{exists.count(False)} of {len(names)} frames of the index are not there"
+        finding.stops.append(f"{count}: {names[exists.index(False)]} …")
+    if not any(exists):
+        return
+    first = Finding(frame := finding.files[exists.index(True)])
+    try:
+        _read(first, cloud.FORMAT if cloud.is_cloud(frame) else image.FORMAT)
+    except RecordingError as error:
+        finding.stops.append(f"{frame.name}: {error.message}")
+        return
+    finding.version = ", ".join(filter(None, [first.format, first.version]))
+    finding.facts |= {name: first.facts[name] for name in first.facts if name in SIZE}
+    finding.facts["frames_are"] = str(first.kind)
+    finding.open += first.open
+
+
+def _add_bag(finding: Finding, form: Format) -> None:
+    summary = form.read(finding.file)
+    types = {kind for kind, count in summary.topics.values() if count}
+    if types & ANALYSED == {joint_bag.JOINT_STATE}:
+        _read(finding, joint_bag.FORMAT)
+        return
+    finding.version, finding.duration = f"ROS {summary.version}", summary.duration
+    topics = finding.facts["topics"] = {n: [*summary.topics[n]] for n in sorted(summary.topics)}
+    finding.facts["frames_are"] = str(Kind.IMAGE if messages.IMAGE in types else Kind.CLOUD)
+    for option, kinds in TOPICS.items():
+        names = [name for name, (kind, count) in topics.items() if kind in kinds and count]
+        if len(names) == 1:
+            finding.facts[option.rpartition(".")[2]] = names[0]
+        elif names:
+            question = f"several topics could be meant: {', '.join(names)}"
+            finding.ask(question, f"dataset.{option}")
+    if messages.IMAGE in types:
+        known = "ROS drivers: 1000; images of 32 bits: 1"
+        finding.ask(f"the unit of images of 16 bits is not stated ({known})", UNIT)
+    if not types & ANALYSED:
+        known = "Image, PointCloud2, WrenchStamped or JointState"
+        finding.stops.append(f"no topic of {known} with a message: nothing to analyse")
+
+
+def _add_robot(finding: Finding, form: Format) -> None:
+    """Add joints, arms (joints from base to tip of a last link) and planar chains of three."""
+    tree = read_urdf(finding.file)
+    joints: dict[str, list[str]] = {}
+    for joint in tree.joints.values():
+        joints.setdefault(joint.kind, []).append(joint.name)
+    # a joint that follows another (mimic) has no coordinate of its own
+    own = {j.name for j in tree.joints.values() if j.kind in SINGLE and j.follows is None}
+    moving = {
+        end: [joint.name for joint in tree.above(end) if joint.name in own] for end in tree.ends
+    }
+    most = max(map(len, moving.values()), default=0)
+    arms = [{"joints": names, "tip": end} for end, names in moving.items() if len(names) == most]
+    arms = arms if most else []
+    turning, chains, refusals = joints.get("revolute", []), [], []
+    for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
+        tools = []
+        for tool in tree.ends:
+            try:
+                load_arm(finding.file, chain, tool, {})
+                tools.append(tool)
+            except ConfigError as error:
+                refusals += [error.message] * error.message.startswith("robot.urdf")
+        chains += [{"joints": chain, "tools": tools}] if tools else []
+    finding.facts = {"robot": tree.root.get("name", ""), "joints": joints}
+    finding.facts |= {"arms": arms, "chains": chains}
+    if refusals and not chains:
+        finding.stops.append(refusals[0])
+    if not (arms or chains):
+        finding.stops.append("no joint of one coordinate moves a last link: no arm")
+    elif len(chains) > 1:
+        finding.ask("which three parallel joints are the chain", "dataset.robot.joints")
+    elif len(chains[0]["tools"] if chains else arms) > 1:
+        finding.ask("which link is the end-effector", "dataset.robot.tool")
+
+
+URDF = Format("URDF", ROBOT, read_whole, is_xml("robot"))
+ADD: dict[str, Callable[[Finding, Format], None]] = {
+    Kind.MOTION: _add_motion,
+    Kind.TRAJECTORY: _add_trajectory,
+    Kind.JOINTS: add_joint_log,
+    Kind.FORCE: _add_force,
+    Kind.CALIBRATION: _add_calibration,
+    Kind.IMAGE: _add_image,
+    Kind.CLOUD: _add_cloud,
+    Kind.INTRINSICS: _add_calibration,
+    Kind.SEQUENCE: _add_index,
+    Kind.BAG: _add_bag,
+    Kind.TABLE: add_table,
+    ROBOT: _add_robot,
+}

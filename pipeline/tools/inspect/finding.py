@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from pipeline.core.errors import PipelineError
 
-UNKNOWN, ROBOT = "unknown", "robot"
+UNKNOWN, ROBOT = "unknown", "robot"  # kinds beside those of pipeline.formats.format.Kind
 WIDTH = 100  # characters of a line of facts
 LISTED = 4  # names of a list
-SHOWN = """bodies markers columns rows columns_without_numbers width height
+PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height
     points organised share_without_position viewpoint share_not_above_zero samples steps
     first_frame rate_from times robot joints signals
-    command motions topics fx separator decimal serial frames""".split()  # facts of the table
+    command motions topics fx separator decimal serial frames""".split()  # in their order
 
 
 class Question(NamedTuple):
@@ -34,17 +34,17 @@ class Question(NamedTuple):
 
 @dataclass
 class Finding:
-    """Account of a file or of a folder that is one recording; None where it does not say."""
+    """Account of a file or of a folder that is one recording; None where it states no value."""
 
     file: Path
     format: str = UNKNOWN
-    kind: str = UNKNOWN  # one of pipeline.formats.format.Kind, or of the two above
-    option: str | None = None  # the name by which an option of the dataset chooses its reader
+    kind: str = UNKNOWN
+    option: str | None = None  # name by which an option of the dataset chooses the reader
     version: str | None = None
     rate: float | None = None  # Hz
     duration: float | None = None  # s, from the first sample to the last
     units: dict[str, str] = field(default_factory=dict)  # quantity → unit as the file states it
-    gaps: dict[str, int] = field(default_factory=dict)  # missing, repeated or repaired, counted
+    gaps: dict[str, int] = field(default_factory=dict)  # counts of missing or repaired samples
     facts: dict[str, object] = field(default_factory=dict)  # everything else, by name
     files: list[Path] = field(default_factory=list)  # frames of a sequence
     open: list[Question] = field(default_factory=list)
@@ -63,61 +63,61 @@ class Finding:
         """Add a question."""
         self.open.append(Question(question, option, suggested))
 
-    def refused(self, error: PipelineError) -> "Finding":
-        """Add a refusal: a question where it names the option that settles it, else a stop."""
+    def refuse(self, error: PipelineError) -> "Finding":
+        """Add a question where the ``error`` names an option of the dataset, else a stop."""
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):
             self.ask(error.message, option)
         else:
-            left = {n: value for n, value in error.evidence.items() if n not in ("file", "key")}
-            self.stops.append(str(PipelineError(error.message, **left)))
+            evidence = {n: value for n, value in error.evidence.items() if n not in ("file", "key")}
+            self.stops.append(str(PipelineError(error.message, **evidence)))
         return self
 
 
-def shown(path: Path, folder: Path | None = None) -> str:
-    """Return ``path``, below ``folder`` if it lies there, as printable text."""
+def printable_path(path: Path, folder: Path | None = None) -> str:
+    """Return ``path``, relative to ``folder`` if it lies there, as text without broken bytes."""
     path = path.relative_to(folder) if folder in path.parents else path
     return os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
 
 
 def as_json(findings: list[Finding]) -> str:
     """Return a list of objects, one a recording, with every fact but the names of the frames."""
-    plain = []
-    for one in findings:
-        values = vars(one) | {
-            "file": shown(one.file),
-            "open": [each._asdict() for each in one.open],
-        }
-        del values["files"]
-        plain.append(values)
+    plain = [
+        {name: value for name, value in vars(one).items() if name != "files"}
+        | {"file": printable_path(one.file), "open": [each._asdict() for each in one.open]}
+        for one in findings
+    ]
     return json.dumps(plain, indent=2, ensure_ascii=False, default=str)
 
 
 def as_table(findings: list[Finding], folder: Path) -> str:
-    """Return the accounts as text, recordings that differ in a number in one; ? asks, ! stops."""
-    groups: dict[object, list[Finding]] = {}
+    """Return the accounts as text: one for recordings whose names differ in a number alone;
+    ? marks a question, ! a stop.
+    """
+    groups: dict[str, list[Finding]] = {}
     reasons: dict[str, list[str]] = {}
     for one in findings:
         if one.format == UNKNOWN and not one.stops:
-            reasons.setdefault(one.facts["reason"], []).append(shown(one.file, folder))
+            reason = str(one.facts["reason"])
+            reasons.setdefault(reason, []).append(printable_path(one.file, folder))
             continue
-        names = one.facts.get("markers"), one.facts.get("bodies")
-        settled = [(each.option, each.suggested) for each in one.open]
-        alike = re.sub(r"\d+", "*", str(one.file)), one.format, one.version, one.units, settled
-        groups.setdefault(one.file if one.stops else str((alike, names)), []).append(one)
-    printed = []
+        kind = [one.format, one.version, one.units, one.facts.get("markers")]
+        kind += [one.facts.get("bodies"), *((each.option, each.suggested) for each in one.open)]
+        name = str(one.file) if one.stops else re.sub(r"\d+", "*", str(one.file))
+        groups.setdefault(f"{name} {kind}", []).append(one)
+    lines = []
     for group in groups.values():
-        printed += _facts(group, folder)
-        printed += [f"    ? {question}" for question in group[0].open]
-        printed += [f"    ! {reason}" for reason in group[0].stops]
-    printed += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
+        lines += _fact_lines(group, folder)
+        lines += [f"    ? {question}" for question in group[0].open]
+        lines += [f"    ! {reason}" for reason in group[0].stops]
+    lines += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
     # names come from the files: no control character reaches the terminal
-    return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in p) for p in printed)
+    return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in line) for line in lines)
 
 
-def _facts(group: list[Finding], folder: Path) -> list[str]:
-    """Lines of the facts: ranges and sums over the ``group``, the others of its first recording."""
-    first, place = group[0], shown(group[0].file, folder)
+def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
+    """Ranges and sums over the ``group``, and the other facts of its first recording."""
+    first, place = group[0], printable_path(group[0].file, folder)
     if len(group) > 1:
         place = f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"
     facts = []
@@ -130,19 +130,19 @@ def _facts(group: list[Finding], folder: Path) -> list[str]:
     facts += [f"{number} {name.replace('_', ' ')}" for name, number in counts.items()]
     if first.units:
         facts.append(f"unit {', '.join(dict.fromkeys(first.units.values()))}")
-    held = first.facts | {"columns": first.facts.get("labels") or first.facts.get("columns")}
-    for name in SHOWN:
-        if (value := held.get(name)) or value == 0:
+    values = first.facts | {"columns": first.facts.get("labels") or first.facts.get("columns")}
+    for name in PRINTED_FACTS:
+        if (value := values.get(name)) or value == 0:
             facts.append(f"{name.replace('_', ' ')} {_text(value)}")
     head = " ".join(filter(None, [f"{place}:", first.format, first.version]))
-    whole = "; ".join(fact.replace(" ", "\xa0") for fact in facts)  # no fact is broken
-    wrapped = textwrap.wrap(whole, WIDTH, break_long_words=False, break_on_hyphens=False)
+    joined = "; ".join(fact.replace(" ", "\xa0") for fact in facts)  # no line ends inside a fact
+    wrapped = textwrap.wrap(joined, WIDTH, break_long_words=False, break_on_hyphens=False)
     return [head, *(f"    {line}".replace("\xa0", " ") for line in wrapped)]
 
 
 def _text(value: object) -> str:
     if isinstance(value, dict):
-        value = [f"{name} ({_text(held)})" for name, held in value.items()]
+        value = [f"{name} ({_text(inner)})" for name, inner in value.items()]
     if isinstance(value, list):
         more = len(value) > LISTED + 1
         names = ", ".join(map(str, value[:LISTED] if more else value))

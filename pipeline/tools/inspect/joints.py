@@ -22,8 +22,8 @@ from pipeline.tools.inspect.finding import Finding
 
 RATES = 5.0, 5000.0  # 1/s, between which controllers log
 ORDER = 6  # of the differences that show noise
-LEAST_NOISE = 1e-8  # rad, where they show none
-ANGLES, SPEED = ("actual", "target"), ("target", "velocity")  # role and quantity of a name
+LEAST_NOISE = 1e-8  # rad, stated where the differences show no noise
+ANGLES = ("actual", "target")  # signals that are compared
 LOG_OF_BOTH = f"{OPTION}.joints, .signals, .time, or dataset.force.log.columns with format table"
 ONE_COLUMN = (
     "one number a line is one column: it is one joint's, read with signals {actual: [0], …} and "
@@ -31,7 +31,7 @@ ONE_COLUMN = (
 )
 
 
-def joint_log(finding: Finding, form: Format) -> None:
+def add_joint_log(finding: Finding, form: Format) -> None:
     """Add signals, joints and clock of a log of the joints."""
     record = form.read(finding.file, LogOptions())
     signals, time = record.signals, record.time
@@ -42,11 +42,10 @@ def joint_log(finding: Finding, form: Format) -> None:
         finding.facts["joint_names"] = list(record.joints)
     if len(time) < 2:
         return
-    units = "s", "rad"  # by the definition of a bag's message
-    if form.name != bag.FORMAT.name:
-        greatest = max(float(np.abs(values).max()) for values in signals.values())
-        units = _units(finding, time, greatest)
-    time = time * TIME_UNITS[units[0]]
+    # a bag's message defines its units
+    known = ("s", "rad") if form.name == bag.FORMAT.name else ()
+    scales = _scales(finding, time, [*signals.values()], *known)
+    time = time * scales[0]
     finding.duration = float(time[-1] - time[0])
     finding.rate = round((len(time) - 1) / finding.duration, 3)
     steps = np.diff(time)
@@ -58,11 +57,11 @@ def joint_log(finding: Finding, form: Format) -> None:
         )
         finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
     if {*ANGLES} <= {*signals}:
-        actual, target = (signals[name] * ANGLE_UNITS[units[1]] for name in ANGLES)
-        _compare(finding, time, actual, target, record.joints)
+        angles = [signals[name] * scales[1] for name in ANGLES]
+        _add_tracking(finding, time, angles, record.joints)
 
 
-def table(finding: Finding, form: Format) -> None:
+def add_table(finding: Finding, form: Format) -> None:
     """Add size, columns and clock of a table of numbers, and the columns of joint angles."""
     sheet = form.read(finding.file, key=f"{OPTION}.separator, .decimal (or dataset.force.log)")
     facts, labels = finding.facts, sheet.labels
@@ -74,9 +73,8 @@ def table(finding: Finding, form: Format) -> None:
     finding.count(sheet.counts | repeats(np.column_stack([*values.values()])))
     if sheet.left_out:
         facts["columns_without_numbers"] = sheet.left_out
-    clocks = [n for n, held in values.items() if len(held) > 2 and (np.diff(held) > 0).all()]
+    clocks = [n for n, column in values.items() if len(column) > 2 and (np.diff(column) > 0).all()]
     facts["timed"] = 0 in clocks
-    signals: dict[str, list[str]] = {}
     if labels:
         facts["labels"] = labels
         units = {bare(label): sheet.unit(n) for n, label in enumerate(labels)}
@@ -87,28 +85,27 @@ def table(finding: Finding, form: Format) -> None:
     time = values[clocks[0]] if clocks and (labels or facts["timed"]) else None
     if time is not None:
         facts["step_of_time"] = round(float(np.median(np.diff(time))), 9)
-    columns = {labels[n]: held for n, held in values.items()} if labels else {}
+    columns = {labels[n]: column for n, column in values.items()} if labels else {}
+    signals: dict[str, list[str]] = {}
     if len(columns) == len(values):  # else two columns have one label: numbers name them
         signals, guesses = signals_of([*columns], time, columns.__getitem__)
-        if certain := {name: held for name, held in signals.items() if name not in guesses}:
+        if certain := {name: own for name, own in signals.items() if name not in guesses}:
             facts["signals"] = certain
         if guesses:
-            named = ", ".join(f"{name}: [{', '.join(held)}]" for name, held in signals.items())
-            question = f"no label says it: {'; '.join(guesses.values())}"
+            named = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
+            question = f"no label states it: {'; '.join(guesses.values())}"
             finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
     if sheet.width == 1:
         finding.ask(ONE_COLUMN, f"{OPTION}.signals")
     elif {*ANGLES} - {*facts.get("signals", ())}:
-        question = "what the columns hold is not stated: a log of joints, or of forces"
+        question = "the content of the columns is not stated: a log of joints, or of forces"
         finding.ask(question, LOG_OF_BOTH)
     if {*ANGLES} <= {*signals} and time is not None:
-        actual, target = (np.column_stack([columns[n] for n in signals[role]]) for role in ANGLES)
-        facts["greatest"] = float(max(np.abs(actual).max(), np.abs(target).max()))
-        angle = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
-        unit = _units(finding, time, facts["greatest"], (sheet.unit(clocks[0]), angle))
-        scale = ANGLE_UNITS[unit[1]]
-        time = time * TIME_UNITS[unit[0]]
-        _compare(finding, time, actual * scale, target * scale, signals["actual"])
+        angles = [np.column_stack([columns[n] for n in signals[role]]) for role in ANGLES]
+        unit = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
+        scales = _scales(finding, time, angles, sheet.unit(clocks[0]), unit)
+        angles = [values * scales[1] for values in angles]
+        _add_tracking(finding, time * scales[0], angles, signals["actual"])
 
 
 def compare_tables(findings: Sequence[Finding]) -> None:
@@ -117,38 +114,35 @@ def compare_tables(findings: Sequence[Finding]) -> None:
     for finding in findings:
         if finding.kind == Kind.TABLE and finding.facts.get("timed"):
             folders.setdefault(finding.file.parent, {})[finding.file.stem] = finding
-    for held in folders.values():
-        named = {role: named_like(role, held) for role in ANGLES}
+    for tables in folders.values():
+        named = {role: named_like(role, tables) for role in ANGLES}
         if [*map(len, named.values())] != [1, 1]:
             continue
-        meant = {name: meaning(name) for name in held}
-        named["speed"] = [n for n, m in meant.items() if (m.role, m.quantity) == SPEED]
-        tables = {role: held[names[0]] for role, names in named.items() if len(names) == 1}
-        for role, one in tables.items():
+        means = {name: meaning(name) for name in tables if meaning(name).role == "target"}
+        named["speed"] = [name for name, each in means.items() if each.quantity == "velocity"]
+        roles = {role: tables[names[0]] for role, names in named.items() if len(names) == 1}
+        for role, one in roles.items():
             one.facts["role"] = role
             one.open = [each for each in one.open if each.option != LOG_OF_BOTH]
-        options = LogOptions(joints=tables["target"].facts["columns"] - 1, signals={"angles": None})
+        finding = roles["target"]
+        options = LogOptions(joints=finding.facts["columns"] - 1, signals={"angles": None})
         try:
-            logs = [read_joint_table(tables[role].file, options) for role in ANGLES]
+            logs = [read_joint_table(roles[role].file, options) for role in ANGLES]
         except PipelineError:
-            continue  # a table of something else, whose own finding says why
-        length = min(len(log.time) for log in logs)
-        if length > 2:
-            time, finding = logs[0].time[:length], tables["target"]
-            angles = [log.signals["angles"][:length] for log in logs]
-            units = _units(finding, time, float(np.abs(angles).max()))
-            actual, target = (values * ANGLE_UNITS[units[1]] for values in angles)
-            _compare(finding, time * TIME_UNITS[units[0]], actual, target)
+            continue  # a table of something else, whose own account gives the reason
+        if (length := min(len(log.time) for log in logs)) > 2:
+            time, angles = logs[0].time[:length], [log.signals["angles"][:length] for log in logs]
+            scales = _scales(finding, time, angles)
+            _add_tracking(finding, time * scales[0], [values * scales[1] for values in angles])
 
 
-def _units(
-    finding: Finding,
-    time: np.ndarray,
-    greatest: float,
-    stated: tuple[str | None, str | None] = (None, None),
-) -> tuple[str, str]:
-    """Return the units of times and angles: as ``stated``, else likely ones, which are asked."""
-    clock, angle = (spelled(unit or "") for unit in stated)
+def _scales(
+    finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], *stated: str | None
+) -> tuple[float, float]:
+    """Return s and rad per unit of times and angles: of the ``stated`` units, else of likely ones,
+    which become questions.
+    """
+    clock, angle = (spelled(unit or "") for unit in stated or ("", ""))
     if clock not in TIME_UNITS:
         step = float(np.median(np.diff(time)))
         fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
@@ -156,23 +150,20 @@ def _units(
         question = f"the unit of the times is not stated; they step by {step:g}"
         finding.ask(question, f"{OPTION}.time_unit", clock)
     if angle not in ANGLE_UNITS:
+        greatest = max(float(np.abs(values).max()) for values in angles)
         angle = "deg" if greatest > MOST_TURNS * TURN else "rad"
         question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
         finding.ask(question, f"{OPTION}.angle_unit", angle)
-    return clock, angle
+    return TIME_UNITS[clock], ANGLE_UNITS[angle]
 
 
-def _compare(
-    finding: Finding,
-    time: np.ndarray,
-    actual: np.ndarray,
-    target: np.ndarray,
-    joints: Sequence[str] = (),
+def _add_tracking(
+    finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], joints: Sequence[str] = ()
 ) -> None:
-    """Add how the measured angles ``actual`` follow the command ``target``, both (N, joints) in rad
-    at ``time`` (N,) in s, the motions in the command, and the options that make them a pair.
+    """Add the tracking error of ``angles``, measured and commanded (N, joints) in rad at ``time``
+    (N,) in s, the command's motions, and options that pair the signals.
     """
-    time = time - time[0]
+    (actual, target), time = angles, time - time[0]
     try:
         actual, removed = unwrap(actual, time, joints, signal="actual")
         target, more = unwrap(target, time, joints, signal="target")
@@ -183,8 +174,8 @@ def _compare(
     actual = actual + TURN * whole_turns(target, actual)
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # as it was meant
     pairing = find_pairing(actual, target, rate)
-    for what, option, value, without in suspects(pairing, actual, target, rate):
-        question = f"the command differs from the measured angles by its {what}: without that, "
+    for quantity, option, value, without in suspects(pairing, actual, target, rate):
+        question = f"the command differs from the measured angles by its {quantity}: without that, "
         finding.ask(f"{question}{without:.2g} of the motion is left", option, value)
     actual, target = pairing.apply(actual, target)
     missing, late = float(tracking_errors(actual, target).max()), lag(target, actual, rate)

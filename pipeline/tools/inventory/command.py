@@ -1,5 +1,5 @@
-"""``python -m pipeline inventory FOLDER FILE``: path, bytes and SHA-256 of recordings that are read
-in place, so that a change of them reruns the stages.
+"""``python -m pipeline inventory FOLDER FILE``: path, bytes and SHA-256 of recordings that the
+stages read in place, so that a changed recording reruns them.
 """
 
 from pathlib import Path
@@ -8,16 +8,16 @@ from pipeline.core import contracts
 from pipeline.recordings.inventory import listing
 
 ARGUMENTS = {
-    "folder": {"type": Path, "metavar": "FOLDER", "help": "recordings that are read in place"},
-    "file": {"type": Path, "metavar": "FILE", "help": "CSV file that is written"},
+    "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
+    "file": {"type": Path, "metavar": "FILE", "help": "output file, CSV"},
 }
 
 
 def run(folder: Path, file: Path) -> None:
-    """Write the files of ``folder`` to ``file``, which stays if the recordings are not here."""
+    """Write the inventory of ``folder`` to ``file``, or keep ``file`` without the recordings."""
     if any(folder.glob("*")) or not (folder.is_dir() or file.is_file()):
         contracts.write_text(listing(folder).to_csv(index=False, lineterminator="\n"), file)
         return
-    print(f"inventory: no recordings in {folder}; an inventory that is there stays")
+    print(f"inventory: no recordings in {folder}; an existing inventory stays")
     if not file.is_file():
         contracts.write_text("", file)

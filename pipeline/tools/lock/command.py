@@ -1,7 +1,7 @@
-"""``python -m pipeline lock``: stages of every dvc.lock in the order of its dvc.yaml, without those
-that are gone.
+"""``python -m pipeline lock``: entries of every dvc.lock in the order of its dvc.yaml, without
+removed stages.
 
-DVC appends a stage when it first runs: after a run that was ended midway git would show a change.
+DVC appends a stage when it first runs, so that git would show a change after an interrupted run.
 """
 
 import re
@@ -15,15 +15,15 @@ ARGUMENTS: dict = {}
 
 
 def run() -> None:
-    """Sort all lock files below the project's root, and print the changed ones."""
+    """Sort the entries of all lock files, and print the changed files."""
     changed = []
-    for place in ("dvc.yaml", "data/raw/*/dvc.yaml", "pipeline/**/dvc.yaml"):
-        for file in sorted(Path().glob(place)):
-            lock = file.with_name("dvc.lock")
-            text = lock.read_text(encoding="utf-8") if lock.is_file() else ""
+    for place in ("dvc.lock", "data/raw/*/dvc.lock", "pipeline/**/dvc.lock"):
+        for lock in sorted(Path().glob(place)):
+            text = lock.read_text(encoding="utf-8")
             head, *entries = re.split(r"(?m)^  (?=\S)", text)
             by_name = {entry.partition(":")[0]: f"  {entry}" for entry in entries}
-            ordered = head + "".join(by_name.get(name, "") for name in _stages(file))
+            names = _stage_names(lock.with_name("dvc.yaml"))
+            ordered = head + "".join(by_name.get(name, "") for name in names)
             if ordered != text:
                 contracts.write_text(ordered, lock)
                 changed.append(str(lock))
@@ -31,8 +31,8 @@ def run() -> None:
     print(f"lock: {done}")
 
 
-def _stages(file: Path) -> list[str]:
-    """Stages of a dvc.yaml as the lock names them, those of a matrix one by one."""
+def _stage_names(file: Path) -> list[str]:
+    """Stages of a dvc.yaml as the lock names them: one for each item of a matrix."""
     names = []
     for name, stage in read_yaml(file)["stages"].items():
         lists = [

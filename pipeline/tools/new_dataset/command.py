@@ -1,7 +1,8 @@
 """``python -m pipeline new-dataset NAME --from FOLDER``: datasheet and option file of a dataset,
-filled in as far as its recordings tell.
+with ??? for each value that its recordings do not state.
 """
 
+import json
 import os
 import re
 from collections import Counter
@@ -10,241 +11,287 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from pipeline.core import config, contracts, datasheet
-from pipeline.core.datasheet import get_filled, unfilled_keys
+from pipeline.core.datasheet import OPEN, get_filled, unfilled_keys
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import JointLogSection, Robot
+from pipeline.core.typed_yaml import parse_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
 from pipeline.recordings.movement import read_logged_movement
 from pipeline.recordings.repetitions import REACH
+from pipeline.tools.check.command import value_faults
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import shown
-from pipeline.tools.new_dataset.draft import Draft, Entry, filled_template, text_of
+from pipeline.tools.inspect.finding import printable_path
 from pipeline.tools.new_dataset.layout import RecordingLayout, layout
-from pipeline.tools.new_dataset.values import KEYS, Entries, entries
+from pipeline.tools.new_dataset.template import Entry, fill_template, keyed_lines, text_of
+from pipeline.tools.new_dataset.values import KEYS, entries
 
-VALUE = "value that no file states, as robot.tool=flange; may be repeated"
-FROM = "folder of the recordings (default: fill in what is ??? in the dataset's files)"
-SET = {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE}
-MOTION = {"type": int, "metavar": "NUMBER", "help": "number of the motion that is analysed"}
-ASK = {"action": "store_true", "help": "questions on the terminal for values still open"}
+FROM = "folder of the recordings (default: fill in the ??? of the existing dataset NAME)"
+VALUE = "value of a key, as robot.tool=flange; may be repeated (default none)"
+SUGGESTED = "all suggested values (default: they stay ???)"
+MOTION = "printed number of the motion to analyse (default: new-dataset none, characterize 1)"
+# arguments that characterize has too
+FILLING = {
+    "--set": {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE},
+    "--motion": {"type": int, "metavar": "NUMBER", "help": MOTION},
+    "--ask": {"action": "store_true", "help": "questions on the terminal (default none)"},
+}
 ARGUMENTS = {
     "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
     "--from": {"dest": "folder", "type": Path, "metavar": "FOLDER", "help": FROM},
-    "--set": SET,
-    "--suggested": {"action": "store_true", "help": "every suggested value is taken"},
-    "--motion": MOTION,
-    "--ask": ASK,
+    "--suggested": {"action": "store_true", "help": SUGGESTED},
+    **FILLING,
 }
-UNPLACED = 12  # recordings that are named although they have no place
-NONE = MappingProxyType({})
+UNPLACED = 12  # recordings without a place that the datasheet names
 
 
 def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
-    """Write the two files, or fill in what is open in them; ``options`` as :meth:`Filling.fill`."""
-    given = answers(set)
-    filling = open_dataset(name, folder, given)
-    filling.fill(given, **options)
-    filling.write()
-    left = filling.draft.questions()
-    if "joint_log.start" in left:
+    """Write the two files, or fill in their open values; ``options`` as :meth:`Draft.fill`."""
+    assigned = assigned_values(set)
+    draft = open_draft(name, folder, assigned)
+    draft.fill(assigned, **options)
+    draft.write()
+    keys = draft.open_values()
+    if "joint_log.start" in keys:
         try:
-            filling.show_motions()
-            print("new-dataset: the motion is chosen by --motion NUMBER")
+            draft.show_motions()
+            print("new-dataset: --motion NUMBER chooses one of these motions")
         except PipelineError as error:
             print(f"new-dataset: {error}")
-    if left:
+    if keys:
         print(
-            f"new-dataset: {len(left)} values are open: {', '.join(left)}; fill them in there, or "
+            f"new-dataset: {len(keys)} values are open: {', '.join(keys)}; fill them in there, or "
             f"by `new-dataset {name}` with --set, --suggested, --motion or --ask"
         )
     print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")
 
 
-def answers(assigned: Sequence[str]) -> dict[str, str]:
-    """Return the values of --set by key; ConfigError for a word that assigns none."""
-    pairs = [word.partition("=") for word in assigned]
-    if wrong := [key for key, mark, _ in pairs if not mark]:
-        raise ConfigError(f"--set takes KEY=VALUE, not {wrong[0]!r}")
-    return {key.strip(): value for key, _, value in pairs}
+def assigned_values(words: Sequence[str]) -> dict[str, str]:
+    """Return the values of --set by key; ConfigError for a word without =."""
+    for word in words:
+        if "=" not in word:
+            raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
+    return {key.strip(): value for key, _, value in (word.partition("=") for word in words)}
 
 
-def open_dataset(name: str, folder: Path | None, given: Mapping[str, str]) -> "Filling":
-    """Return the two files of the dataset ``name``, data/raw/NAME/dataset.yaml and
-    pipeline/conf/dataset/NAME.yaml, from the recordings in ``folder``, or as they are where it is
-    None; not written yet.
+def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
+    """Return a draft of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml from the
+    recordings in ``folder``, or, where it is None, of the two existing files.
 
-    Keys that are ``given`` stay open. Raises ConfigError or RecordingError for a name or folder
-    that does not fit, and for files in the way.
+    Keys that are ``assigned`` stay open. Raises ConfigError or RecordingError for a name or folder
+    that does not fit, and for files that would be overwritten.
     """
     if not Path("params.yaml").is_file():
         raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        message = f"{name!r} cannot name a dataset: letters, digits, _ and - alone"
+        message = f"{name!r} cannot name a dataset: use letters, digits, _ and - only"
         raise ConfigError(message, key="NAME")
-    files = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
+    sheet, option = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
     if folder is None:
-        for file in files:
-            if not file.is_file():
-                raise ConfigError("there is no such dataset; make it with --from FOLDER", file=file)
-        draft = Draft({file: file.read_text() for file in files})
-        folder = Path(draft.values().get("recordings", ""))
-        return Filling(name, draft, layout(inspect(folder), folder), folder)
-    inventory = files[0].with_name("dvc.yaml")
+        if missing := [file for file in (sheet, option) if not file.is_file()]:
+            message = "there is no such dataset; make it with --from FOLDER"
+            raise ConfigError(message, file=missing[0])
+        texts = {file: file.read_text() for file in (sheet, option)}
+        folder = Path(_merge_values(texts).get("recordings", ""))
+        return Draft(name, texts, layout(inspect(folder), folder), folder)
+    inventory = sheet.with_name("dvc.yaml")
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    for file in filter(Path.exists, (*files, inventory)):
-        message = "this file is there already, and nothing is overwritten; choose another name, or"
-        raise ConfigError(f"{message} leave out --from to fill in what is open there", file=file)
+    for file in filter(Path.exists, (sheet, option, inventory)):
+        message = "this file exists, and nothing is overwritten; choose another name, or leave out"
+        raise ConfigError(f"{message} --from to fill in its open values", file=file)
     recorded = layout(inspect(folder), folder)
-    texts = dict(zip(files, dataset_texts(name, recorded, folder, given), strict=True))
-    if files[0].parent.resolve() not in folder.resolve().parents:
-        texts[inventory] = _template("inventory.yaml", name)
-    return Filling(name, Draft(texts), recorded, folder)
+    texts = dict(zip((sheet, option), dataset_texts(name, recorded, folder, assigned), strict=True))
+    if sheet.parent.resolve() not in folder.resolve().parents:
+        texts[inventory] = _read_template("inventory.yaml", name)
+    return Draft(name, texts, recorded, folder)
 
 
 def dataset_texts(
-    name: str,
-    recorded: RecordingLayout,
-    folder: Path,
-    given: Mapping[str, str] = MappingProxyType({}),
+    name: str, recorded: RecordingLayout, folder: Path, assigned: Mapping[str, str]
 ) -> list[str]:
-    """Return the texts of datasheet and option file, with ??? for the keys that are ``given``."""
-    known = entries(name, recorded, folder, {"robot": {"urdf": given.get("robot.urdf")}})
-    known |= dict.fromkeys(known.keys() & given.keys(), Entry())
-    templates = _template("template.yaml", name).split("---\n")
-    texts = [filled_template(template, known) for template in templates]
-    if unplaced := [text_of(shown(one.file, folder)) for one in recorded.unplaced]:
+    """Return the texts of datasheet and option file, with ??? for the ``assigned`` keys."""
+    known = entries(name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}})
+    known |= dict.fromkeys(known.keys() & assigned.keys(), Entry())
+    templates = _read_template("template.yaml", name).split("---\n")
+    texts = [fill_template(template, known) for template in templates]
+    if unplaced := [text_of(printable_path(one.file, folder)) for one in recorded.unplaced]:
         texts[0] += f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}\n"
     return texts
 
 
-def _template(file: str, name: str) -> str:
+def _read_template(file: str, name: str) -> str:
     text = Path(__file__).with_name(file).read_text(encoding="utf-8")
     return text.replace("{name}", name)
 
 
+def _merge_values(texts: Mapping[Path, str]) -> dict[str, Any]:
+    """Keys and values of all files; ConfigError for a text that is no YAML."""
+    merged: dict[str, Any] = {}
+    for file, text in texts.items():
+        for key, value in (parse_yaml(text, file=file) or {}).items():
+            both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+            merged[key] = merged[key] | value if both else value
+    return merged
+
+
 @dataclass
-class Filling:
-    """A ``draft`` of the files beside the ``recorded`` files in ``folder``."""
+class Draft:
+    """Texts of a dataset's files, and the ``recorded`` files in ``folder`` that they describe."""
 
     name: str
-    draft: Draft
+    texts: dict[Path, str]
     recorded: RecordingLayout
     folder: Path
 
-    def fill(
-        self,
-        given: Mapping[str, str],
-        *,
-        suggested: bool = False,
-        motion: int | None = None,
-        ask: bool = False,
-    ) -> None:
-        """Fill in the ``given`` values, YAML by key as robot.tool; then every suggestion that
-        nothing is wrong with where ``suggested``; the motion of that number among the printed ones,
-        from 1; and what is asked for on the terminal. ConfigError for an answer that does not fit.
+    def values(self) -> dict[str, Any]:
+        """Return the values of all files; ConfigError for a text that is no YAML."""
+        return _merge_values(self.texts)
+
+    def open_values(self) -> dict[str, tuple[str, Path, int]]:
+        """Return comment, file and line, from 0, of each ???, by key in the order of the files."""
+        return {
+            key: (parts["hint"] or "", file, number)
+            for file, text in self.texts.items()
+            for number, (_, key, parts) in enumerate(keyed_lines(text))
+            if parts is not None and OPEN in (parts["value"] or "")
+        }
+
+    def answer(self, key: str, value: str) -> None:
+        """Replace the ??? of ``key`` by ``value``, YAML; ConfigError, and no change, for a key that
+        is not open and for the first fault that the value adds.
         """
-        for key, value in given.items():
-            self.draft.answer(key, value)
-        while suggested:  # they may follow from each other
-            before = self.draft.questions()
-            for key, value in self._suggested().items():
-                if key in before:
+        if key not in (open_values := self.open_values()):
+            there_are = ", ".join(open_values) or "none"
+            raise ConfigError(f"no such value is open; there are {there_are}", key=key)
+        value = " ".join(value.split())
+        if value in ("", OPEN):
+            raise ConfigError("a value is required here", key=key)
+        try:
+            parse_yaml(f"key: {value}")
+            quoted = re.search("(^| )#", value)
+        except ConfigError:
+            quoted = True
+        written = json.dumps(value, ensure_ascii=False) if quoted else value
+        _, file, number = open_values[key]
+        lines = self.texts[file].splitlines()
+        line = re.sub(r"# suggested is [^;]*; ", "# ", lines[number])
+        lines[number] = line.replace(OPEN, written, 1)
+        texts = self.texts | {file: "\n".join(lines) + "\n"}
+        before = {str(fault) for fault in value_faults(self.values())}
+        for fault in value_faults(_merge_values(texts)):
+            if str(fault) not in before:
+                raise fault
+        self.texts = texts
+
+    def fill(
+        self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
+    ) -> None:
+        """Fill in the ``assigned`` values, YAML by key as robot.tool; if ``suggested``, every
+        suggestion without a fault; the motion of the printed number; if ``ask``, answers from the
+        terminal. Raises ConfigError for an answer that does not fit.
+        """
+        for key, value in assigned.items():
+            self.answer(key, value)
+        while suggested:  # one may follow from another
+            before = self.open_values()
+            for key, entry in self._entries().items():
+                if key in before and entry.value and isinstance(entry.value, str):
                     with suppress(PipelineError):
-                        self.draft.answer(key, value)
-                        print(f"taken as suggested: {key}: {get_filled(self.draft.values(), key)}")
-            suggested = self.draft.questions() != before
+                        self.answer(key, entry.value)
+                        print(f"taken as suggested: {key}: {get_filled(self.values(), key)}")
+            suggested = self.open_values() != before
         if motion is not None:
-            self._choose(motion, self.show_motions())
+            self._choose_motion(str(motion), self.show_motions())
         if ask:
             self._ask()
 
     def write(self) -> None:
         """Write the files."""
-        for file, text in self.draft.texts.items():
+        for file, text in self.texts.items():
             contracts.write_text(text, file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
 
-    def _entries(self) -> Entries:
-        return entries(self.name, self.recorded, self.folder, self.draft.values())
-
-    def _suggested(self) -> dict[str, str]:
-        found = {key: entry.value for key, entry in self._entries().items() if entry.value}
-        return {key: value for key, value in found.items() if isinstance(value, str)}
+    def _entries(self) -> dict[str, Entry]:
+        return entries(self.name, self.recorded, self.folder, self.values())
 
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
-        offered = found_motions(self.draft.values())
+        offered = motions_in_logs(self.values())
         if not offered:
-            raise ConfigError("no motion is found that the logs hold from rest to rest, or repeat")
+            raise ConfigError("the logs hold no motion from rest to rest, and none that repeats")
         for number, motion in enumerate(offered, start=1):
             counts = Counter(name for name, _ in motion.places).items()
             pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
             disturbed = ", ".join(f"{name} row {place}" for name, place in motion.disturbed)
             places = ", ".join(f"{name} ({count})" for name, count in counts)
-            print(f"motion {number}: {motion.steps} steps, {pause}, in {places}")
-            print(f"  from {_rounded(motion.start, 2)} to {_rounded(motion.end, 2)} rad")
-            print(f"  commands differ by {motion.deviation:.2g} rad, least singular value", end=" ")
-            print(f"{motion.least_singular:.2g}, disturbed: {disturbed or 'none'}")
+            print(
+                f"motion {number}: {motion.steps} steps, {pause}, in {places}\n"
+                f"  from {_round(motion.start, 2)} to {_round(motion.end, 2)} rad\n"
+                f"  commands differ by {motion.deviation:.2g} rad, least singular value "
+                f"{motion.least_singular:.2g}, disturbed: {disturbed or 'none'}"
+            )
         return offered
 
-    def _choose(self, number: int, offered: list[FoundMotion]) -> None:
-        if not 1 <= number <= len(offered):
+    def _choose_motion(self, number: str, offered: list[FoundMotion]) -> None:
+        if number not in map(str, range(1, len(offered) + 1)):
             raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
-        motion, rate = offered[number - 1], self.draft.values()["motion"]["rate"]
-        rest = motion.rest(rate)
-        ends = (_rounded(motion.start, 4), _rounded(motion.end, 4))
-        chosen = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
-        for key in chosen.keys() & self.draft.questions().keys():
-            self.draft.answer(key, str(chosen[key]))
+        motion = offered[int(number) - 1]
+        rest = motion.rest(self.values()["motion"]["rate"])
+        ends = (_round(motion.start, 4), _round(motion.end, 4))
+        values = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
+        for key in values.keys() & self.open_values().keys():
+            self.answer(key, str(values[key]))
 
     def _ask(self) -> None:
-        """Ask for one value after another, the robot's first as others follow, the motion last."""
+        """Ask for the open values one by one, the robot's first, the motion's last."""
         passed: set[str] = set()
         with suppress(EOFError, KeyboardInterrupt):
-            while keys := [key for key in self.draft.questions() if key not in passed]:
+            while keys := [key for key in self.open_values() if key not in passed]:
                 key = min(keys, key=lambda one: (one[:6] != "robot.", one in KEYS))
                 if key in KEYS and not passed & {*KEYS}:
                     try:
                         offered = self.show_motions()
-                        print(f"the motion that is analysed: {', '.join(KEYS)}")
-                        prompt = "number, or nothing to give them one by one? "
-                        _accepted(lambda n, found=offered: self._choose(int(n), found), prompt)
+                        print(f"motion to analyse: {', '.join(KEYS)}")
+                        prompt = "number, or nothing to enter the values one by one? "
+                        _accept_answer(partial(self._choose_motion, offered=offered), prompt)
                     except PipelineError as error:
                         print(f"! {error}")
                 passed.add(key)
-                if (question := self.draft.questions().get(key)) is None:
-                    continue
-                note = self._entries().get(key, Entry()).note
-                print("; ".join(filter(None, [f"\n{key}: {question.hint}", note])))
-                if not _accepted(partial(self.draft.answer, key), "? ", self._suggested().get(key)):
-                    print("left as ???")
+                if key in (open_values := self.open_values()):
+                    entry = self._entries().get(key, Entry())
+                    hint = f"\n{key}: {open_values[key][0]}"
+                    print("; ".join(filter(None, [hint, entry.note])))
+                    suggested = entry.value if isinstance(entry.value, str) else None
+                    if not _accept_answer(partial(self.answer, key), "? ", suggested):
+                        print("left as ???")
 
 
-def _accepted(accept: Callable[[str], None], prompt: str, suggested: str | None = None) -> bool:
-    """Ask until ``accept`` takes the answer, and return True; False for an empty answer."""
+def _accept_answer(
+    accept: Callable[[str], None], prompt: str, suggested: str | None = None
+) -> bool:
+    """Prompt until ``accept`` takes the answer, and return True; False for an empty answer."""
     while answer := input(f"[{suggested}] " if suggested else prompt).strip() or suggested:
         try:
             accept(answer)
             return True
-        except (ValueError, PipelineError) as error:
+        except PipelineError as error:
             print(f"! {error}")
             suggested = None if answer == suggested else suggested
     return False
 
 
-def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
-    """Return the motions in the logs that the ``values`` of a dataset name, those that move most
-    joints first, those through a singular pose or without a repetition last; ConfigError where a
-    needed value is still ???, and as the logs' reader.
+def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
+    """Return the motions in the logs that the ``values`` of a dataset name, most moving joints
+    first, and last those through a singular pose or without a repetition.
+
+    Raises ConfigError where a needed value is still ???, and as the logs' reader.
     """
     if "joint_log" not in values:
         raise ConfigError("the dataset has no joint_log: there are no motions to choose from")
@@ -263,13 +310,13 @@ def found_motions(values: dict[str, Any]) -> list[FoundMotion]:
     offered = find_motions(movements, validated(Robot, values["robot"], "robot"), rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 
-    def last(motion: FoundMotion) -> tuple[bool, int]:
+    def order(motion: FoundMotion) -> tuple[bool, int]:
         still = np.abs(motion.end - motion.start) <= REACH
         alone = len(motion.places) - len(motion.disturbed) < 2
         return alone or motion.least_singular < regular, int(still.sum())
 
-    return sorted(offered, key=last)
+    return sorted(offered, key=order)
 
 
-def _rounded(angles: np.ndarray, digits: int) -> list[float]:
+def _round(angles: np.ndarray, digits: int) -> list[float]:
     return (np.round(angles, digits) + 0.0).tolist()

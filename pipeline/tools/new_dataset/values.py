@@ -1,4 +1,4 @@
-"""Values of a dataset's keys that its recordings state, and those that they suggest."""
+"""Values of a dataset's keys that its recordings state, and values that they suggest."""
 
 import re
 from collections import Counter
@@ -13,10 +13,10 @@ from pipeline.formats.format import Kind
 from pipeline.formats.joints import bag
 from pipeline.formats.joints.names import named_like
 from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
-from pipeline.tools.inspect.finding import ROBOT, Finding, shown
-from pipeline.tools.inspect.kinds import described
-from pipeline.tools.new_dataset.draft import Entry, text_of
+from pipeline.tools.inspect.command import describe_file
+from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
 from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
+from pipeline.tools.new_dataset.template import Entry, text_of
 
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # of the motion
 SPACE = 6  # rows of a pose
@@ -27,45 +27,47 @@ CABLE = {
     "direction_bounds": "[0.0, 6.283185307179586] # rad, [least, greatest]; narrow it, as set up",
 }
 UNITS = {"time_unit": TIME_UNITS, "angle_unit": ANGLE_UNITS}
-account_of = cache(described)
+account_of = cache(describe_file)
 Entries = dict[str, Entry]
 
 
-def _asked(note: str, suggested: str | None = None) -> Entry:
-    return Entry(suggested, note, certain=False)
+def _suggestion(note: str, value: str | None = None) -> Entry:
+    return Entry(value, note, certain=False)
 
 
 def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
-    """The only one of the ``choices``, else what there is to choose from."""
+    """The only one of the ``choices``, else a note that lists them."""
     listed = [*map(text_of, choices)]
     note = f"one of {', '.join(listed)}" * bool(listed)
-    return Entry(listed[0]) if len(listed) == 1 else _asked(note, suggested)
+    return Entry(listed[0]) if len(listed) == 1 else _suggestion(note, suggested)
 
 
-def _agreed(values: Iterable[float | None]) -> Entry:
+def _consensus(values: Iterable[float | None]) -> Entry:
     """The one value that all recordings state."""
     stated = {*values}
     return Entry(f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None)
 
 
-def _several(names: Iterable[str]) -> str:
+def _name_list(names: Iterable[str]) -> str:
     return ", ".join(map(text_of, names))
 
 
 def entries(
     name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
 ) -> Entries:
-    """Return what recordings, URDF and the filled in ``values`` say, by key of dataset ``name``."""
+    """Return by key of dataset ``name`` the values that recordings, URDF and the filled in
+    ``values`` state or suggest.
+    """
     takes, depth = recorded.takes("mocap"), recorded.takes("depth")
     logs, force = logs_of(recorded.takes("joint_log")), recorded.single.get(Kind.FORCE, [])
     trajectories, calibrations, cameras = (
-        [shown(one.file, folder) for one in recorded.single.get(kind, [])]
+        [printable_path(one.file, folder) for one in recorded.single.get(kind, [])]
         for kind in (Kind.TRAJECTORY, Kind.CALIBRATION, Kind.INTRINSICS)
     )
-    links = _links_of(recorded.shared("mocap", "markers"))
+    links = _links_of(recorded.shared("markers"))
     # rigid bodies follow the links where no markers are named by three links, and no depth camera
     # looks at a planar arm
-    bodies = [] if depth or links else recorded.shared("mocap", "bodies")
+    bodies = [] if depth or links else recorded.shared("bodies")
     robot = _robot(recorded.single.get(ROBOT, []), values, bool(depth or (takes and not bodies)))
     sections = {
         "mocap": _mocap(recorded, links, bodies) if takes else {},
@@ -86,7 +88,7 @@ def entries(
         if re.match("(?i)licen[cs]e|copying", file.name) and file.is_file():
             lines = file.read_text(errors="replace").splitlines()[:20]
             words = [" ".join(line.split()) for line in lines if line.strip()]
-            found["about.licence"] = _asked("", text_of(", ".join(words[:2])))
+            found["about.licence"] = _suggestion("", text_of(", ".join(words[:2])))
     if trajectories or takes:
         found["trajectory"] = _one_of(trajectories)
     if recorded.groups["encoders"]:
@@ -97,7 +99,7 @@ def entries(
     rates |= {f"{1 / (step * TIME_UNITS[unit]):.4g}" for step in steps if unit}
     stated = not any("time_unit" in one.suggested for one in logs)
     found["motion.rate"] = Entry(rates.pop() if len(rates) == 1 else None, certain=stated)
-    found["motion.steps"] = _agreed(take.facts["steps"] for take in takes)
+    found["motion.steps"] = _consensus(take.facts["steps"] for take in takes)
     return found | robot
 
 
@@ -120,12 +122,12 @@ def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
             value = next(iter(named.values()), None)
         elif key == "motion.pose_noise":
             value = max(named.values(), key=float)
-        found[key] = _asked(notes[key], value)
+        found[key] = _suggestion(notes[key], value)
     return found
 
 
 def _links_of(names: list[str]) -> dict[str, list[str]]:
-    """Return link → markers by their names without the last part, if three times three."""
+    """Link → markers by their names without the last part; none unless three times three."""
     links: dict[str, list[str]] = {}
     for name in names:
         link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
@@ -142,14 +144,14 @@ def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[
     elif links:
         found["markers"] = Entry({k: dict.fromkeys(names, PLACE) for k, names in links.items()})
     else:
-        names = _several(recorded.shared("mocap", "markers")) or "none in all takes"
-        found["markers"] = _asked(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
+        names = _name_list(recorded.shared("markers")) or "none in all takes"
+        found["markers"] = _suggestion(f"{{link1: {{name: [x, y, z], …}}, …}}; there are {names}")
     return found
 
 
 def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
-    """Patterns of both parts, where one group is left to fit to: takes of a name that a depth
-    sequence has are the test part; ``none`` without one.
+    """Patterns of both parts, if one group is left to fit to: takes named as a depth sequence are
+    the test part, ``none`` without one.
     """
     filmed = {name for group in recorded.groups["depth"] for name in group.named}
     groups = recorded.groups[section]
@@ -166,8 +168,8 @@ def _encoders(recorded: RecordingLayout) -> Entries:
     labels = [str(label) for label in first.get("labels", [])]
     found["time"] = Entry(text_of(labels[0]) if labels and first.get("timed") else "0")
     measured = named_like("actual", labels)
-    stated = Entry(f"[{_several(measured)}]") if measured else None
-    return found | {"actual": stated or _asked(f"of {_several(labels)}")}
+    stated = Entry(f"[{_name_list(measured)}]") if measured else None
+    return found | {"actual": stated or _suggestion(f"of {_name_list(labels)}")}
 
 
 def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
@@ -185,16 +187,15 @@ def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
         return found | {"encoding": Entry("plain")}
     if calibrations or first.kind == Kind.SEQUENCE:
         found["intrinsics"] = _one_of(calibrations)
-    return found | {k: _agreed(one.facts.get(k) for one in takes) for k in ("width", "height")}
+    return found | {k: _consensus(one.facts.get(k) for one in takes) for k in ("width", "height")}
 
 
 def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -> Entries:
-    """Configurations, and format and calibration of the logs."""
     stems, configurations = Counter(finding.file.stem for finding in logs), {}
     for finding in logs:
         stem = finding.file.stem
         name = stem if stems[stem] == 1 else f"{finding.file.parent.name}_{stem}"
-        configurations[name] = {"file": text_of(shown(finding.file, folder))} | CABLE
+        configurations[name] = {"file": text_of(printable_path(finding.file, folder))} | CABLE
     found = {"configurations": Entry(configurations)}
     options = {finding.option for finding in logs}
     for key, stated in (("log.format", options), ("log.calibration", {*calibrations})):
@@ -204,41 +205,40 @@ def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -
 
 
 def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entries:
-    paths = [path for group in movements for path in group.takes]
-    takes = [take for group in movements for take in group.takes.values()]
-    pattern = shared_pattern(paths, folder)
+    takes = {path: take for group in movements for path, take in group.takes.items()}
+    pattern = shared_pattern([*takes], folder)
     patterns = [group.pattern for group in movements]
     found = {"movements": _one_of(patterns, pattern and text_of(pattern))}
-    first = takes[0]
-    tables: Mapping[str, Finding] = first.facts.get("tables", {})
+    first = next(iter(takes.values()))
     signals, count = first.facts.get("signals", {}), first.facts.get("joints")
-    if tables:
+    if tables := first.facts.get("tables", {}):
         choice = _one_of(sorted(tables))
         found |= {"actual": choice, "target": choice, "speed": Entry("null")}
         for name, table in tables.items():
             if "role" in table.facts:
                 found[table.facts["role"]] = Entry(text_of(name), "by its name")
         first = next(iter(tables.values()))
-        found["time"] = Entry("0" if first.facts.get("timed") else None)
-        count = first.facts["columns"] - 1 if first.facts.get("timed") else None
+        timed = first.facts.get("timed")
+        found["time"] = Entry("0" if timed else None)
+        count = first.facts["columns"] - 1 if timed else None
     elif first.kind != Kind.JOINTS:
         if "signals" not in first.suggested:
-            named = [f"{name}: [{_several(labels)}]" for name, labels in signals.items()]
+            named = [f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()]
             found["signals"] = Entry(f"{{{', '.join(named)}}}")
         count = len(next(iter(signals.values())))
-        none = _asked("null: the rows follow each other at motion.rate")
+        none = _suggestion("null: the rows follow each other at motion.rate")
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
-    stated = {tuple(take.facts.get("joint_names", ())) for take in takes}
-    if len(stated) == 1 and (names := next(iter(stated))):
-        found["joints"] = Entry(f"[{_several(names)}]", "as the logs name them")
+    stated = {tuple(take.facts.get("joint_names", ())) for take in takes.values()}
+    if len(stated) == 1 and (names := stated.pop()):
+        found["joints"] = Entry(f"[{_name_list(names)}]", "as the logs name them")
     else:
         arm = robot.get("robot.joints", Entry()).value
         fits = arm is not None and count in (None, arm.count(",") + 1)
-        found["joints"] = _asked(f"{count} joints" if count else "", arm if fits else None)
-    asked = _questions([{"": log} for log in logs_of(takes)])
+        found["joints"] = _suggestion(f"{count} joints" if count else "", arm if fits else None)
+    questions = _questions([{"": log} for log in logs_of(takes.values())])
     for key, known in UNITS.items() if first.format != bag.FORMAT.name else ():
         own = {spelled(unit) for unit in first.units.values()} & {*known}
-        found[key] = asked.get(f"joint_log.{key}", Entry())
+        found[key] = questions.get(f"joint_log.{key}", Entry())
         if len(own) == 1:
             found[key] = Entry(own.pop(), "by the labels")
     return found
@@ -248,26 +248,26 @@ def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -
     """Planar chain or arm of the URDF in ``values``, else of the only one of ``robots``."""
     found: Entries = {}
     facts: Mapping[str, Any] = {}
-    if given := get_filled(values, "robot.urdf"):
-        facts = account_of(Path(given)).facts
+    if urdf := get_filled(values, "robot.urdf"):
+        facts = account_of(Path(urdf)).facts
     elif len(robots) == 1:
         facts = robots[0].facts
-        found["robot.urdf"] = Entry(text_of(shown(Path(relpath(robots[0].file.resolve())))))
+        found["robot.urdf"] = Entry(text_of(Path(relpath(robots[0].file.resolve())).as_posix()))
     arms, chains = facts.get("arms", []), facts.get("chains", [])
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
         if arms:
             joints = arms[0]["joints"]
-            found["robot.joints"] = Entry(f"[{_several(joints)}]", "all that move the last link")
+            found["robot.joints"] = Entry(f"[{_name_list(joints)}]", "all that move the last link")
             found["robot.tool"] = _one_of(arm["tip"] for arm in arms)
             if len(joints) < SPACE:
-                found["robot.task"] = _asked("", "[x, y, z]" if len(joints) >= 3 else None)
+                found["robot.task"] = _suggestion("", "[x, y, z]" if len(joints) >= 3 else None)
         return found
     others = facts.get("joints", {}).get("revolute", [])
-    chain = _asked(f"three parallel ones of {_several(others) or 'the URDF'}")
+    chain = _suggestion(f"three parallel ones of {_name_list(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
-        chain = Entry(f"[{_several(own)}]", "the only three in a row that are parallel")
+        chain = Entry(f"[{_name_list(own)}]", "the only three in a row that are parallel")
         found["robot.tool"] = _one_of(chains[0]["tools"])
         others = [joint for joint in others if joint not in own]
-    locked = _asked(_several(others)) if others or not chains else Entry("{}")
+    locked = _suggestion(_name_list(others)) if others or not chains else Entry("{}")
     return found | {"robot.plane": Entry(""), "robot.joints": chain, "robot.locked": locked}

@@ -22,7 +22,7 @@ REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
 TEMPLATE = Path(__file__).with_name("page.html")
 PARTS, HELP = ["results", "studies"], "content of the page (default results)"
 ARGUMENTS = {"part": {"nargs": "?", "choices": PARTS, "default": PARTS[0], "help": HELP}}
-COLOURS = 64  # of a figure on the page, which the drawn lines and shades fit in
+COLOURS = 64  # of a figure on the page, enough for its lines and shades
 WIDE = 1.4  # width by height of a figure that scrolls on a narrow screen
 # a frame that scrolls and that the keyboard reaches
 FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
@@ -68,7 +68,7 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
 def _section(
     file: Path, files: Sequence[Path], folder: Path
 ) -> tuple[str, list[tuple[int, str, str]]]:
-    """HTML of a Markdown file, and level (1 for the title), anchor and text of its headings."""
+    """HTML of a Markdown file; level (1 for the title), anchor and text of its headings."""
     if not file.is_file():
         message = "no such page; run `dvc repro` (`dvc repro -P` for the studies)"
         raise ContractError(message, file=file)
@@ -78,8 +78,8 @@ def _section(
     for place, token in enumerate(tokens):
         if token.type == "heading_open":
             text = "".join(child.content for child in tokens[place + 1].children or [])
-            # as GitHub names a heading
             slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
+            # GitHub's name of a heading; the title has the file's
             anchor = _anchor(file, slug if headings or token.tag != "h1" else "")
             twins = [name for _, name, _ in headings if re.fullmatch(rf"{anchor}(-\d+)?", name)]
             token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
@@ -88,7 +88,7 @@ def _section(
             tokens[place - 1].attrs |= FRAME | {"class": "figure"}
         for child in token.children or []:
             if child.type == "image":
-                child.attrs |= _embedded(file.parent / str(child.attrs["src"]))
+                child.attrs |= _figure_attributes(file.parent / str(child.attrs["src"]))
             elif child.type == "link_open":
                 child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
     html = parser.renderer.render(tokens, parser.options, {})
@@ -101,7 +101,7 @@ def _anchor(file: Path, slug: str) -> str:
 
 
 def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
-    """Target on the page of a link of ``file``."""
+    """Target, on the page, of a link in ``file``."""
     if re.match(r"[a-z]+:", href):
         return href
     path, mark, slug = href.partition("#")
@@ -111,8 +111,8 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
     return Path(os.path.relpath(target, folder)).as_posix() + mark + slug
 
 
-def _embedded(file: Path) -> dict[str, str]:
-    """Address of a figure that holds it whole, its PNG of few colours; and its shape."""
+def _figure_attributes(file: Path) -> dict[str, str]:
+    """Attributes of a figure: data address of its PNG in few colours, and class by its shape."""
     picture, written = file.with_suffix(".png"), io.BytesIO()
     if not picture.is_file():
         raise ContractError("no such figure; run the stage that draws it", file=picture)

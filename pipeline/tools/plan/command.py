@@ -2,9 +2,9 @@
 path, for the arm of params.yaml's dataset, from a fitted model.
 
 The motion keeps the joints' limits of angle and speed and a margin from singular poses. OUT holds
-the commanded trajectory, joints.csv, and a picture, plan.png. The search is globally optimal to its
-grid for an arm of one joint more than task rows, and decides the branch of an arm that has as many
-joints as rows; an arm with more joints is refused.
+the commanded trajectory, joints.csv, and a picture, plan.png. For an arm of one joint more than
+task rows the search is globally optimal to its grid. For an arm with as many joints as rows it
+chooses the branch; an arm with more joints is refused.
 """
 
 from pathlib import Path
@@ -29,37 +29,34 @@ from pipeline.planning.problem import OBJECTIVES, Problem, uncertainty
 FITS = Path("data/fit")
 JOINTS, PICTURE = "joints.csv", "plan.png"
 UNITS = {"trace": "tr Cov (rad²)", "log_det": "ln det Cov"}
-COLUMNS = (
+PATH = (
     "CSV with the columns t (s) and the rows of the task by name: x, y, z (m), rx, ry, rz (rad, "
     "rotation vector of the tip in the base's axes), in a plane x, z, phi; or a commanded "
     "trajectory of the joints, t and q:JOINT, whose poses are the path"
 )
-PLAN = "folder of the plan, new or of an earlier plan, which it replaces"
-SUM = (
+OUT = "folder of the plan, new or of an earlier plan, which it replaces"
+OBJECTIVE = (
     "objective, summed over the steps (default trace); ln det is in the row space of the Jacobian "
     "where it has its rank"
 )
-MARGIN = "least singular value of the Jacobian in m, angular rows times the length"
-SMOOTH = "weight of the squared steps in the null space, objective per rad²"
+MARGIN = "least singular value of the Jacobian in m, angular rows times the length (default 0.01)"
+SMOOTH = "weight of the squared steps in the null space, objective per rad² (default 0)"
+GRID = f"grid points of a step (default {POINTS})"
 ARGUMENTS = {
     "model": {"metavar": "MODEL", "help": f"model in {FITS}, or its folder"},
-    "path": {"metavar": "PATH", "type": Path, "help": COLUMNS},
-    "out": {"metavar": "OUT", "type": Path, "help": PLAN},
-    "--objective": {"choices": OBJECTIVES, "default": OBJECTIVES[0], "help": SUM},
+    "path": {"metavar": "PATH", "type": Path, "help": PATH},
+    "out": {"metavar": "OUT", "type": Path, "help": OUT},
+    "--objective": {"choices": OBJECTIVES, "default": OBJECTIVES[0], "help": OBJECTIVE},
+    "--margin": {"type": float, "default": 0.01, "help": MARGIN},
+    "--smoothness": {"type": float, "default": 0.0, "help": SMOOTH},
+    "--points": {"type": int, "default": POINTS, "help": GRID},
 }
-for name, default, text in (
-    ("--margin", 0.01, MARGIN),
-    ("--smoothness", 0.0, SMOOTH),
-    ("--points", POINTS, "grid points of a step"),
-):
-    words = f"{text} (default {default})"
-    ARGUMENTS[name] = {"type": type(default), "default": default, "help": words}
 
 
 def run(
     model: str, path: Path, out: Path, objective: str, points: int, margin: float, smoothness: float
 ) -> None:
-    """Plan, write, and print cost and least singular value."""
+    """Write the plan, and print its cost and least singular value."""
     if out.is_file() or {file.name for file in out.glob("*")} - {JOINTS, PICTURE}:
         raise ConfigError("OUT exists and is no plan; name another folder", file=out)
     robot = config.sections("track").dataset.robot
@@ -80,28 +77,27 @@ def run(
 
 
 def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float]:
-    """Return (M+1, p) the poses in ``file``, as ``chain`` has them, and their rate in 1/s.
+    """Return the poses (M+1, p) in ``file``, in the rows of ``chain``, and their rate in 1/s.
 
-    A commanded trajectory of the joints gives its poses. Else the columns are t and the rows of the
-    task: in space positions and the rotation vector of the tip in the axes of the base, in a plane
-    φ as the arm counts it, zero where every joint is. Raises RecordingError as the formats do, and
-    for joints that are not the arm's.
+    The file is a commanded trajectory of the joints, or has the columns t and the rows of the task:
+    positions in m and the rotation vector of the tip in rad, or in a plane φ, zero where every
+    joint angle is zero. Raises RecordingError as the formats do, and for joints of another arm.
     """
     if format_of(file, [FORMAT]) and (joints := members(table := read_trajectory(file), "q")):
         if sorted(joints) != sorted(robot.joints):
-            message = f"the joints are {', '.join(joints)}; those of the arm "
+            message = f"the joints are {', '.join(joints)}, but the arm's are "
             raise RecordingError(message + ", ".join(robot.joints), file=file, line=1)
         poses = chain.pose(table[columns("q", robot.joints)].to_numpy())
     else:
         table = read_poses(file, chain.task)
-        poses, still = table[[*chain.task]].to_numpy(), chain.pose(np.zeros(len(chain.lower)))
-        if len(still) > len(chain.task):  # rows of a pose in space
+        poses, zero = table[[*chain.task]].to_numpy(), chain.pose(np.zeros(len(chain.lower)))
+        if len(zero) > len(chain.task):  # rows of a pose in space
             # φ is a turn about y
             named = table.rename(columns={PLANE[2]: "ry"}).reindex(columns=SPACE, fill_value=0.0)
             turn = named[[*SPACE[3:]]].to_numpy(copy=True)
             rotation = Rotation.from_rotvec(turn).as_matrix()
             if PLANE[2] in chain.task:
-                rotation = rotation @ still[3:].reshape(3, 3)
+                rotation = rotation @ zero[3:].reshape(3, 3)
             poses = np.hstack([named[[*SPACE[:3]]].to_numpy(), rotation.reshape(-1, 9)])
     t = table["t"].to_numpy()
     return poses, float((len(t) - 1) / (t[-1] - t[0]))

@@ -1,5 +1,5 @@
-"""``python -m pipeline view [TAKE]``: take in the viewer Rerun: arm, point cloud, and measured and
-filtered joint angles over time.
+"""``python -m pipeline view [TAKE]``: file of a take for the viewer Rerun, with arm, point cloud,
+and measured and filtered joint angles over time.
 """
 
 import importlib
@@ -25,9 +25,9 @@ MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
 TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
 ARGUMENTS = {
-    "take": {"nargs": "?", "metavar": "TAKE", "help": "take's name (default the first test take)"},
+    "take": {"nargs": "?", "metavar": "TAKE", "help": "name of a take (default the first test)"},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
-    "--open": {"action": "store_true", "help": "viewer that shows the file"},
+    "--open": {"action": "store_true", "help": "viewer that opens the file (default: none)"},
 }
 Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
 
@@ -41,10 +41,7 @@ class Track(NamedTuple):
 
 
 def run(take: str | None = None, to: Path | None = None, open: bool = False) -> None:
-    """Write the take to an .rrd file, and open it where that was asked for.
-
-    Raises ConfigError for an unknown take.
-    """
+    """Write the take to an .rrd file, and ``open`` it. Raises ConfigError for an unknown take."""
     rerun = _rerun()
     settings = config.sections("view", HERE / "reads.yaml")
     robot, joints = settings.dataset.robot, contracts.read("joints", TRACK)
@@ -55,12 +52,12 @@ def run(take: str | None = None, to: Path | None = None, open: bool = False) -> 
         names = ", ".join(joints["take"].unique())
         raise ConfigError(f"no take {name!r}; there are {names}", key="TAKE")
     tracks = {"measured": Track(own["t"].to_numpy(), values(own, "q"))}
-    for folder in (FILTER / model for model in settings.models):
-        if contracts.exists("posterior", folder):
-            rows = contracts.read("posterior", folder).query("take == @name")
+    for model in settings.models:
+        if contracts.exists("posterior", FILTER / model):
+            rows = contracts.read("posterior", FILTER / model).query("take == @name")
             std = np.sqrt(np.diagonal(matrices(rows, "c", robot.joints), axis1=-2, axis2=-1))
             if len(rows):
-                tracks[folder.name] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
+                tracks[model] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
     clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
     file = to or FOLDER / f"{settings.dataset.name}_{name}.rrd"
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -82,7 +79,7 @@ def _rerun() -> ModuleType:
 
 
 def _clouds(name: str, robot: Robot) -> Clouds:
-    """Points of the arm in every depth frame of a take, at the motion capture's time."""
+    """Points of the arm in every depth frame of a take, at the time of the motion capture."""
     angles, frames = contracts.read("angles", ARTICULATE), contracts.read("frames", DEPTH)
     angles, frames = (table[table["take"] == name] for table in (angles, frames))
     arm, times = arm_of(robot), dict(zip(angles["frame"], angles["t"], strict=True))
@@ -94,8 +91,8 @@ def _clouds(name: str, robot: Robot) -> Clouds:
 
 
 def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return the arm's points (K, L, 3), m in the base frame, at the joint angles ``q`` (K, n):
-    base, origin of each joint, tip.
+    """Return base, origin of each joint and tip (K, L, 3), in m in the base frame, at the joint
+    angles ``q`` (K, n).
     """
     described = describe(robot)
     links = dict.fromkeys([*(joint.child for joint in described.joints), described.tip])
