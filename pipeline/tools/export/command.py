@@ -26,7 +26,7 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_steps import LEAST_SHARE, PLAIN, fit_joint_steps
-from pipeline.models.other_motions import UNTOLD, MotionSteps, joint_ranges, motion_of
+from pipeline.models.other_motions import UNTOLD, MotionSteps, all_steps, joint_ranges, motion_of
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.motions import logged_motions
