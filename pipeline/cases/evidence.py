@@ -26,7 +26,7 @@ from pipeline.models.steps import Estimate, Recorded
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics import scores as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
-from pipeline.statistics.scores import Filtered, compared
+from pipeline.statistics.scores import Filtered, score_comparison
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
 RESAMPLING_SEED = 20_170  # the same resamplings in every case
@@ -198,7 +198,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
             if steps in each.log_score
         }
         if scored:
-            tables[steps] = compared(scored, next(iter(scored)))
+            tables[steps] = score_comparison(scored, next(iter(scored)))
     if tables:
         evidence["tables/one_step_scores"] = pd.concat(tables, names=["steps"]).reset_index("steps")
     return evidence
@@ -220,7 +220,8 @@ def filter_evidence(
     opened, (pose, held), joints = models_of(posteriors), poses, takes.training.joints
     if not opened:
         return {}
-    filters = {NONE: scoring.no_filter(takes.poses, truth)} | ({MEMORY: linear} if linear else {})
+    filters = {NONE: scoring.training_mean(takes.poses, truth)}
+    filters |= {MEMORY: linear} if linear else {}
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth
         covariance = np.stack([posterior.covariance for posterior in by_take])

@@ -21,7 +21,7 @@ from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, sco
 from pipeline.models.steps import Recorded
 from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.statistics.scores import compared, log_score_differences, prediction_scores
+from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 # beside the models of the run: those without a random matrix, and the control of the Wishart model
@@ -82,7 +82,7 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
         for model, own in scored.items():
             within = {key: value[:, inside] for key, value in own.items()}
             scores[model] = prediction_scores(within, recorded.joints)
-        tables["predictions"][steps] = compared(scores, NONE)
+        tables["predictions"][steps] = score_comparison(scores, NONE)
         tables["prediction_pairs"][steps] = log_score_differences(scores)
     return {
         name: pd.concat(groups, names=["steps"]).reset_index("steps")

@@ -28,8 +28,8 @@ from pipeline.statistics.scores import (
     Filtered,
     filter_metrics,
     filter_tables,
-    no_filter,
     sensor_scores,
+    training_mean,
 )
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
 from pipeline.verdicts.run import Run
@@ -187,7 +187,7 @@ def _score_filters(
     means, covariances, without = filtered
     # what is true has no noise that a bound would have to hold
     pose, held = (0 * pose, 0 * held) if true else (pose, held)
-    filters = {NONE: no_filter(training, q), MEMORY: Filtered(means - q, covariances, pose)}
+    filters = {NONE: training_mean(training, q), MEMORY: Filtered(means - q, covariances, pose)}
     for name, posterior in posteriors.items():
         error = (values(posterior, "m") - values(posterior, "q")).reshape(q.shape)
         covariance = matrices(posterior, "c", names).reshape(*q.shape, len(names))

@@ -14,7 +14,7 @@ from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.laboratory import session
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
 from pipeline.models.kinds import options_type
-from pipeline.statistics.scores import Filtered, no_filter
+from pipeline.statistics.scores import Filtered, training_mean
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.deviations import deviations
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
@@ -138,7 +138,7 @@ def known() -> dict[str, Filtered]:
     """The training mean, and a filter whose errors are half of its."""
     draws = np.random.default_rng(1)
     training, test = (draws.standard_normal((n, 12, 2)) for n in (200, 40))
-    mean = no_filter(training, test)
+    mean = training_mean(training, test)
     half = Filtered(mean.error / 2, mean.covariance / 4, np.zeros((2, 2)))
     return {NONE: mean, "half": half}
 

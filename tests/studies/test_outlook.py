@@ -12,7 +12,7 @@ from study_runs import options_of
 from pipeline.core.errors import ConfigError
 from pipeline.studies.outlook.hexapod import equal_models, pose_of
 from pipeline.studies.outlook.stage import error_rows, lever, motion_of, recorded_rows, slope_rows
-from pipeline.wrench.parametric import Bounds
+from pipeline.wrench.models import Bounds
 
 OPTIONS = options_of("outlook", "paper")
 MOTION = motion_of(OPTIONS)

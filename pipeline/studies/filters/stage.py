@@ -22,7 +22,7 @@ from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_pos
 from pipeline.models.options import Options as Model
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
-from pipeline.statistics.scores import Filtered, compared, no_filter, posterior_scores
+from pipeline.statistics.scores import Filtered, posterior_scores, score_comparison, training_mean
 from pipeline.studies.filters.deviations import Deviations, deviations
 from pipeline.studies.frame import NoAnswerError, Study, Tables, interval, joined, number, trials
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, disturbed, observe
@@ -82,7 +82,7 @@ def linear_filters(
     own, spread, _ = autocorrelated_filter(training, pose, *arguments)
     best, least = linear_filter(training.mean(axis=0), law.covariance, *arguments)
     return {
-        NONE: no_filter(training, test),
+        NONE: training_mean(training, test),
         MEMORY: Filtered(own - test, spread, pose),
         YARDSTICK: Filtered(best - test, least + law.exposure, pose),
     }
@@ -128,7 +128,7 @@ def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.Dat
         name: posterior_scores(each.error, each.covariance + each.measurement, joints)[0]
         for name, each in filters.items()
     }
-    return long_scores(compared(scores, NONE), joints)
+    return long_scores(score_comparison(scores, NONE), joints)
 
 
 def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:

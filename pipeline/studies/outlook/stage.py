@@ -16,11 +16,12 @@ from pipeline.statistics.takes import paired_difference
 from pipeline.studies.frame import MISSING, Study, Tables, interval, joined, number
 from pipeline.studies.outlook import hexapod as legs
 from pipeline.verdicts.wording import table
-from pipeline.wrench.matrix import matrix_model, moment_fit
-from pipeline.wrench.parametric import (
+from pipeline.wrench.models import (
     Bounds,
     CableSystem,
     draw_systems,
+    matrix_model,
+    moment_fit,
     sample_directions,
     study_bounds,
     wrench_covariance,

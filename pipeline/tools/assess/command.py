@@ -154,7 +154,7 @@ def _draw(take: str, verdict: TakeVerdict, found: Innovations, number: int) -> F
     """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
     looks = style.joint_lines(list(verdict.names[1:])).values()
     shape = (style.TWO_COLUMNS, 1.5, 0.85)
-    figure, (grid,) = style.joint_panels(len(looks), style.beside(len(looks)), shape)
+    figure, (grid,) = style.joint_panels(len(looks), style.panels_across(len(looks)), shape)
     t = np.linspace(0, verdict.ends[-1], found.error.shape[1] + 1)[1:]
     low, high = percentile_interval(found.error[verdict.others])
     thin, red = {"color": style.BLACK, "linewidth": 0.6}, style.VERMILLION
