@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.wrench.parametric import CableSystem
+from pipeline.wrench.models import CableSystem
 
 
 def planar_cables(tension, angle, tension_sd, concentration) -> CableSystem:

@@ -31,7 +31,7 @@ from pipeline.models.steps import Estimate, Recorded, recorded_deviation, rest_c
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics import scores as scoring
 from pipeline.statistics.curves import ModelledNoise, following_tests, spread_tables, std_scores
-from pipeline.statistics.scores import Filtered, compared
+from pipeline.statistics.scores import Filtered, score_comparison
 
 Evidence = dict[str, dict[str, float] | pd.DataFrame]
 Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
@@ -288,7 +288,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
             if steps in each.log_score
         }
         if scored:
-            tables[steps] = compared(scored, next(iter(scored)))
+            tables[steps] = score_comparison(scored, next(iter(scored)))
     if tables:
         evidence["tables/one_step_scores"] = pd.concat(tables, names=["steps"]).reset_index("steps")
     return evidence
@@ -310,7 +310,7 @@ def filter_evidence(
     opened, joints = names.models_of(posteriors), takes.training.joints
     if not opened:
         return {}
-    filters = {names.NONE: scoring.no_filter(takes.poses, truth)}
+    filters = {names.NONE: scoring.training_mean(takes.poses, truth)}
     filters |= {names.MEMORY: linear} if linear else {}
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth

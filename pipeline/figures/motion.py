@@ -59,7 +59,7 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
 
 def joint_std(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str) -> Figure:
     """Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
-    across, size = style.beside(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
+    across, size = style.panels_across(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
     lines = {"recorded": style.RECORDED} | style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
     shown = deviation.set_index(["source", "t"])[columns("s", joints)].loc[[*lines]]
@@ -133,7 +133,7 @@ def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Fig
 def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
     """Draw a panel for each joint, a line for each of three plain models."""
     joints = list(noise_quantiles["joint"].unique())
-    across = style.beside(len(joints))
+    across = style.panels_across(len(joints))
     size = style.TWO_COLUMNS, 1.6, 0.6
     figure, (row,) = style.joint_panels(len(joints), across, size)
     ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()

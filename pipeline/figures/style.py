@@ -117,7 +117,7 @@ def model_panels(
     models: Sequence[str], joints: Sequence[str], quantity: str
 ) -> tuple[Figure, np.ndarray]:
     """Return a figure over time and its axes (models, joints) on one scale, a group a model."""
-    across, size = beside(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
+    across, size = panels_across(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
     figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
     for row, line in zip(grid, model_lines(models).values(), strict=True):
         for first in row[::across]:
@@ -129,7 +129,7 @@ def model_panels(
     return figure, grid
 
 
-def beside(joints: int) -> int:
+def panels_across(joints: int) -> int:
     """Return the number of panels in a line over two columns: half of more than BESIDE joints."""
     return joints if joints <= BESIDE else -(-joints // 2)
 

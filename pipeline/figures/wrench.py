@@ -36,7 +36,7 @@ LINES = {
 SHOWN = 0.005  # of the greatest density of a panel, to which its axis extends
 
 
-def unit(angle: float) -> np.ndarray:
+def unit_vector(angle: float) -> np.ndarray:
     """Unit vector (2,) at an ``angle`` in rad."""
     return np.array([np.cos(angle), np.sin(angle)])
 
@@ -59,14 +59,14 @@ def cable_robot() -> Figure:
         level = np.column_stack([point, point + np.array([1.6, 0])])
         axes.plot(*level, color=style.GREY, linestyle=":", linewidth=0.7)
         for (degrees, tension), (symbol, radius, line) in zip(states, STATES, strict=True):
-            along, color = unit(np.radians(degrees)), line["color"]
+            along, color = unit_vector(np.radians(degrees)), line["color"]
             tip = point + tension * along
             axes.plot(*np.column_stack([point, tip]), **line)
             style.arrow(axes, tip, tip + 0.12 * along, color)
             size = {"width": 2 * radius, "height": 2 * radius, "theta2": degrees}
             axes.add_patch(Arc(point, **size, color=color, linewidth=0.7))
             # clear of the platform for a long arc
-            middle = point + (radius + 0.3) * unit(np.radians(min(degrees / 2, 70)))
+            middle = point + (radius + 0.3) * unit_vector(np.radians(min(degrees / 2, 70)))
             for place, name in ((tip + 0.45 * along, "T"), (middle, r"\theta")):
                 axes.text(*place, f"${symbol.format(name, i)}$", color=color, **CENTRED)
         axes.plot(*point, "o", color=style.BLACK, markersize=3)
@@ -127,7 +127,7 @@ def _draw_robots(axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float)
     circle = {"color": style.GREY, "markersize": 13, "markerfacecolor": "white", "zorder": 2}
     cables = zip(robots.direction, robots.tension, pulls.T, strict=True)
     for i, (direction, tension, pull) in enumerate(cables, start=1):
-        robot = far * unit(direction)
+        robot = far * unit_vector(direction)
         axes.plot(*np.column_stack([(0, 0), robot]), color=style.GREY, linewidth=0.8, zorder=1)
         axes.plot(*robot, "o", **circle)
         axes.text(*robot, str(i), **CENTRED)

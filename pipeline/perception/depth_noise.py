@@ -21,12 +21,12 @@ def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     for take, rows in angles.groupby("take"):
         truth = joints[joints["take"] == take]
         inside = rows[(rows["t"] >= 0) & (rows["t"] <= truth["t"].iloc[-1])]
-        error = values(inside, "q") - _interpolated(inside["t"], truth, names)
+        error = values(inside, "q") - _interpolate(inside["t"], truth, names)
         errors.append(inside[["take", "frame", "t"]].assign(**spread("e", names, error)))
     return pd.concat(errors, ignore_index=True)
 
 
-def _interpolated(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
+def _interpolate(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
     """Angles (times, n) of the rows ``joints`` at ``times`` (s), linear in between."""
     angles = [np.interp(times, joints["t"], joints[name]) for name in columns("q", names)]
     return np.stack(angles, axis=-1)
@@ -72,7 +72,7 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     parts = []
     for take, rows in errors.groupby("take", sort=False):
         own = joints[joints["take"] == take]
-        d = _interpolated(rows["t"], own, names) - _interpolated(rows["t"], mean, names)
+        d = _interpolate(rows["t"], own, names) - _interpolate(rows["t"], mean, names)
         parts.append(rows.assign(**spread("d", names, d)))
     table = pd.concat(parts)
     families = columns("d", names) + columns("e", names)
@@ -100,9 +100,7 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
 
 
 def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
-    """Return the slopes of :func:`error_slopes` over the frames near a sample by names, none that
-    is NaN.
-    """
+    """Return the slopes of :func:`error_slopes` over the frames near a sample, without NaN."""
     rows = slopes[(slopes["frames"] == NEAR_A_SAMPLE) & np.isfinite(slopes["slope"])]
     names = "depth_error_slope_" + rows["joint"]
     scores = dict(zip(names, rows["slope"], strict=True))

@@ -68,7 +68,7 @@ def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str =
     markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
     present = ~np.isnan(markers[solved][..., 0])
-    pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.of_links())
+    pairs = sum((present[:, mine].sum(axis=1) == 2).sum() for mine in points.link_masks())
     q, filled = fill_gaps(q, solved, points.sliding, max_gap, take)
     counts = {"missing": int(missing.sum())} | moved | {"two_marker_fits": int(pairs)} | filled
     return JointTrack(q, residual, counts, missing.size)
@@ -77,7 +77,7 @@ def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str =
 def _by_headings(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
     """(N, n) rad, joint angles of a planar arm by the turns of each link's markers."""
     frames, psi = np.arange(len(positions)), []
-    for mine in points.of_links():
+    for mine in points.link_masks():
         measured, template = positions[:, mine], points.places[mine]
         present = np.isfinite(measured).all(axis=-1)
         weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]

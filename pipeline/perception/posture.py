@@ -45,14 +45,14 @@ class MarkedArm:
     joints: tuple[str, ...] = ()  # names of the n joints of an arm in space
     arm: Arm | None = None  # of a planar arm
 
-    def of_links(self) -> list[np.ndarray]:
+    def link_masks(self) -> list[np.ndarray]:
         """Return the mask (P,) of the points of each link."""
         return [self.owner == link for link in range(len(self.chains))]
 
     def carry(self, q: np.ndarray) -> np.ndarray:
         """Return the points of the arm at ``q`` (S, n), (S, P, 3) m in the base's frame."""
         result = np.empty((len(q), *self.places.shape))
-        for link, mine in enumerate(self.of_links()):
+        for link, mine in enumerate(self.link_masks()):
             position, lever = self._levers(link, q)
             result[:, mine] = position[:, None] + lever
         return result
@@ -99,7 +99,7 @@ class MarkedArm:
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
-        for link, mine in enumerate(self.of_links()):
+        for link, mine in enumerate(self.link_masks()):
             m = len(self.chains[link].lower)
             position, lever = self._levers(link, q)
             jacobian = self.chains[link].jacobian(q[:, :m])

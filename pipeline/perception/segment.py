@@ -17,7 +17,7 @@ NEIGHBOURS = 4  # least number of points within LINK of a point on a surface, it
 
 
 class ArmSegmenter:
-    """Cuts the arm out of the depth images of one ``camera`` (x right, y down, z forward) at
+    """Segmentation of the arm in depth images of one ``camera`` (x right, y down, z forward) at
     ``rotation`` (3, 3) and ``translation`` (3,) m in the arm's base: a pixel's depth d is the point
     c + d·r of the plane. Raises ConfigError where no pixel sees the arm.
     """
@@ -74,9 +74,7 @@ class ArmSegmenter:
         inside = pixels - first * width
         mask.ravel()[inside] = 1
         patch = cv2.connectedComponents(mask, connectivity=8)[1].ravel()[inside]
-        kept = _thinned(
-            np.flatnonzero(np.bincount(patch)[patch] >= self.crop.min_pixels), self.crop
-        )
+        kept = _thin(np.flatnonzero(np.bincount(patch)[patch] >= self.crop.min_pixels), self.crop)
         return np.stack([x[kept], z[kept]], axis=-1)
 
 
@@ -98,7 +96,7 @@ def cut_cloud(
     points = points.remove_radius_outlier(NEIGHBOURS, LINK)[0]
     cluster = np.asarray(points.cluster_dbscan(LINK, 1), dtype=int)
     kept = np.asarray(points.points)[np.bincount(cluster)[cluster] >= crop.min_pixels]
-    return _thinned(kept[:, [0, 2]], crop)
+    return _thin(kept[:, [0, 2]], crop)
 
 
 def _reach(arm: Arm, crop: Workspace) -> float:
@@ -113,7 +111,7 @@ def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     return in_reach & (beside | (z - z0 > crop.column_top)) & (z > crop.floor)
 
 
-def _thinned(points: ndarray, crop: Workspace) -> ndarray:
+def _thin(points: ndarray, crop: Workspace) -> ndarray:
     """At most ``max_points`` of the ``points``, evenly spaced in their order."""
     count = min(len(points), crop.max_points)
     return points[np.arange(count) * len(points) // max(count, 1)]

@@ -18,7 +18,7 @@ from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, sco
 from pipeline.models.steps import Options, Recorded
 from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
-from pipeline.statistics.scores import compared, log_score_differences, prediction_scores
+from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
 BESIDE = ("scaled", "scaled_full")  # models without a random matrix, beside the models of the run
@@ -77,7 +77,7 @@ def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.
         for model, own in scored.items():
             within = {key: value[:, inside] for key, value in own.items()}
             scores[model] = prediction_scores(within, recorded.joints)
-        tables["predictions"][steps] = compared(scores, NONE)
+        tables["predictions"][steps] = score_comparison(scores, NONE)
         tables["prediction_pairs"][steps] = log_score_differences(scores)
     return {
         name: pd.concat(groups, names=["steps"]).reset_index("steps")

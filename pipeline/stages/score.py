@@ -21,7 +21,12 @@ from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed
 from pipeline.recordings.steps import reference_joints, training_steps, truth_of
 from pipeline.statistics import curves
-from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, no_filter
+from pipeline.statistics.scores import (
+    Filtered,
+    filter_metrics,
+    filter_tables,
+    training_mean,
+)
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
 from pipeline.verdicts.run import Run
 
@@ -163,7 +168,7 @@ def _score_filters(
     means, covariances, without = autocorrelated_filter(*known, recorded.chain)
     # true poses have no measurement noise
     pose, held = 0 * poses if true else poses
-    filters = {NONE: no_filter(training, q), MEMORY: Filtered(means - q, covariances, pose)}
+    filters = {NONE: training_mean(training, q), MEMORY: Filtered(means - q, covariances, pose)}
     for name, posterior in posteriors.items():
         error = (values(posterior, "m") - values(posterior, "q")).reshape(q.shape)
         covariance = matrices(posterior, "c", names).reshape(*q.shape, len(names))

@@ -12,8 +12,13 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.dataset import Force
 from pipeline.wrench import measured_force as measuring
-from pipeline.wrench.matrix import matrix_model, sample_wrenches
-from pipeline.wrench.parametric import configuration_bounds, draw_systems, nominal_system
+from pipeline.wrench.models import (
+    configuration_bounds,
+    draw_systems,
+    matrix_model,
+    nominal_system,
+    sample_wrenches,
+)
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study, sigma_s_rows
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")

@@ -8,7 +8,7 @@ samples that are nearly independent.
 import numpy as np
 from numpy import ndarray
 
-from pipeline.core.compiled import compiled, inlined
+from pipeline.core.compiled import compiled
 from pipeline.core.errors import ModelDomainError
 
 REACH = 8.0  # bandwidths; beyond them a Gaussian kernel is below 2e-14 of its peak
@@ -38,7 +38,7 @@ def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
     ModelDomainError like :func:`normal_reference_bandwidth`.
     """
     (bandwidth,) = normal_reference_bandwidth(samples[:, None])
-    sums = _smoothed(np.ones((len(samples), 1)), x, np.sort(samples), bandwidth)[:, 0]
+    sums = _smooth(np.ones((len(samples), 1)), x, np.sort(samples), bandwidth)[:, 0]
     return sums / (np.sqrt(2 * np.pi) * bandwidth * len(samples))
 
 
@@ -57,8 +57,8 @@ def kernel_density(samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray)
     rows, columns = np.ceil((high - low) / step).astype(int) + 4
     masses = np.zeros((rows, columns))
     _add_to_nodes(np.ascontiguousarray(samples, dtype=float), low, step, masses)
-    smoothed = _smoothed(masses, x, low[0] + step[0] * np.arange(rows), width[0])
-    smoothed = _smoothed(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T
+    smoothed = _smooth(masses, x, low[0] + step[0] * np.arange(rows), width[0])
+    smoothed = _smooth(smoothed.T, y, low[1] + step[1] * np.arange(columns), width[1]).T
     return smoothed / (2 * np.pi * np.prod(width) * len(samples))
 
 
@@ -74,20 +74,16 @@ def _add_to_nodes(samples, low, step, masses):
         if (0.0 <= row) & (row < rows - 2) & (0.0 <= column) & (column < columns - 3):
             first_row, first_column = np.int64(row), np.int64(column)
             place = np.uint64(first_row * columns + first_column)
-            down, across = _shares(row - first_row), _shares(column - first_column)
+            t, s = row - first_row, column - first_column  # beyond the middle of the first two
+            down = 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
+            across = 0.5 - s + 0.5 * s * s, 0.5 + s - s * s, 0.5 * s * s
             for k in range(3):
                 for j in range(3):
                     flat[place + np.uint64(j)] += down[k] * across[j]
                 place += np.uint64(columns)
 
 
-@inlined
-def _shares(t):
-    """Shares of three nodes of a sample ``t`` in [0, 1) beyond the middle of the first two."""
-    return 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
-
-
-def _smoothed(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> ndarray:
+def _smooth(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> ndarray:
     """(g, k) sums of ``masses`` (n, k) over the sorted ``nodes`` (n,) in reach, weighted by a
     Gaussian of deviation ``width`` about each of ``grid`` (g,).
     """
@@ -118,7 +114,7 @@ def autocorrelation_time(record: ndarray) -> float:
     return float(max(1.0, *np.take_along_axis(sums, ends[None], axis=0)[0]))
 
 
-def thinned(record: ndarray) -> ndarray:
+def thin_record(record: ndarray) -> ndarray:
     """(K, p) each ⌈2τ⌉-th of ``record`` (N, p), at most MOST; ModelDomainError for one alone."""
     step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
     if len(record) <= step:

@@ -81,7 +81,7 @@ def posterior_scores(
     return scores, refused
 
 
-def compared(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
+def score_comparison(scores: Mapping[str, Scores], rival: str) -> pd.DataFrame:
     """Tabulate every score of every model and its paired difference to ``rival`` over the takes."""
     rows = []
     for model, by_name in scores.items():
@@ -122,7 +122,7 @@ class Filtered:
         return np.sqrt(np.diagonal(self.measured_covariance, axis1=-2, axis2=-1))
 
 
-def no_filter(training: ndarray, measured: ndarray) -> Filtered:
+def training_mean(training: ndarray, measured: ndarray) -> Filtered:
     """Mean and covariance of ``training`` (N, K, n) at each step, measurement noise included, for
     the test takes ``measured`` (takes, K, n), both in rad.
     """
@@ -153,8 +153,8 @@ def filter_tables(
 
     return {
         "bound_comparison": resampled_differences(quantities, models, len(bounds[NONE]), rng),
-        "filter_comparison": compared(laws, models[0]),
-        "filter_against_none": compared(laws, NONE),
+        "filter_comparison": score_comparison(laws, models[0]),
+        "filter_against_none": score_comparison(laws, NONE),
     }, refusals
 
 

@@ -12,16 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy import ndarray
 
-from pipeline.statistics.densities import (
-    autocorrelation_time,
-    energy_test,
-    kernel_density,
-    marginal_density,
-    normal_reference_bandwidth,
-    thinned,
-)
-from pipeline.wrench.matrix import matrix_model, sample_wrenches
-from pipeline.wrench.parametric import CableSystem
+from pipeline.statistics import densities
+from pipeline.wrench.models import CableSystem, matrix_model, sample_wrenches
 
 # rows of forces and of moments in the plane and in space
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
@@ -68,7 +60,8 @@ def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.Dat
     fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
     tables = []
     for source, sample in wrenches.items():
-        density = kernel_density(sample, x, y, normal_reference_bandwidth(sample)).ravel()
+        bandwidth = densities.normal_reference_bandwidth(sample)
+        density = densities.kernel_density(sample, x, y, bandwidth).ravel()
         columns = {"configuration": configuration, "source": source}
         tables.append(pd.DataFrame(columns | {"fx": fx, "fy": fy, "density": density}))
     return pd.concat(tables, ignore_index=True)
@@ -94,7 +87,7 @@ def wrench_marginals(
     tables, grid = [], common_grid([*wrenches.values()], points)
     for i, row in enumerate(rows):
         for source, sample in wrenches.items():
-            density = marginal_density(sample[:, i], grid[:, i])
+            density = densities.marginal_density(sample[:, i], grid[:, i])
             columns = {"configuration": configuration, "source": source, "row": row}
             tables.append(pd.DataFrame(columns | {"value": grid[:, i], "density": density}))
     return pd.concat(tables, ignore_index=True)
@@ -112,12 +105,12 @@ def force_test(
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))
-    independent = thinned(measured)
+    independent = densities.thin_record(measured)
     modelled = sample_wrenches(model, sigma_s, DRAWS * len(independent), rng)
-    distance, p_value = energy_test(independent, modelled, rng)
+    distance, p_value = densities.energy_test(independent, modelled, rng)
     return {
         "energy_distance": distance,
         "two_sample_p_value": p_value,
-        "effective_samples": len(measured) / autocorrelation_time(measured),
+        "effective_samples": len(measured) / densities.autocorrelation_time(measured),
         "tested_samples": len(independent),
     } | {f"matrix_share_{row}": share for row, share in zip(rows_of(system), shares, strict=True)}

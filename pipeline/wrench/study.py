@@ -14,15 +14,18 @@ from numpy.random import Generator
 
 from pipeline.core.errors import ConfigError, SolverError
 from pipeline.core.options.analysis import Wrench
-from pipeline.wrench.matrix import FORMS, matrix_model, optimal_sigma_s, unbounded_sigma_s
-from pipeline.wrench.parametric import (
+from pipeline.wrench.models import (
+    FORMS,
     Bounds,
     CableSystem,
     draw_systems,
+    interpolate,
+    matrix_model,
     mean_resultant_length,
+    optimal_sigma_s,
     study_bounds,
     systems_at,
-    within,
+    unbounded_sigma_s,
     wrench_covariance,
     wrench_map,
 )
@@ -60,7 +63,7 @@ def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
 
 def _uniform_mean(function: Callable, bounds: Sequence[float]) -> ndarray:
     """E[f(X)] of X uniform within ``bounds`` by Gauss–Legendre quadrature over the last axis."""
-    return function(within(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
+    return function(interpolate(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
 
 def _at_attachments(matrix: ndarray, bounds: Bounds) -> ndarray:

@@ -20,7 +20,7 @@ from pipeline.core.filters import MEMORY
 from pipeline.filtering.particle_filter import FilterOptions, Posterior
 from pipeline.models.kinds import options_type
 from pipeline.models.steps import Recorded, mean_covariance, process_noise
-from pipeline.statistics.scores import no_filter
+from pipeline.statistics.scores import training_mean
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide
 from pipeline.verdicts.run import ArmNames
@@ -126,7 +126,7 @@ def test_filters_are_compared_with_the_training_takes_and_hold_the_noise_of_a_po
     covariance = np.array([np.cov(step.T) for step in takes.poses.swapaxes(0, 1)])
     known, off = ([posterior(middle + shift, covariance)] * len(truth) for shift in (0.0, 0.05))
     beside = [posterior(take + 0.02, covariance) for take in truth]
-    linear = no_filter(takes.poses, truth)
+    linear = training_mean(takes.poses, truth)
 
     def against(noise: np.ndarray) -> pd.DataFrame:
         filters = {"additive": off, "gaussian": known, "gaussian_closed": known, "wishart": beside}

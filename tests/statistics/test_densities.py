@@ -14,7 +14,7 @@ from pipeline.statistics.densities import (
     energy_test,
     kernel_density,
     normal_reference_bandwidth,
-    thinned,
+    thin_record,
 )
 
 COVARIANCE = np.array([[5.0, -2.0], [-2.0, 2.0]])
@@ -115,7 +115,7 @@ def test_p_values_of_one_law_are_uniform_and_of_two_are_not():
 @pytest.mark.usefixtures("few_permutations")
 def test_thinned_correlated_records_are_rejected_as_often_as_stated_and_whole_ones_almost_always():
     def thin(rng):
-        sample = thinned(record(4000, DECAY, rng))
+        sample = thin_record(record(4000, DECAY, rng))
         return sample, rng.standard_normal((4 * len(sample), 2))
 
     def whole(rng):
@@ -145,4 +145,4 @@ def test_a_record_that_does_not_vary_or_is_too_short_is_refused(values):
     with pytest.raises(ModelDomainError, match="autocorrelation time"):
         autocorrelation_time(values)
     with pytest.raises(ModelDomainError, match="too short"):
-        thinned(np.random.default_rng(70).standard_normal((2, 2)))
+        thin_record(np.random.default_rng(70).standard_normal((2, 2)))

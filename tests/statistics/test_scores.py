@@ -9,14 +9,14 @@ from scipy.stats import chi2, kstest, multivariate_normal
 from pipeline.core.filters import MEMORY, NONE, closed, models_of
 from pipeline.statistics.scores import (
     Filtered,
-    compared,
     filter_metrics,
     filter_tables,
     nees,
-    no_filter,
     normal_log_score,
     posterior_scores,
+    score_comparison,
     sensor_scores,
+    training_mean,
 )
 from pipeline.statistics.takes import paired_difference
 
@@ -58,7 +58,9 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
         assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(0.683, abs=0.02)
         assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
-    table = compared({"honest": honest, "narrow": narrow}, "honest").set_index(["model", "score"])
+    table = score_comparison({"honest": honest, "narrow": narrow}, "honest").set_index(
+        ["model", "score"]
+    )
     assert table.loc[("narrow", "log_score"), "high"] < 0
 
 
@@ -78,7 +80,7 @@ def takes() -> tuple[np.ndarray, np.ndarray]:
 
 def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(takes):
     training, measured = takes
-    none = no_filter(training, measured)
+    none = training_mean(training, measured)
     np.testing.assert_allclose(none.error, training.mean(axis=0) - measured)
     np.testing.assert_allclose(none.covariance[7, 30], np.cov(training[:, 30].T))
     assert np.mean(np.abs(none.error) <= none.bound) == pytest.approx(0.683, abs=0.02)
@@ -87,7 +89,7 @@ def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(
 
 def test_filters_are_held_against_the_first_model_and_against_none(takes):
     training, measured = takes
-    none, rng = no_filter(training, measured), np.random.default_rng(2)
+    none, rng = training_mean(training, measured), np.random.default_rng(2)
     pose = 1e-4 * np.eye(2)
     worse = Filtered(2 * none.error, 4 * none.covariance, pose)
     better = Filtered(0.5 * none.error, 0.25 * none.covariance, 0 * pose)

@@ -14,7 +14,7 @@ from pipeline.core import rng
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.laboratory import dynamics
 from pipeline.laboratory.dynamics import Chance, draw, expose, swing
-from pipeline.statistics.scores import Filtered, no_filter
+from pipeline.statistics.scores import Filtered, training_mean
 from pipeline.studies.filters import stage
 from pipeline.studies.filters.stage import COVERAGE, LOG, RMS, YARDSTICK
 from pipeline.studies.simulated import PhysicsFactors, disturb, measure_poses, observe, perform
@@ -135,7 +135,7 @@ def known() -> dict[str, Filtered]:
     """Return the training mean, and a filter with half the errors of the training mean."""
     draws = np.random.default_rng(1)
     training, test = (draws.standard_normal((n, 12, 2)) for n in (200, 40))
-    mean = no_filter(training, test)
+    mean = training_mean(training, test)
     half = Filtered(mean.error / 2, mean.covariance / 4, np.zeros((2, 2)))
     return {NONE: mean, "half": half}
 

@@ -19,7 +19,7 @@ from pipeline.studies.outlook.stage import (
     recorded_rows,
     slope_rows,
 )
-from pipeline.wrench.parametric import Bounds
+from pipeline.wrench.models import Bounds
 
 OPTIONS = options_of("outlook", "paper")
 MOTION = motion_of(OPTIONS)

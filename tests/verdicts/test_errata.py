@@ -26,8 +26,7 @@ from pipeline.planning.motions import best_conditioned, cheapest_paths, least_un
 from pipeline.planning.problem import Problem
 from pipeline.planning.self_motion import grid, spacing_of
 from pipeline.statistics.takes import lag_one_correlation
-from pipeline.wrench.matrix import matrix_model
-from pipeline.wrench.parametric import Bounds, draw_systems
+from pipeline.wrench.models import Bounds, draw_systems, matrix_model
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study
 
 ROOT = Path(__file__).parents[2]

@@ -8,9 +8,17 @@ import pytest
 from cable_systems import planar_cables, sample_wrench
 
 from pipeline.statistics import densities
-from pipeline.wrench.matrix import matrix_model, optimal_sigma_s, sample_wrenches, unbounded_sigma_s
 from pipeline.wrench.measured_force import force_moments, force_test, measured_wrenches, rows_of
-from pipeline.wrench.parametric import Bounds, CableSystem, draw_systems, wrench_covariance
+from pipeline.wrench.models import (
+    Bounds,
+    CableSystem,
+    draw_systems,
+    matrix_model,
+    optimal_sigma_s,
+    sample_wrenches,
+    unbounded_sigma_s,
+    wrench_covariance,
+)
 from pipeline.wrench.study import averaged_sigma_s
 
 BOUNDS = Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))

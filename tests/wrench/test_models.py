@@ -13,18 +13,16 @@ from scipy.special import i0, i0e, i1, i1e
 from scipy.stats import ks_2samp, matrix_normal, vonmises
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.wrench.matrix import (
+from pipeline.wrench.models import (
     FORMS,
     MatrixModel,
     matrix_model,
+    mean_resultant_length,
     moment_fit,
     optimal_sigma_s,
+    sample_directions,
     sample_wrenches,
     unbounded_sigma_s,
-)
-from pipeline.wrench.parametric import (
-    mean_resultant_length,
-    sample_directions,
     wrench_covariance,
     wrench_mean,
 )

@@ -13,8 +13,14 @@ from scipy.integrate import dblquad
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.dataset import Arrangement, Force
-from pipeline.wrench.matrix import FORMS, unbounded_sigma_s
-from pipeline.wrench.parametric import Bounds, configuration_bounds, draw_systems, nominal_system
+from pipeline.wrench.models import (
+    FORMS,
+    Bounds,
+    configuration_bounds,
+    draw_systems,
+    nominal_system,
+    unbounded_sigma_s,
+)
 from pipeline.wrench.study import (
     averaged_sigma_s,
     expected_sigma_s,

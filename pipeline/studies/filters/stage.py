@@ -28,7 +28,12 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
-from pipeline.statistics.scores import Filtered, compared, no_filter, posterior_scores
+from pipeline.statistics.scores import (
+    Filtered,
+    posterior_scores,
+    score_comparison,
+    training_mean,
+)
 from pipeline.studies.frame import (
     NoAnswerError,
     Study,
@@ -155,7 +160,7 @@ def linear_filters(
     mean, covariance, _ = autocorrelated_filter(training, pose, *arguments)
     best, least = linear_filter(training.mean(axis=0), law[0], *arguments)
     return {
-        NONE: no_filter(training, test),
+        NONE: training_mean(training, test),
         MEMORY: Filtered(mean - test, covariance, pose),
         YARDSTICK: Filtered(best - test, least + law[1], pose),
     }
@@ -197,7 +202,7 @@ def score_rows(filters: Mapping[str, Filtered], joints: Sequence[str]) -> pd.Dat
         name: posterior_scores(each.error, each.covariance + each.measurement, joints)[0]
         for name, each in filters.items()
     }
-    return long_scores(compared(scores, NONE), joints)
+    return long_scores(score_comparison(scores, NONE), joints)
 
 
 def long_scores(table: pd.DataFrame, joints: Sequence[str]) -> pd.DataFrame:

@@ -23,11 +23,12 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
 from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval, number
 from pipeline.verdicts.wording import table
-from pipeline.wrench.matrix import matrix_model, moment_fit
-from pipeline.wrench.parametric import (
+from pipeline.wrench.models import (
     Bounds,
     CableSystem,
     draw_systems,
+    matrix_model,
+    moment_fit,
     sample_directions,
     study_bounds,
     wrench_covariance,

@@ -285,7 +285,7 @@ def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int
     """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
     looks = style.joint_lines([*verdict.evidence.index[1:]]).values()
     shape = (style.TWO_COLUMNS, 1.5, 0.85)
-    figure, (grid,) = style.joint_panels(len(looks), style.beside(len(looks)), shape)
+    figure, (grid,) = style.joint_panels(len(looks), style.panels_across(len(looks)), shape)
     t = np.linspace(0, verdict.ends[-1], innovations.error.shape[1] + 1)[1:]
     low, high = percentile_interval(innovations.error[verdict.others])
     thin, red = {"color": style.BLACK, "linewidth": 0.6}, style.VERMILLION
