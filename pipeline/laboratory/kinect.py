@@ -1,13 +1,11 @@
 """A Kinect v2 that looks at the arm's plane, and the scene before it, of convex prisms.
 
-Camera frame: x right, y down, z forward (OpenCV's); pixel (u, v) sees along the ray
-((u − c_x)/f_x, (v − c_y)/f_y, 1), free of distortion; depth is z. A prism is the corners of both
-ends (2, n, 3) in m, turning left seen from outside the first. Along a ray (x, y, 1) the plane of a
-face lies at an inverse depth linear in x and y. The ray is inside the prism between the least
-inverse depth of the faces turned to the camera and the greatest of those turned away.
-
-Scene, noise, systematic error and losses at edges use exactly rounded operations alone, so that
-bytes do not depend on the processor.
+Camera frame: x right, y down, z forward (OpenCV's); pixel (u, v) is the ray ((u − c_x)/f_x,
+(v − c_y)/f_y, 1), free of distortion; depth is z. A prism is the corners of both ends (2, n, 3) in
+m, turning left seen from outside the first. Along a ray the plane of a face has an inverse depth
+linear in x and y. The ray is inside the prism between the least inverse depth of the faces turned
+to the camera and the greatest of the other faces. Scene, noise, systematic error and losses at
+edges use exactly rounded operations alone, so that bytes do not depend on the processor.
 """
 
 import cv2

@@ -44,23 +44,19 @@ def find_offset(
     measure different points of the moving body.
 
     ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
-    any units, b interpolated by a cubic spline. Raises RecordingError (take) for signals that are
-    too short, do not move, are not alike or fit best at the edge of ``search`` (s).
+    any units, finite, b interpolated by a cubic spline. Raises RecordingError (take) for signals
+    that are too short, do not move, are not alike or fit best at the edge of ``search`` (s).
     """
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
 
-    refusal, signals = partial(RecordingError, take=take), []
+    refusal = partial(RecordingError, take=take)
     for t, signal in ((t_a, a), (t_b, b)):
-        signal = np.asarray(signal, dtype=float).reshape(len(t), -1)
-        finite = np.isfinite(t) & np.isfinite(signal).all(axis=1)
-        signals += [t[finite], signal[finite]]
-        if finite.sum() < MIN_SAMPLES or np.any(np.diff(t[finite]) <= 0):
+        if len(t) < MIN_SAMPLES or np.any(np.diff(t) <= 0):
             message = f"a signal with fewer than {MIN_SAMPLES} samples, or whose times do not"
             raise refusal(f"{message} increase, gives no clock offset")
-        if not np.ptp(signal[finite], axis=0).any():
+        if not np.ptp(signal, axis=0).any():
             raise refusal("no motion to compare the clocks by: one of the signals is constant")
-    t_a, a, t_b, b = signals
     spline = CubicSpline(t_b, b)
 
     def inside(tau: float) -> np.ndarray:
@@ -150,7 +146,8 @@ def on_motion_clock(
         plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
         seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
         seen = seen.groupby("t").mean(skipna=False).dropna()
-        signals = observed["t"].to_numpy(), centroid, seen.index.to_numpy(), seen.to_numpy()
+        path = np.ascontiguousarray(seen.to_numpy())
+        signals = observed["t"].to_numpy(), centroid, seen.index.to_numpy(), path
         found = find_offset(*signals, search=(-depth.search, depth.search), take=name)
         offset = found.value
         errors = [
