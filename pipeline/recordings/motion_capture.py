@@ -124,12 +124,13 @@ def _tracks(
         ("marker", "dataset.mocap.markers", full, take.markers),
         ("rigid body", "dataset.mocap.bodies", bodies, take.bodies),
     ):
+        if absent := ", ".join(sorted(name for name, fitting in names.items() if not fitting)):
+            message = f"no {kind} named {absent} in the take; it has"
+            message += f" {', '.join(sorted(recorded)) or 'none'}"
+            raise RecordingError(message, file=file, key=key)
         for name, fitting in names.items():
-            if len(fitting) != 1:
-                there = ", ".join(sorted(recorded)) or "none"
-                message = f"no {kind} named {name} in the take; it has {there}"
-                if fitting:
-                    message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
+            if len(fitting) > 1:
+                message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
                 raise RecordingError(message, file=file, key=key)
     tracks = {}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
