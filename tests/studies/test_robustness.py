@@ -1,6 +1,7 @@
 """Conditions with a known outcome, decisions that change one option, and the page's counts."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from study_runs import options_of
 
 from pipeline.cases.case import KINDS, Choices
 from pipeline.core.columns import spread
+from pipeline.core.options.analysis import Compute, Wrench
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
@@ -45,9 +47,9 @@ ADDITIVE = tuple((name, 0.0) for name in f"{ABSENT} encoder_offset_std length_st
 def common(laboratory) -> dict:
     ways = {"straight": {"folded": [1.8, -2.6, 2.0], "extended": [1.8, -2.5, 2.0]}}
     sizes = {"training_takes": 40, "test_takes": 4, "realizations": 12, "trajectories": ways}
-    bounds = {"tension": (3.0, 5.0), "direction": (0.8, 3.1), "tension_std": (0.5, 1.0)}
+    bounds = {"tension": [3.0, 5.0], "direction": [0.8, 3.1], "tension_std": [0.5, 1.0]}
     systems = {"agents": [3, 5, 10, 15, 20], "systems": 40, "test_systems": 40, "repeats": 2}
-    wrench = SimpleNamespace(**bounds, kappa=(100.0, 800.0), **systems)
+    wrench = Wrench(**bounds, kappa=[100.0, 800.0], **systems, grid=2)
     options = options_of("robustness", **sizes)
     parts = {"laboratory": laboratory, "case": CASE, "claims": CLAIMS}
     return parts | {"options": options, "wrench": wrench}
@@ -147,3 +149,28 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
     facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")
+
+
+def counted(condition, **common):
+    """The verdicts, and a line in the file `calls`."""
+    with Path("calls").open("a") as file:
+        file.write(f"{condition.seed}\n")
+    return verdicts(condition, **common)
+
+
+def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    common = common | {"claims": tuple(c for c in CLAIMS if c.id.startswith("wrench"))}
+    grid = [Condition("wrench", seed) for seed in (1, 2)]
+    monkeypatch.setattr(stage, "verdicts", counted)
+    monkeypatch.setattr(stage, "laboratory_conditions", lambda *_: (grid, common))
+    settings = SimpleNamespace(compute=Compute(workers=1))
+    killed = stage.laboratory_verdicts(settings, None, None)
+    assert next(killed)[0] == "wrench"
+    killed.close()
+    rows = [part[3] for part in stage.laboratory_verdicts(settings, None, None)]
+    base = verdicts(grid[0], **common)
+    pd.testing.assert_frame_equal(rows[0], base)
+    assert not rows[1].equals(base)
+    assert sorted(Path("calls").read_text().split()) == ["1", "2"]
+    assert not Path(".dvc/tmp/robustness").exists()

@@ -1,5 +1,6 @@
 """robustness: verdicts under other decisions, physics of the laboratory and random numbers."""
 
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -7,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
+from joblib import Memory
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -14,6 +16,7 @@ from pipeline.cases.case import Choices, Recordings, recorded_takes
 from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
 from pipeline.core import config, contracts
+from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.figures import style
@@ -21,6 +24,7 @@ from pipeline.studies.frame import MISSING, Study, Tables, trials
 from pipeline.studies.robustness.grid import (
     BASE,
     CHANCE,
+    Condition,
     cameras,
     conditions,
     decision_cases,
@@ -100,7 +104,22 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory."""
+    """Yield the verdicts in every condition of the laboratory; a killed run's are read again."""
+    grid, common = laboratory_conditions(settings, options, claims)
+    folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
+    resumed = Memory(folder, verbose=0).cache(verdicts)
+    results = trials(settings, "robustness: conditions", resumed, grid, **common)
+    for condition, rows in zip(grid, results, strict=True):
+        factor = ", ".join(name for name, _ in condition.levels)
+        level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
+        yield condition.study, factor, level, rows
+    shutil.rmtree(folder.parent, ignore_errors=True)
+
+
+def laboratory_conditions(
+    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
+) -> tuple[list[Condition], dict[str, object]]:
+    """Return every condition of the laboratory, and the other arguments of their verdicts."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
     noise = contracts.read("kinect_noise", ARTICULATE)
     common = {
@@ -113,11 +132,7 @@ def laboratory_verdicts(
     varied = {"trajectory": list(options.trajectories)} | options.factors
     grid = conditions(varied, options.seeds, "motion", options.combined)
     grid += conditions(options.wrench, options.seeds, "wrench")
-    results = trials(settings, "robustness: conditions", verdicts, grid, **common)
-    for condition, rows in zip(grid, results, strict=True):
-        factor = ", ".join(name for name, _ in condition.levels)
-        level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
-        yield condition.study, factor, level, rows
+    return grid, common
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
