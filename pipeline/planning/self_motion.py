@@ -66,8 +66,8 @@ def grid(problem: Problem, steps: ndarray, spacing: float) -> list[ndarray]:
         for step in range(steps[max(s - 1, 0)], steps[s] + 1):
             (poses[s],) = curves(problem, np.array([step]), spacing, MORE_STARTS)
             if len(poses[s]) == 0:
-                why = "no pose of the arm on the path keeps the joint limits and the margin of "
-                why += f"{problem.margin:g} m; check the path's frame and units"
+                why = "the arm does not reach the pose of the path within its joint limits and the "
+                why += f"margin of {problem.margin:g} m; check the path's frame and units"
                 raise InfeasibleError(why, step=step)
     return poses
 

@@ -241,9 +241,9 @@ def test_every_solution_lies_between_two_neighbours_of_the_grid(arm):
 @pytest.mark.parametrize(
     ("changes", "upper", "words"),
     [
-        ({}, 9.0, r"no pose of the arm .*\[step 4\]"),
+        ({}, 9.0, r"does not reach the pose .*\[step 4\]"),
         ({"margin": 5.0}, 9.0, r"margin of 5 m.*\[step 0"),
-        ({}, 1e-3, r"no pose of the arm .*\[step 0"),
+        ({}, 1e-3, r"does not reach the pose .*\[step 0"),
     ],
 )
 def test_where_the_path_cannot_be_followed_its_first_step_is_named(changes, upper, words):
