@@ -116,7 +116,7 @@ def cheapest_paths(
         first = int(lost.argmax())
         why = "the model has no covariance at any pose of the path, or none with a ln det"
         if np.isfinite(own[first]).any():
-            why = "no pose is within reach at the joints' speed limits; give the path more time"
+            why = "no pose is within reach of the joints' speeds; give the path more time"
         after = int(steps[first - 1]) if first else None
         raise InfeasibleError(why, step=int(steps[first]), after=after)
     ways: list[tuple[ndarray, float]] = []

@@ -66,9 +66,9 @@ def grid(problem: Problem, steps: ndarray, spacing: float) -> list[ndarray]:
         for step in range(steps[max(s - 1, 0)], steps[s] + 1):
             (poses[s],) = curves(problem, np.array([step]), spacing, MORE_STARTS)
             if len(poses[s]) == 0:
-                why = "no pose of the arm on the path keeps the joint limits and the margin of "
-                why += f"{problem.margin:g} m; check the path's frame and units"
-                raise InfeasibleError(why, step=step)
+                why = "check the path's frame and units: the arm does not reach the pose within "
+                why += "its joint limits, or only with a least singular value below the margin of "
+                raise InfeasibleError(f"{why}{problem.margin:g} m", step=step)
     return poses
 
 
