@@ -15,8 +15,9 @@ from pipeline.formats.format import decoded, file_content
 # in each of its ways to go on the next letter differs, so that no text takes it long
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
 GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it stay finite
-# a blank cell and what C runtimes print for a sample that is not there
-MISSING = ("", "NaN", "nan", "NAN", "-nan(ind)", "1.#QNAN", "-1.#IND")
+# a blank cell, and what C runtimes, Python, MATLAB and spreadsheets print for a missing sample
+MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
+MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
 # files that look like tables and are none: how one begins, its name, what to do instead
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
@@ -26,6 +27,7 @@ FOREIGN = (
     (rf"(?i:{NEXUS}[\s,;]*[\d.]+(,Hz)?[\s,;]*\n)", "ASCII export of Vicon", "export C3D there"),
     (r"HIERARCHY\b", "BVH file of motion capture", "export C3D from the same program"),
     (r"# oST version", "INI file of a camera calibration by ROS", "take ost.yaml, saved beside it"),
+    (r"P[123]\s", "image whose pixels are text (PBM, PGM, PPM)", "save it as PNG of 16 bits"),
     (r"(?:<\?xml[^>]*>\s*)?<(?:sdf|mujoco)\b", "robot in SDF or MJCF", "convert it to URDF"),
 )
 

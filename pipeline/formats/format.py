@@ -44,13 +44,17 @@ class Kind(StrEnum):
 
 def decoded(content: bytes) -> str | None:
     """Return the text in ``content``, up to the last whole character and with line feeds alone as
-    line ends; UTF-8, UTF-16 with its mark, else a PC's code page. None where it is no text.
+    line ends; UTF-8, UTF-16, else a PC's code page. None where it is no text.
     """
-    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    if b"\0" in content and not wide:
-        return None
+    encoding = "utf-8-sig"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif b"\0" in content:
+        encoding = "utf-16-le"  # without its mark, if every second byte is zero
+        if any(content[1:400:2]):
+            return None
     try:
-        text = codecs.getincrementaldecoder("utf-16" if wide else "utf-8-sig")().decode(content)
+        text = codecs.getincrementaldecoder(encoding)().decode(content)
     except UnicodeDecodeError:
         text = content.decode("latin-1")
     return None if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")

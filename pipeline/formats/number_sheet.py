@@ -4,10 +4,11 @@ above (settings, title, labels, units) is the header.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,14 +23,28 @@ from pipeline.formats.delimited import (
     read_text,
 )
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.units import bare, is_unit, unit_of
+from pipeline.formats.units import LENGTH_UNITS, bare, is_unit, unit_of
 
 SPACE = " "  # as a separator: any number of blanks
 SEPARATORS = (",", ";", "\t", SPACE)
 SAMPLED = 40  # last lines that separate columns of numbers from others
 REMARKS = 5  # lines of words below the rows, at most
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # endings of files that hold no table
+HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
+LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
+SPARSEST = 50  # rows for each number of a column, at most
+TURNS = {"gyro", "gyr", "gyroscope", "angular", "omega"}  # words for angular velocities
+ACCELERATIONS = {"acc", "accel", "accelerometer", "acceleration", "linear"}
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
+
+
+class Samples(NamedTuple):
+    """Rows of chosen columns, in which every cell has a number."""
+
+    values: np.ndarray  # (M, columns)
+    rows: np.ndarray  # (M,) their numbers in the table, from 0
+    # rows_without_numbers and incomplete_end_rows, left out; interpolated_cells
+    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -76,6 +91,28 @@ class Sheet:
         return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
 
     @property
+    def origin(self) -> str | None:
+        """Program or content of the table, where its header or its labels state them."""
+        if any(line.strip(" ,;\t") == "endheader" for line in self.header):
+            return "of OpenSim (MOT, STO)"
+        if any(line.startswith(HEADER_END) for line in self.header):
+            return "of LabVIEW (LVM)"
+        axes: dict[str, dict[str, int]] = {}  # column by last letter, of labels else alike
+        for column, label in enumerate(self.labels):
+            plain = re.sub(r"\s*[\[(].*", "", label.lower())
+            stem = re.sub(r"[wxyz]$", "", plain)
+            axes.setdefault(stem, {})[plain[len(stem) :]] = column
+        vectors = {stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}}
+        if any("w" in columns for columns in vectors.values()):
+            return "of poses of a body (position and quaternion)"
+        units = {re.sub(r"[\s^*/·]", "", self.unit(held["x"]) or "") for held in vectors.values()}
+        words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
+        stated = {"rads-1", "ms-2"} <= units or {"rads", "ms2"} <= units
+        if stated or (words & TURNS and words & ACCELERATIONS):
+            return "of an inertial sensor (angular velocity and acceleration)"
+        return "of positions of a point" if len(vectors) == 1 and units & {*LENGTH_UNITS} else None
+
+    @property
     def left_out(self) -> dict[str, str]:
         """Columns that hold no numbers, by label or number, and their content."""
         named = {}
@@ -112,10 +149,61 @@ class Sheet:
             columns[quantity] = fits[0]
         return columns
 
-    def values(self, columns: list[int]) -> np.ndarray:
-        """Return (N, len(columns)) the numbers; RecordingError with the line of no number."""
-        form = {"separator": self.separator, "decimal": self.decimal}
+    def values(self, columns: list[int], *, gaps: bool = False) -> np.ndarray:
+        """Return (N, len(columns)) numbers, NaN where ``gaps`` and a cell is missing; else
+        RecordingError with the line of a missing number.
+        """
+        form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
         return numbers_of(self.rows, self.lines, columns, file=self.file, **form)
+
+    def samples(
+        self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
+    ) -> Samples:
+        """Return the rows in which a column of ``at`` (default all but the ``clock``) has a number;
+        in tables merged of several sources, others have none. Cells between two numbers of their
+        column are interpolated linearly over the clock (default the rows); rows before the first
+        or after the last number of a column are left out. RecordingError with the line for a row
+        without a time, a cell in a gap of more than LONGEST_GAP median steps of its column, and a
+        column with fewer than two numbers or one in SPARSEST rows.
+        """
+        values = self.values(columns, gaps=True)
+        rows, missing = np.arange(len(values)), np.isnan(values)
+        if not missing.any():
+            return Samples(values, rows, {})
+
+        def fault(problem: str, column: int, row: int) -> RecordingError:
+            label = "".join(self.labels[column : column + 1])
+            message = f"column {column + 1} {label} {problem}; fill it in, or leave the row out"
+            return RecordingError(message, file=self.file, line=self.lines[row])
+
+        others = [place for place, column in enumerate(columns) if column != clock]
+        leading = [place for place in others if columns[place] in at] or others
+        rows = rows[~missing[:, others].all(axis=1)]
+        filled, missing, x = values[rows], missing[rows], rows.astype(float)
+        if clock is not None:
+            x = filled[:, columns.index(clock)]
+            if np.isnan(x).any():
+                raise fault("has no number", clock, rows[np.isnan(x).argmax()])
+        taken = ~missing[:, leading].all(axis=1)
+        inside = taken.copy()
+        for place in others:
+            known = np.flatnonzero(~missing[:, place])
+            if len(known) < max(2, len(rows) / SPARSEST):
+                problem = f"has {len(known)} numbers in {len(rows)} rows"
+                raise fault(problem, columns[place], min(rows, default=0))
+            inside[: known[0]] = inside[known[-1] + 1 :] = False
+            after = np.searchsorted(known, np.arange(len(x))).clip(1, len(known) - 1)
+            steps = np.diff(x[known])
+            wide = missing[:, place] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
+            if wide.any():
+                problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
+                raise fault(problem, columns[place], rows[wide.argmax()])
+            filled[:, place] = np.interp(x, x[known], filled[known, place])
+        counts = {"rows_without_numbers": len(values) - int(taken.sum())}
+        counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
+        counts["interpolated_cells"] = int(missing[inside].sum())
+        counts = {name: count for name, count in counts.items() if count}
+        return Samples(filled[inside], rows[inside], counts)
 
 
 def read_sheet(
@@ -147,34 +235,71 @@ def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, k
     if mark == SPACE:
         lines = [SPACE.join(line.lstrip("#%").split()) for line in lines]
     end = len(lines) - tail.index(likely)  # of the rows; below are lines of words
-    split = [_split(line, mark) for line in lines[max(end - SAMPLED, 0) : end]]
+    start, repeated = _sections(lines, places, mark)
+    end -= repeated
+    early = lines[start : max(end - SAMPLED, start)]  # of columns that are empty in the last rows
+    chosen = early[:: max(len(early) // SAMPLED, 1)] + lines[max(end - SAMPLED, 0) : end]
+    split = [_split(line, mark) for line in chosen]
     before = {len(cells) for cells in split[-3:-1]}
     if len(before) == 1 and len(split[-1]) < max(before) and _numbers(split[-2]):
         end, split = end - 1, split[:-1]
     counts = {"blank_rows": len(text.lines) - len(places)}
     counts["cut_rows"] = (text.cut is not None) + len(lines) - end
     last, numeric = split[-1], _numeric_columns(split)
-    rows = enumerate(_split(line, mark) for line in lines[: end if numeric else 0])
+    rows = enumerate((_split(line, mark) for line in lines[start : end if numeric else 0]), start)
     if (top := next((n for n, row in rows if _is_row(row, numeric, last)), end)) == end:
         message = f"no line holds numbers below {lines[end - 1][:80]!r}, where a table has rows of"
         raise RecordingError(f"{message} them; record or export it again", file=file)
     if top + 1 < end and _counts_on(_split(lines[top], mark)):
         top += 1  # labels that are numbers, as pandas writes them
-    header = lines[:top], *_header(lines[:top], places, mark, last, numeric, file)
-    signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines[top:end])]
+    while top > start and {*(cells := _split(lines[top - 1], mark))} <= {*MISSING}:
+        if len(cells) != len(last):
+            break
+        top -= 1
+    labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
+    if start and labels[:1] == ["X_Value"]:
+        stated = (_split(line, mark) for line in lines[:start])
+        units = next((["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"])
+    header, body = lines[:top], range(top, end)
+    again = text.lines[label_line - 1] if labels else None
+    said = [text.lines[place - 1] for place in places[top:end]]
+    held = [n for n, line in zip(body, said, strict=True) if line != again and line[0] not in "#%"]
+    if remarks := len(body) - len(held) + repeated:  # headers again, and remarks
+        counts["remark_rows"] = remarks
+    lines, places = [lines[n] for n in held], [places[n] for n in held]
+    signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines)]
     if decimal is None and len(signs) > 1:  # those of the columns of numbers alone
-        rows = (enumerate(_split(row, mark)) for row in lines[top:end])
+        rows = (enumerate(_split(row, mark)) for row in lines)
         held = "".join(cell for row in rows for column, cell in row if column in numeric)
         if len(signs := [sign for sign in signs if sign in held]) > 1:
             message = "decimal points and decimal commas in one table; mend it, or set decimal"
             raise RecordingError(message, file=file, key=key)
     chosen = decimal or "".join(signs)
-    if not chosen and mark == "," and separator is None and len(last) > 1 and not header[1]:
+    if not chosen and mark == "," and separator is None and len(last) > 1 and not labels:
         message = "whole numbers between commas, or decimal commas? Set separator and decimal, or "
         message += "save it with semicolons"
-        raise RecordingError(message, file=file, line=places[top], key=key)
-    body = lines[top:end], places[top:end], mark, chosen or "."
-    return Sheet(file, *header, *body, numeric, counts)
+        raise RecordingError(message, file=file, line=places[0], key=key)
+    above = header, labels, units, label_line
+    return Sheet(file, *above, lines, places, mark, chosen or ".", numeric, counts)
+
+
+def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
+    """Return the line of the labels in a file of LabVIEW, 0 in others, and the number of lines of
+    the headers of further segments, which are taken out. Rows get the cell of the column Comment.
+    """
+    ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
+    if not ends or ends[-1] + 1 >= len(lines):
+        return 0, 0
+    repeated = 0
+    for end in reversed(ends[2:]):
+        first = max((n for n in range(end) if lines[n].startswith("Channels")), default=end)
+        del lines[first : end + 2], places[first : end + 2]
+        repeated += end + 2 - first
+    labels = _split(lines[start := ends[:2][-1] + 1].rstrip(mark), mark)
+    if labels[-1] == "Comment":
+        for n in range(start + 1, len(lines)):
+            lines[n] += mark * (lines[n].count(mark) == len(labels) - 2)
+    return start, repeated
 
 
 def _is_rowlike(line: str) -> bool:
@@ -219,15 +344,15 @@ def _numbers(cells: list[str]) -> int:
 
 
 def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Return the columns of numbers in at least half of the last lines of one width."""
+    """Return the columns with numbers in at least half of the cells that are filled."""
     alike = []
     for cells in reversed(split):
         if len(cells) == len(split[-1]):
             if not any(_is_number(cell) or cell in MISSING[1:] for cell in cells):
                 break
             alike.append(cells)
-    columns = enumerate(zip(*alike, strict=True))
-    return [number for number, cells in columns if 2 * _numbers([*cells]) >= len(alike)]
+    filled = [[cell for cell in cells if cell not in MISSING] for cells in zip(*alike, strict=True)]
+    return [number for number, cells in enumerate(filled) if 2 * _numbers(cells) >= len(cells) > 0]
 
 
 def _is_row(cells: list[str], numeric: list[int], last: list[str]) -> bool:

@@ -80,6 +80,94 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
     assert (log.counts["cut_rows"] > 0) == (name == "footer")
 
 
+def lost(*cells: tuple[int, int, str]) -> str:
+    """The table with (row, column, text) in place of numbers."""
+    lines = [line.split(",") for line in table().splitlines()]
+    for row, column, text in cells:
+        lines[row + 1][column] = text
+    return "\n".join([*map(",".join, lines), ""])
+
+
+def labview(text: str, ends: str = "\t") -> str:
+    """The table as LabVIEW writes it, a segment with its header."""
+    section = "Channels\t4\nY_Unit_Label" + 4 * "\trad" + "\nX0" + 4 * "\t0.0"
+    section += "\n***End_of_Header***\t\n"
+    first, *rows = text.replace(",", "\t").replace("time", "X_Value").splitlines()
+    lines = [f"{first}\tComment", *(row + ends for row in rows)]
+    return section + "\n".join([*lines, ""])
+
+
+LABVIEW = "LabVIEW Measurement\nSeparator\tTab\n***End_of_Header***\t\n\t\n"
+MERGED = lost(*((k, j, "") for k in range(60) for j in ((1, 2) if k % 2 else (3, 4))))
+EACH = lost(*((k, j + k % 2, "") for k in range(60) for j in (1, 3)))
+LATE = [(k, j, "%s") for k in range(5) for j in range(1, 5)]
+HALVES = table().split("\n0.240000")
+HALVES[1] = f"\n0.240000{HALVES[1]}"
+MENDED = {  # name: content, rows that are read, counts, words of inspect
+    "merged of two sources": (
+        MERGED, slice(2, 60, 2), {"interpolated_cells": 58, "incomplete_end_rows": 1,
+                                  "rows_without_numbers": 30}, "120 missing cells"),
+    "merged of each joint": (
+        EACH, slice(1, 59), {"interpolated_cells": 116, "incomplete_end_rows": 2}, "120 missing"),
+    "one lost cell": (lost((9, 2, "")), slice(60), {"interpolated_cells": 1}, "1 missing cells"),
+    **{f"rows of {word} before the start": (
+        lost(*LATE) .replace("%s", word), slice(5, 60), {"rows_without_numbers": 5}, "20 missing")
+       for word in ("None", "null", "NaN", "N/A")},
+    "rows of None, times too": (
+        lost(*LATE, *((k, 0, "None") for k in range(5))).replace("%s", "None"), slice(5, 60),
+        {"rows_without_numbers": 5}, "5 rows without numbers"),
+    "one None": (lost((9, 2, "None")), slice(60), {"interpolated_cells": 1}, "1 missing cells"),
+    "remarks among the rows": (
+        table().replace("\n0.240", "\n# push\n0.240"), slice(60), {"remark_rows": 1}, ""),
+    "labels again": (
+        f"\n{','.join(LABELS)}".join(HALVES), slice(60), {"remark_rows": 1}, ""),
+    "LabVIEW, empty comments": (LABVIEW + labview(table()), slice(60), {}, "of LabVIEW (LVM)"),
+    "LabVIEW, no cell of comments": (LABVIEW + labview(table(), ""), slice(60), {}, "unit s, rad"),
+    "LabVIEW, one comment": (
+        LABVIEW + labview(table(), "").replace("\n0.016", "\tpush\n0.016"), slice(60), {},
+        "columns without numbers Comment (nothing)"),
+    "LabVIEW, two segments": (
+        LABVIEW + labview(HALVES[0]) + labview(",".join(LABELS) + HALVES[1]),
+        slice(60), {"remark_rows": 5}, "rows 60"),
+    "UTF-16 without its mark": (table().encode("utf-16-le"), slice(60), {}, "table of numbers"),
+    "UTF-16 of Windows": (table(mark="\t").encode("utf-16"), slice(60), {}, "table of numbers"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_what_a_table_lacks_or_repeats_is_filled_or_left_out_and_counted(tmp_path, name):
+    content, rows, counts, words = MENDED[name]
+    file = tmp_path / "run.csv"
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    said = seen(file)
+    assert words in said and "!" not in said
+    assert "signals actual (q_0, q_1), target (q_target_0, q_target_1)" in said
+    assert all(f"{count} {key.replace('_', ' ')}" in said for key, count in counts.items())
+    log = read_joint_table(file, LogOptions(joints=2, signals=SIGNALS))
+    np.testing.assert_allclose(log.time, TIME[rows], atol=1e-6)
+    np.testing.assert_allclose(log.signals["target"], Q[rows], atol=1e-3)
+    assert counts.items() <= log.counts.items()
+
+
+AXES = "p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []"
+RATES = ",".join(
+    [*(f"w_RS_S_{a} [rad s^-1]" for a in "xyz"), *(f"a_RS_S_{a} [m s^-2]" for a in "xyz")]
+)
+CONTENTS = {  # labels: what inspect says of the table
+    AXES: "of poses of a body (position and quaternion) 200 Hz; unit ns, m; columns timestamp",
+    RATES: "of an inertial sensor (angular velocity and acceleration) 200 Hz; unit ns, rad s^-1",
+    AXES.partition(",q_")[0]: "of positions of a point 200 Hz; unit ns, m;",
+}
+
+
+@pytest.mark.parametrize("labels", CONTENTS)
+def test_a_table_of_no_joints_is_named_by_its_labels_and_units(tmp_path, labels):
+    rows = (f"{1403636580838555648 + 5_000_000 * k}" + ",0.5" * labels.count("[") for k in range(9))
+    (tmp_path / "data.csv").write_text("\n".join([f"#timestamp [ns],{labels}", *rows, ""]))
+    said = seen(tmp_path / "data.csv")
+    assert f"table of numbers {CONTENTS[labels]}" in said and "?" not in said and "!" not in said
+
+
 def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):
     head = "run\nnRows=60\nnColumns=5\ninDegrees=yes\nendheader"
     (tmp_path / "run.mot").write_text(table(head, mark="\t"))
@@ -143,7 +231,8 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "nexus.csv": ("Trajectories\n100\n,,a,,\n" + FRAMES, VICON),
     "model.csv": ("\ufeffModel Outputs,,,\r\n100,,,\r\n" + FRAMES, VICON),
     "echo.csv": (beside("", 1, "elbow").split("\n", 1)[1], "columns without numbers 1 (words)"),
-    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "has no number; fill it in"),
+    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "4 missing cells; columns time"),
+    "text.pgm": ("P2\n2 2\n65535\n1 2 3 4\n", "whose pixels are text (PBM, PGM, PPM) is not read"),
     "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
     "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "distortion; the file has cam0"),
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),

@@ -2,6 +2,7 @@
 the line or key that it names.
 """
 
+from collections.abc import Iterable
 from functools import partial
 from typing import NamedTuple
 
@@ -50,6 +51,10 @@ class Sound(NamedTuple):
     name: str = "file.csv"
 
 
+def gap(lacking: Iterable[int]) -> str:
+    return "".join(f"{k / 100},{'' if k in lacking else 1.5},2\n" for k in range(40))
+
+
 def typed(*rows: str) -> str:
     return TYPED + "\n".join([*rows, ""])
 
@@ -71,7 +76,7 @@ FORMATS = {
         *((None, content, "", None) for content in (b"", b"VERSION 0.7\n")),
     ], "c.pcd"),
     "text PCD": Sound(CLOUDS["ascii.pcd"], read_cloud, [
-        ("nan 9", "n/a 9", "'n/a'", 14),
+        ("nan 9", "n/b 9", "'n/b'", 14),
         (" 9 9 9 ", " 9 9 ", "12 numbers where a point has 13", 12),
     ], "c.pcd"),
     "PLY": Sound(CLOUDS["ascii.ply"], read_cloud, [
@@ -144,7 +149,8 @@ FORMATS = {
     ]),
     "force table": Sound("time,F1,F2,F3,M1,M2,M3\n" + SAMPLES, forces, [
         ("0.6,1", "0.4,1", "goes back", 3),
-        ("0.6,1,2,3,4,5", "0.6,nan,2,3,4,5", "no number", 3),
+        ("0.6,1,2,3,4,5", "nan,1,2,3,4,5", "column 1 time has no number", 3),
+        ("0.6,1,2,3,4,5,7\n0.7,1", "0.6,,2,3,4,5,7\n0.7,", "has 1 numbers in 3 rows", 2),
         ("0.6,1,2,3,4,5,7", "0.6,1,2,3,4,5", "6 cells", 3),
         ("0.5,1,2,3,4,5", "0.5,x,x,x,x,x", "words and numbers", 2),
         ("0.6,1,2,3,4,5,7\n0.7", "0.5,1,2,3,4,5,7\n0.5", "no clock", 2),
@@ -156,6 +162,10 @@ FORMATS = {
         ("0.2, 1, 2", "0.1, 1, 3", "does not increase", 2),
         (", 2", ", 2, 3", "3 values, not 2", 1),
         (None, b"\x89PNG\0", "not plain text", None),
+    ]),
+    "joint table with a gap": Sound(gap([5]), joints, [
+        ("0.05,,2", "0.05,x,2", "'x', not a finite number", 6),
+        (None, gap(range(5, 20)), "column 2  has no number in a gap of more than 10 of its", 6),
     ]),
     "labelled joint table": Sound("t,q1,q2\n0.0,0.5,0.25\n0.1,0.5,0.25\n",
                                   partial(read_joint_table, options=BY_NAME), [

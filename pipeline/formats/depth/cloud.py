@@ -108,7 +108,7 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
 
 
 def _is_ply(content: bytes) -> bool:
-    return content.startswith((b"ply\n", b"ply\r\n"))
+    return content.startswith((b"ply\n", b"ply\r"))
 
 
 def _pcd_header(content: bytes) -> CloudHeader:
@@ -116,7 +116,7 @@ def _pcd_header(content: bytes) -> CloudHeader:
         raise ValueError("no line DATA")
     lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
     entries = {words[0]: words[1:] for words in lines if words}
-    names = entries["FIELDS"]
+    names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
     counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
     types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
     if not {*types} <= PCD_TYPES or min(counts) < 1:

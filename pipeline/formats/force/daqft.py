@@ -49,8 +49,16 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
     named = options.columns or any(map(forces.axis_of, sheet.labels))
     voltages = not named and not {*GAUGES}.isdisjoint(sheet.labels)
-    values = (_forces_of_gauges if voltages else forces.axis_values)(sheet, options)
-    record = forces.sheet_record(sheet, values, options, lambda: _rate(sheet, options))
+    if voltages:
+        # a bias is linear too, so that the tare takes it out afterwards
+        columns, matrix, factors = _gauges(sheet, options)
+    else:
+        columns, factors = forces.axis_factors(sheet, options)
+
+    def convert(values: np.ndarray) -> np.ndarray:
+        return (values @ matrix.T if voltages else values) * factors
+
+    record = forces.sheet_record(sheet, columns, convert, options, lambda: _rate(sheet, options))
     counts, units = dict(record.counts), {}
     if delay := DELAY.match("".join(sheet.header[:1])):
         counts["paused_ms" if delay[1] == "Paused for" else "skipped_samples"] = int(delay[2])
@@ -60,18 +68,15 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     return replace(record, serial=serial, started=started, counts=counts, units=units)
 
 
-def _forces_of_gauges(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
-    """Return (N, 6) N and N·m: the calibration's matrix times the voltages. A bias is linear too,
-    so the tare takes it out afterwards.
-    """
+def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Return the columns of G0 to G5, the calibration's matrix and the factors to N and N·m."""
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
         message = "gauge voltages need G0 to G5 and the transducer's calibration; no column is "
         message += "labelled Force X, Force Y, Force Z"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
         raise RecordingError(message, **where)
     factors = forces.calibrated_factors(options.calibration, options)
-    volts = sheet.values([sheet.labels.index(label) for label in GAUGES])
-    return volts @ options.calibration.matrix.T * factors
+    return [*map(sheet.labels.index, GAUGES)], options.calibration.matrix, factors
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
@@ -141,11 +146,13 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     for axis in columns if counted else ():
         kind = KINDS[axis]
         per_unit[kind] = positive(f"Counts per Unit {kind.title()}", "counts")
-    values = forces.axis_values(sheet, options, units, per_unit)
+    held, factors = forces.axis_factors(sheet, options, units, per_unit)
     timed = replace(options, columns=columns | {"t": "RDT Sequence"})
-    record = forces.sheet_record(
-        sheet, values, timed, lambda: options.rate or positive("RDT Sample Rate", "rate")
-    )
+
+    def rate() -> float:
+        return options.rate or positive("RDT Sample Rate", "rate")
+
+    record = forces.sheet_record(sheet, held, lambda values: values * factors, timed, rate)
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
     status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])

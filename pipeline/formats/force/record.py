@@ -199,6 +199,7 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     names, a time that goes back, and malformed rows.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    columns, factors = axis_factors(sheet, options)
 
     def rate() -> float:
         if options.rate is None:
@@ -206,24 +207,24 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
             raise RecordingError(f"{message}samples a second", file=file, key=f"{OPTION}.rate")
         return options.rate
 
-    return sheet_record(sheet, axis_values(sheet, options), options, rate)
+    return sheet_record(sheet, columns, lambda values: values * factors, options, rate)
 
 
-def axis_values(
+def axis_factors(
     sheet: Sheet,
     options: ForceLogOptions,
     stated: Mapping[str, str | None] | None = None,
     per_unit: Mapping[str, float] | None = None,
-) -> np.ndarray:
-    """Return (N, 3 or 6) forces in N and, where there are any, torques in N·m, in the units
-    ``stated`` by kind, else in the header; ``per_unit`` numbers are one of them.
+) -> tuple[list[int], np.ndarray]:
+    """Return the columns of forces and, where there are any, torques, and their factors to N and
+    N·m, from the units ``stated`` by kind, else in the header; ``per_unit`` numbers are one unit.
     """
     columns, factors = axis_columns(sheet, options), []
     for axis, column in columns.items():
         own = stated[KINDS[axis]] if stated else sheet.unit(column)
         factor = si_factor(axis, own, options, file=sheet.file, line=sheet.label_line)
         factors.append(factor / (per_unit or {}).get(KINDS[axis], 1.0))
-    return sheet.values([*columns.values()]) * np.array(factors)
+    return [*columns.values()], np.array(factors)
 
 
 def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
@@ -248,29 +249,36 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
 
 
 def sheet_record(
-    sheet: Sheet, values: np.ndarray, options: ForceLogOptions, rate: Callable[[], float]
+    sheet: Sheet,
+    columns: list[int],
+    convert: Callable[[np.ndarray], np.ndarray],
+    options: ForceLogOptions,
+    rate: Callable[[], float],
 ) -> ForceRecord:
-    """Return the record of ``values`` (N, axes), timed by a column of times or sample numbers, else
-    by the ``rate``.
+    """Return the record of the ``columns`` (N, axes), which ``convert`` brings to N and N·m, timed
+    by a column of times or sample numbers, else by the ``rate``.
     """
     labels = [bare(label) for label in sheet.labels]
     fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]
     named = options.columns.get("t") if options.columns else next(iter(fits), None)
     marks = {"separator": sheet.separator, "decimal": sheet.decimal}
     if named is None:
-        frequency = rate()
-        time = np.arange(len(values)) / frequency
-        record = _record(time, values, frequency, repeats(values) | sheet.counts)
-        return replace(record, marks=marks)
+        samples, frequency = sheet.samples(columns), rate()
+        values, counts = convert(samples.values), sheet.counts | samples.counts
+        time = (samples.rows - samples.rows[0]) / frequency
+        return replace(_record(time, values, frequency, repeats(values) | counts), marks=marks)
     column = sheet.columns({"t": named}, KEY)["t"]
-    ticks = sheet.values([column])[:, 0]
+    samples = sheet.samples([column, *columns], column)
+    ticks, values = samples.values[:, 0], convert(samples.values[:, 1:])
     where, frequency = {"file": sheet.file, "line": sheet.label_line}, None
     if labels and NUMBERS.fullmatch(labels[column]):
         frequency = rate()
         time = (ticks - ticks[0]) / frequency
     else:
         time = (ticks - ticks[0]) * si_factor("t", sheet.unit(column), options, **where)
-    record = timed_record(time, values, ("line", sheet.lines), sheet.file, sheet.counts)
+    lines = [sheet.lines[row] for row in samples.rows]
+    counts = sheet.counts | samples.counts
+    record = timed_record(time, values, ("line", lines), sheet.file, counts)
     return replace(record, marks=marks, rate=frequency or record.rate)
 
 

@@ -46,14 +46,15 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
             message = f"the {quantity} is in {unit} by the header and in {given} by the option"
             where = {"file": file, "line": sheet.label_line, "key": f"{OPTION}.{key}"}
             raise RecordingError(message, **where)
-    table = sheet.values([*places.values()])
-    time = np.arange(len(table)) / options.rate
+    measured = [column for name, column in places.items() if name.endswith("(actual)")]
+    samples = sheet.samples([*places.values()], places.get("time"), measured)
+    table, time = samples.values, samples.rows / options.rate
     if first:
         time = table[:, 0] * TIME_UNITS[options.time_unit]
     values = table[:, first:] * ANGLE_UNITS[options.angle_unit]
     signals = {signal: values[:, columns] for signal, columns in chosen.items()}
-    log = JointLog(time, signals, dict(sheet.counts))
-    return increasing(log, file, lambda row: {"line": sheet.lines[row]})
+    log = JointLog(time, signals, sheet.counts | samples.counts)
+    return increasing(log, file, lambda row: {"line": sheet.lines[samples.rows[row]]})
 
 
 def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:

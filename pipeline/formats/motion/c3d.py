@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import GREATEST
 from pipeline.formats.format import Format, Head, Kind, read_alone, readable
 from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 
@@ -26,8 +27,9 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     """Return the markers of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is the
     unit of its lengths where POINT:UNITS is empty.
 
-    A sample is missing where its residual is negative, a coordinate is no number or all three are
-    exactly zero. Points of one label are each ``label [n]``, points without one are ``Point n``.
+    A sample is missing where its residual is negative, all its coordinates are exactly zero, or one
+    is no number or beyond GREATEST, as NDI's -3.7e28 (counted as ``invalid_samples``). Points of
+    one label are each ``label [n]``, points without one are ``Point n``.
     Points that POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a
     model, not markers: they are passed over and counted, as are labels beyond the points. Raises
     RecordingError for a file that cannot be read, is no C3D, is of a big-endian MIPS processor, is
@@ -60,7 +62,10 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         if {name, name.rpartition(":")[2]} & outputs:
             continue
         samples = position[:, number].T.copy()
-        samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
+        with np.errstate(invalid="ignore"):
+            wrong = ~(np.abs(samples) < GREATEST)
+        more["invalid_samples"] = more.get("invalid_samples", 0) + int(wrong.any(axis=1).sum())
+        samples[wrong | (residual[number] < 0)[:, None]] = np.nan
         several = names.count(name) > 1
         markers[f"{name} [{names[: number + 1].count(name)}]" if several else name] = samples
     if not markers:
@@ -68,6 +73,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         raise RecordingError(f"{message}; export the take with its markers", file=file)
     beside = {"skipped_model_outputs": points - len(markers)}
     beside |= {"skipped_labels": max(len(labels) - points, 0)}
+    beside["invalid_samples"] = more.pop("invalid_samples", 0)
     more |= {name: count for name, count in beside.items() if count}
     frame, counts = np.arange(frames) + first, {"announced_frames": announced or frames}
     about = Path(file).stem, "C3D", float(rate[0]), frame, np.zeros(0), markers, {}, counts, unit

@@ -5,6 +5,7 @@ from math import comb
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pipeline.core.angles import TURN, unwrapped, whole_turns
 from pipeline.core.errors import PipelineError
@@ -66,15 +67,21 @@ def table(finding: Finding, form: Format) -> None:
     """Add size, columns and clock of a table of numbers, and the columns of joint angles."""
     sheet = form.read(finding.file, key=f"{OPTION}.separator, .decimal (or dataset.force.log)")
     facts, labels = finding.facts, sheet.labels
-    values = dict(zip(sheet.numeric, sheet.values(sheet.numeric).T, strict=True))
-    if any(line.strip(" ,;\t") == "endheader" for line in sheet.header):
-        finding.version = "of OpenSim (MOT, STO)"
+    cells = pd.DataFrame(sheet.values(sheet.numeric, gaps=True)).dropna(how="all")
+    missing, filled = int(cells.isna().sum(axis=None)), cells.interpolate(limit_direction="both")
+    finding.count({"missing_cells": missing})
+    values = dict(zip(sheet.numeric, filled.to_numpy().T, strict=True))
+    finding.version = sheet.origin
     facts |= {"rows": len(sheet.rows), "columns": sheet.width}
     facts |= {"separator": sheet.separator, "decimal": sheet.decimal}
-    finding.count(sheet.counts | repeats(np.column_stack([*values.values()])))
+    counts = {"rows_without_numbers": len(sheet.rows) - len(cells)}
+    finding.count(sheet.counts | repeats(cells.to_numpy()) | counts)
     if sheet.left_out:
         facts["columns_without_numbers"] = sheet.left_out
-    clocks = [n for n, held in values.items() if len(held) > 2 and (np.diff(held) > 0).all()]
+    # two sources of one table may have rows of the same time
+    later = np.greater_equal if missing else np.greater
+    steps = {n: np.diff(held) for n, held in values.items() if len(held) > 2}
+    clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
     signals: dict[str, list[str]] = {}
     if labels:
@@ -86,7 +93,10 @@ def table(finding: Finding, form: Format) -> None:
             facts["time"] = labels[clocks[0]]
     time = values[clocks[0]] if clocks and (labels or facts["timed"]) else None
     if time is not None:
-        facts["step_of_time"] = round(float(np.median(np.diff(time))), 9)
+        facts["step_of_time"] = round(float(np.median(steps[clocks[0]])), 9)
+        second = TIME_UNITS.get(spelled(sheet.unit(clocks[0]) or ""))
+        if second and facts["step_of_time"]:
+            finding.rate = round(1 / (facts["step_of_time"] * second), 3)
     columns = {labels[n]: held for n, held in values.items()} if labels else {}
     if len(columns) == len(values):  # else two columns have one label: numbers name them
         signals, guesses = signals_of([*columns], time, columns.__getitem__)
@@ -98,11 +108,16 @@ def table(finding: Finding, form: Format) -> None:
             finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
     if sheet.width == 1:
         finding.ask(ONE_COLUMN, f"{OPTION}.signals")
-    elif {*ANGLES} - {*facts.get("signals", ())}:
+    elif {*ANGLES} - {*facts.get("signals", ())} and "of a" not in (sheet.origin or ""):
         question = "what the columns hold is not stated: a log of joints, or of forces"
         finding.ask(question, LOG_OF_BOTH)
     if {*ANGLES} <= {*signals} and time is not None:
-        actual, target = (np.column_stack([columns[n] for n in signals[role]]) for role in ANGLES)
+        named = [[labels.index(name) for name in signals[role]] for role in ANGLES]
+        samples = sheet.samples([clocks[0], *named[0], *named[1]], clocks[0], named[0])
+        finding.count(samples.counts)
+        time, actual, target = np.split(samples.values, [1, 1 + len(named[0])], axis=1)
+        time = time[:, 0]
+        facts["step_of_time"] = round(float(np.median(np.diff(time))), 9)
         facts["greatest"] = float(max(np.abs(actual).max(), np.abs(target).max()))
         angle = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
         unit = _units(finding, time, facts["greatest"], (sheet.unit(clocks[0]), angle))
