@@ -1,8 +1,11 @@
-"""Delimited text as instruments write it: whole lines, and the numbers between the separators."""
+"""Delimited text as instruments write it: whole lines, the numbers between the separators, and the
+units that labels state.
+"""
 
 import csv
 import io
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +22,7 @@ GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it
 MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
+SPACE = " "  # as a separator: any number of blanks
 # files that look like tables and are none: how one begins, its name, what to do instead
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
 FOREIGN = (
@@ -30,6 +34,33 @@ FOREIGN = (
     (r"P[123]\s", "image whose pixels are text (PBM, PGM, PPM)", "save it as PNG of 16 bits"),
     (r"(?:<\?xml[^>]*>\s*)?<(?:sdf|mujoco)\b", "robot in SDF or MJCF", "convert it to URDF"),
 )
+
+_LBF, _KGF, _INCH = 4.4482216152605, 9.80665, 0.0254
+# N; lb, klb, kg and g as ATI's programs name forces
+FORCE_UNITS = {"N": 1.0, "kN": 1e3, "lbf": _LBF, "klbf": 1e3 * _LBF, "kgf": _KGF, "gf": 1e-3 * _KGF}
+FORCE_UNITS |= {"lb": _LBF, "klb": 1e3 * _LBF, "kg": _KGF, "g": 1e-3 * _KGF}
+# N·m
+TORQUE_UNITS = {"Nm": 1.0, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+TORQUE_UNITS |= dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf"), _LBF * _INCH)
+TORQUE_UNITS |= dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf"), _LBF * 12 * _INCH)
+TORQUE_UNITS |= dict.fromkeys(("kgfcm", "kgcm"), 1e-2 * _KGF)
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": _INCH, "ft": 12 * _INCH}  # m
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}  # s
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
+_WORDS = {
+    "rad": "radian radians",
+    "deg": "degree degrees °",
+    "s": "sec secs second seconds [s]",
+    "ms": "millisecond milliseconds msec",
+    "us": "µs μs usec microsecond microseconds",
+    "ns": "nsec nanosecond nanoseconds",
+    "m": "meter meters metre metres",
+    "cm": "centimeter centimeters centimetre centimetres",
+    "mm": "millimeter millimeters millimetre millimetres",
+}
+SPELLINGS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
+UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
+KNOWN = {*FORCE_UNITS, *TORQUE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, "A", "V", "Hz", "-"}
 
 
 @dataclass(frozen=True)
@@ -124,3 +155,70 @@ def numbers_of(
                     message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
                 raise RecordingError(message, file=file, line=line)
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)
+
+
+def split_line(line: str, mark: str) -> list[str]:
+    """Return the cells of a line, roughly: quotes that do not close are the reader's to refuse."""
+    if '"' in line:
+        with suppress(RecordingError):
+            return cells_of(line, mark, file=Path(), number=0)
+    return [cell.strip().strip('"') for cell in line.split(mark)]
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, with a decimal point or comma."""
+    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
+
+
+def count_numbers(cells: list[str]) -> int:
+    """Return how many cells are numbers."""
+    return sum(map(is_number, cells))
+
+
+def is_rowlike(line: str) -> bool:
+    """Return whether a line has not more words than numbers."""
+    pieces = re.split(r'[,;\s"]+', line)
+    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
+    return len(words) <= count_numbers(pieces) > 0
+
+
+def separator_of(line: str) -> str:
+    """Return the separator of a line of numbers."""
+    if mark := next((mark for mark in ";\t" if mark in line), ""):
+        return mark
+    pieces = line.split()
+    # commas that never touch a blank are decimal marks of cells that blanks keep apart
+    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
+    # a date and a time have a blank between them too
+    numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
+    return SPACE if spaced and numbers and '"' not in line else ","
+
+
+def plain_unit(unit: str) -> str:
+    """Return ``unit`` without what joins its factors: N·m, N-m and N m are Nm."""
+    return re.sub(r"[-·⋅*.\s]", "", unit)
+
+
+def spelled(unit: str) -> str:
+    """Return a unit of time, angle or length in this project's spelling, of a speed its angle's."""
+    plain = unit.strip().lower().removesuffix("/s")
+    return SPELLINGS.get(plain, plain)
+
+
+def is_unit(word: str) -> bool:
+    """Return whether a cell is a unit, bare or in brackets."""
+    plain = word.strip("()[] ")
+    return plain in KNOWN or plain_unit(plain) in KNOWN or spelled(plain) in KNOWN
+
+
+def bare(label: str) -> str:
+    """Return the label without a unit in brackets behind it."""
+    return UNIT.fullmatch(label)[1] if unit_of(label) else label
+
+
+def unit_of(label: str) -> str | None:
+    """Return the unit in brackets behind a label, None where there is none; an index, as in
+    ``q[0]`` or ``q(1)``, is no unit.
+    """
+    match = UNIT.fullmatch(label)
+    return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None

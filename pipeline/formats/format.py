@@ -35,7 +35,7 @@ class Kind(StrEnum):
     CALIBRATION = "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
     IMAGE = "image"  # read(content, file=) → pipeline.formats.depth.image.RawDepth
     CLOUD = "cloud"  # read(content, file=) → pipeline.formats.depth.cloud.PointCloud
-    SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.index.DepthIndex
+    SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.image.DepthIndex
     INTRINSICS = "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
     TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*
     BAG = "bag"  # read(file) → pipeline.formats.rosbag.Summary

@@ -13,28 +13,17 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats.delimited import (
-    MISSING,
-    NUMBER,
-    Text,
-    cells_of,
-    foreign,
-    numbers_of,
-    read_text,
-)
+from pipeline.formats import delimited
+from pipeline.formats.delimited import MISSING, count_numbers, is_number, split_line
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.units import LENGTH_UNITS, bare, is_unit, unit_of
 
-SPACE = " "  # as a separator: any number of blanks
-SEPARATORS = (",", ";", "\t", SPACE)
+SEPARATORS = (",", ";", "\t", delimited.SPACE)
 SAMPLED = 40  # last lines that separate columns of numbers from others
 REMARKS = 5  # lines of words below the rows, at most
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # endings of files that hold no table
 HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
 LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
 SPARSEST = 50  # rows for each number of a column, at most
-TURNS = {"gyro", "gyr", "gyroscope", "angular", "omega"}  # words for angular velocities
-ACCELERATIONS = {"acc", "accel", "accelerometer", "acceleration", "linear"}
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -72,15 +61,13 @@ class Sheet:
     @cached_property
     def last(self) -> list[str]:
         """Cells of the last row."""
-        return _split(self.rows[-1], self.separator)
+        return split_line(self.rows[-1], self.separator)
 
     @property
     def settings(self) -> dict[str, str]:
         """Header statements ``name = value`` of a cell and ``name: value`` of a line."""
-        cells = [
-            cell for line in self.header for cell in _split(line.lstrip("#% "), self.separator)
-        ]
-        stated = [cell.partition("=") for cell in cells if "=" in cell]
+        above = (split_line(line.lstrip("#% "), self.separator) for line in self.header)
+        stated = [cell.partition("=") for cells in above for cell in cells if "=" in cell]
         lines = [line.strip().strip('"') for line in self.header if "=" not in line]
         stated += [line.partition(":") for line in lines if ":" in line]
         return {name.strip(): value.strip() for name, _, value in stated}
@@ -92,25 +79,12 @@ class Sheet:
 
     @property
     def origin(self) -> str | None:
-        """Program or content of the table, where its header or its labels state them."""
+        """Program that wrote the table, where a line of the header ends it as that program does."""
         if any(line.strip(" ,;\t") == "endheader" for line in self.header):
             return "of OpenSim (MOT, STO)"
         if any(line.startswith(HEADER_END) for line in self.header):
             return "of LabVIEW (LVM)"
-        axes: dict[str, dict[str, int]] = {}  # column by last letter, of labels else alike
-        for column, label in enumerate(self.labels):
-            plain = re.sub(r"\s*[\[(].*", "", label.lower())
-            stem = re.sub(r"[wxyz]$", "", plain)
-            axes.setdefault(stem, {})[plain[len(stem) :]] = column
-        vectors = {stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}}
-        if any("w" in columns for columns in vectors.values()):
-            return "of poses of a body (position and quaternion)"
-        units = {re.sub(r"[\s^*/·]", "", self.unit(held["x"]) or "") for held in vectors.values()}
-        words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
-        stated = {"rads-1", "ms-2"} <= units or {"rads", "ms2"} <= units
-        if stated or (words & TURNS and words & ACCELERATIONS):
-            return "of an inertial sensor (angular velocity and acceleration)"
-        return "of positions of a point" if len(vectors) == 1 and units & {*LENGTH_UNITS} else None
+        return None
 
     @property
     def left_out(self) -> dict[str, str]:
@@ -124,11 +98,11 @@ class Sheet:
 
     def words(self, column: int) -> list[str]:
         """Return (N,) the cells of a column as they are written; empty where a row has too few."""
-        return [(_split(row, self.separator)[column:] or [""])[0] for row in self.rows]
+        return [(split_line(row, self.separator)[column:] or [""])[0] for row in self.rows]
 
     def unit(self, column: int) -> str | None:
         """Return the unit that the header states for a ``column``, behind its label or below it."""
-        behind = unit_of("".join(self.labels[column : column + 1]))
+        behind = delimited.unit_of("".join(self.labels[column : column + 1]))
         return behind or "".join(self.units[column : column + 1]).strip("()[] ") or None
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
@@ -137,7 +111,9 @@ class Sheet:
         """
         columns = {}
         for quantity, name in wanted.items():
-            fits = [c for c, label in enumerate(self.labels) if name in (label, bare(label))]
+            fits = [
+                c for c, label in enumerate(self.labels) if name in (label, delimited.bare(label))
+            ]
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
             if len(fits) != 1:
@@ -154,7 +130,7 @@ class Sheet:
         RecordingError with the line of a missing number.
         """
         form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
-        return numbers_of(self.rows, self.lines, columns, file=self.file, **form)
+        return delimited.numbers_of(self.rows, self.lines, columns, file=self.file, **form)
 
     def samples(
         self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
@@ -219,115 +195,82 @@ def read_sheet(
     if not known or (decimal is not None and decimal == separator):
         message = f"separator {separator!r} and decimal {decimal!r}: one of comma, semicolon, tab, "
         raise ConfigError(f"{message}blank, and another of point, comma", key=key)
-    return _sheet(read_text(file), Path(file), separator, decimal, key)
+    return _sheet(delimited.read_text(file), Path(file), separator, decimal, key)
 
 
-def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, key: str) -> Sheet:
-    if other := foreign("\n".join(text.lines[:3]) + "\n"):
+def _sheet(
+    text: delimited.Text, file: Path, separator: str | None, decimal: str | None, key: str
+) -> Sheet:
+    if other := delimited.foreign("\n".join(text.lines[:3]) + "\n"):
         raise RecordingError(f"this is a {other[0]}, which is not read: {other[1]}", file=file)
     places = [number for number, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
     if not places:
         raise RecordingError("the file holds no whole line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     tail = lines[: -REMARKS - 1 : -1]
-    likely = next((line for line in tail if _is_rowlike(line)), lines[-1])
-    mark = separator or _separator_of(likely)
-    if mark == SPACE:
-        lines = [SPACE.join(line.lstrip("#%").split()) for line in lines]
-    end = len(lines) - tail.index(likely)  # of the rows; below are lines of words
+    likely = next((line for line in tail if delimited.is_rowlike(line)), lines[-1])
+    mark = separator or delimited.separator_of(likely)
+    if mark == delimited.SPACE:
+        lines = [mark.join(line.lstrip("#%").split()) for line in lines]
+    below = tail.index(likely)  # lines of words below the rows
     start, repeated = _sections(lines, places, mark)
-    end -= repeated
-    early = lines[start : max(end - SAMPLED, start)]  # of columns that are empty in the last rows
-    chosen = early[:: max(len(early) // SAMPLED, 1)] + lines[max(end - SAMPLED, 0) : end]
-    split = [_split(line, mark) for line in chosen]
+    end = len(lines) - below
+    # earlier lines too, as a column may be empty in the last ones
+    early = lines[start : max(end - SAMPLED, start)]
+    sampled = early[:: max(len(early) // SAMPLED, 1)] + lines[max(end - SAMPLED, 0) : end]
+    split = [split_line(line, mark) for line in sampled]
     before = {len(cells) for cells in split[-3:-1]}
-    if len(before) == 1 and len(split[-1]) < max(before) and _numbers(split[-2]):
+    if len(before) == 1 and len(split[-1]) < max(before) and count_numbers(split[-2]):
         end, split = end - 1, split[:-1]
-    counts = {"blank_rows": len(text.lines) - len(places)}
-    counts["cut_rows"] = (text.cut is not None) + len(lines) - end
     last, numeric = split[-1], _numeric_columns(split)
-    rows = enumerate((_split(line, mark) for line in lines[start : end if numeric else 0]), start)
-    if (top := next((n for n, row in rows if _is_row(row, numeric, last)), end)) == end:
+    top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
+    if top is None:
         message = f"no line holds numbers below {lines[end - 1][:80]!r}, where a table has rows of"
         raise RecordingError(f"{message} them; record or export it again", file=file)
-    if top + 1 < end and _counts_on(_split(lines[top], mark)):
-        top += 1  # labels that are numbers, as pandas writes them
-    while top > start and {*(cells := _split(lines[top - 1], mark))} <= {*MISSING}:
-        if len(cells) != len(last):
-            break
-        top -= 1
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
-        stated = (_split(line, mark) for line in lines[:start])
+        stated = (split_line(line, mark) for line in lines[:start])
         units = next((["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"])
-    header, body = lines[:top], range(top, end)
-    again = text.lines[label_line - 1] if labels else None
+    header, again = lines[:top], text.lines[label_line - 1] if labels else None
     said = [text.lines[place - 1] for place in places[top:end]]
-    held = [n for n, line in zip(body, said, strict=True) if line != again and line[0] not in "#%"]
-    if remarks := len(body) - len(held) + repeated:  # headers again, and remarks
+    held = [n for n, line in enumerate(said, top) if line != again and line[0] not in "#%"]
+    counts = {"blank_rows": len(text.lines) - len(places) - repeated}
+    counts["cut_rows"] = (text.cut is not None) + len(lines) - end
+    if remarks := end - top - len(held) + repeated:  # headers again, and remarks
         counts["remark_rows"] = remarks
     lines, places = [lines[n] for n in held], [places[n] for n in held]
     signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines)]
     if decimal is None and len(signs) > 1:  # those of the columns of numbers alone
-        rows = (enumerate(_split(row, mark)) for row in lines)
-        held = "".join(cell for row in rows for column, cell in row if column in numeric)
-        if len(signs := [sign for sign in signs if sign in held]) > 1:
+        rows = (enumerate(split_line(row, mark)) for row in lines)
+        numbers = "".join(cell for row in rows for column, cell in row if column in numeric)
+        if len(signs := [sign for sign in signs if sign in numbers]) > 1:
             message = "decimal points and decimal commas in one table; mend it, or set decimal"
             raise RecordingError(message, file=file, key=key)
-    chosen = decimal or "".join(signs)
-    if not chosen and mark == "," and separator is None and len(last) > 1 and not labels:
+    sign = decimal or "".join(signs)
+    if not sign and mark == "," and separator is None and len(last) > 1 and not labels:
         message = "whole numbers between commas, or decimal commas? Set separator and decimal, or "
         message += "save it with semicolons"
         raise RecordingError(message, file=file, line=places[0], key=key)
     above = header, labels, units, label_line
-    return Sheet(file, *above, lines, places, mark, chosen or ".", numeric, counts)
+    return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
-    """Return the line of the labels in a file of LabVIEW, 0 in others, and the number of lines of
+    """Return the line of the labels in a file of LabVIEW, 0 in others, and the number of lines in
     the headers of further segments, which are taken out. Rows get the cell of the column Comment.
     """
     ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
     if not ends or ends[-1] + 1 >= len(lines):
         return 0, 0
-    repeated = 0
+    whole = len(lines)
     for end in reversed(ends[2:]):
         first = max((n for n in range(end) if lines[n].startswith("Channels")), default=end)
         del lines[first : end + 2], places[first : end + 2]
-        repeated += end + 2 - first
-    labels = _split(lines[start := ends[:2][-1] + 1].rstrip(mark), mark)
+    labels = split_line(lines[start := ends[:2][-1] + 1].rstrip(mark), mark)
     if labels[-1] == "Comment":
         for n in range(start + 1, len(lines)):
             lines[n] += mark * (lines[n].count(mark) == len(labels) - 2)
-    return start, repeated
-
-
-def _is_rowlike(line: str) -> bool:
-    """Return whether a line has not more words than numbers."""
-    pieces = re.split(r'[,;\s"]+', line)
-    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
-    return len(words) <= _numbers(pieces) > 0
-
-
-def _separator_of(line: str) -> str:
-    if mark := next((mark for mark in ";\t" if mark in line), ""):
-        return mark
-    pieces = line.split()
-    # commas that never touch a blank are decimal marks of cells that blanks keep apart
-    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
-    # a date and a time have a blank between them too
-    numbers = 2 * _numbers(pieces) >= len(pieces) or "," not in line
-    return SPACE if spaced and numbers and '"' not in line else ","
-
-
-def _split(line: str, mark: str) -> list[str]:
-    """Return the cells of a line, roughly: quotes that do not close are the reader's to refuse."""
-    if '"' in line:
-        try:
-            return cells_of(line, mark, file=Path(), number=0)
-        except RecordingError:
-            pass
-    return [cell.strip().strip('"') for cell in line.split(mark)]
+    return start, whole - len(lines)
 
 
 def _filled(cells: list[str]) -> int:
@@ -335,34 +278,41 @@ def _filled(cells: list[str]) -> int:
     return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
 
 
-def _is_number(cell: str) -> bool:
-    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
-
-
-def _numbers(cells: list[str]) -> int:
-    return sum(map(_is_number, cells))
-
-
 def _numeric_columns(split: list[list[str]]) -> list[int]:
     """Return the columns with numbers in at least half of the cells that are filled."""
     alike = []
     for cells in reversed(split):
         if len(cells) == len(split[-1]):
-            if not any(_is_number(cell) or cell in MISSING[1:] for cell in cells):
+            if not any(is_number(cell) or cell in MISSING[1:] for cell in cells):
                 break
             alike.append(cells)
     filled = [[cell for cell in cells if cell not in MISSING] for cells in zip(*alike, strict=True)]
-    return [number for number, cells in enumerate(filled) if 2 * _numbers(cells) >= len(cells) > 0]
+    return [n for n, cells in enumerate(filled) if 2 * count_numbers(cells) >= len(cells) > 0]
 
 
-def _is_row(cells: list[str], numeric: list[int], last: list[str]) -> bool:
-    held = [cells[column] for column in numeric] if len(cells) == len(last) else []
-    return _numbers(held) > 0 and all(_is_number(cell) or cell in MISSING for cell in held)
+def _first_row(
+    lines: list[str], start: int, mark: str, numeric: list[int], last: list[str]
+) -> int | None:
+    """Return the first line from ``start`` on with numbers in the columns of numbers alone."""
+    for top in range(start, len(lines)):
+        cells = split_line(lines[top], mark)
+        held = [cells[column] for column in numeric] if len(cells) == len(last) else []
+        if any(map(is_number, held)) and all(is_number(one) or one in MISSING for one in held):
+            break
+    else:
+        return None
+    if top + 1 < len(lines) and _counts_on(cells):
+        return top + 1  # labels that are numbers, as pandas writes them
+    while top > start and len(above := split_line(lines[top - 1], mark)) == len(last):
+        if not {*above} <= {*MISSING}:
+            break
+        top -= 1
+    return top
 
 
 def _counts_on(cells: list[str]) -> bool:
     """Return whether cells are labels that are numbers: nothing or a word, then 0, 1, 2 …"""
-    if len(cells) < 3 or _is_number(cells[0]):
+    if len(cells) < 3 or is_number(cells[0]):
         return False
     numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
     return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
@@ -380,13 +330,13 @@ def _header(
 
     for line, place in zip(lines, places, strict=False):
         for other in SEPARATORS:
-            cells = line.split() if other == SPACE else _split(line, other)
+            cells = line.split() if other == delimited.SPACE else split_line(line, other)
             filled = [cell for cell in cells if cell]
-            if len(filled) > 2 and _numbers(filled) == len(filled) and not _counts_on(cells):
+            if len(filled) > 2 and count_numbers(filled) == len(filled) and not _counts_on(cells):
                 raise fault(f"numbers in another form than below, or damaged: {line[:80]!r}", place)
-    above = [_split(line.lstrip("#% "), mark) for line in lines]
+    above = [split_line(line.lstrip("#% "), mark) for line in lines]
     cells = above[-1] if above else []
-    numbers = _numbers([cells[column] for column in numeric if column < len(cells)])
+    numbers = count_numbers([cells[column] for column in numeric if column < len(cells)])
     if numbers and not _counts_on(cells) and (len(cells) == len(last) or numbers == len(cells)):
         message = f"words and numbers in a damaged row: {lines[-1][:80]!r}"
         raise fault(message, places[len(lines) - 1])
@@ -399,7 +349,7 @@ def _header(
         filled, width = _filled(cells), len(last)
         if not re.search(r"\w", "".join(cells)):
             continue
-        stated = len(cells) > 1 and all(map(is_unit, filter(None, cells)))
+        stated = len(cells) > 1 and all(map(delimited.is_unit, filter(None, cells)))
         if stated and not units and place > places[0]:
             units = cells
         elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
@@ -409,11 +359,11 @@ def _header(
 
 def _begins(head: Head) -> bool:
     """Return whether the reader finds rows in the beginning, or refuses an option or a line."""
-    if head.text is None or not head.lines or head.suffix in TREES or foreign(head.text):
+    if head.text is None or not head.lines or head.suffix in TREES or delimited.foreign(head.text):
         return False
     *lines, last = head.text.split("\n")
     try:
-        sheet = _sheet(Text(lines or [last], None), head.file, None, None, "")
+        sheet = _sheet(delimited.Text(lines or [last], None), head.file, None, None, "")
     except RecordingError as error:
         return bool({"key", "line"} & {*error.evidence})
     if len(sheet.rows) < 2:

@@ -16,8 +16,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import Depth
 from pipeline.formats import rosbag
-from pipeline.formats.depth import cloud, image, index
-from pipeline.formats.depth import messages as ros
+from pipeline.formats.depth import cloud, image
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.format import is_bag
 from pipeline.perception.segment import ArmSegmenter, cut_cloud
@@ -69,7 +68,7 @@ def frame_rows(
     rows = pd.DataFrame(rows | {"file": take.references, "valid": valid})[~frozen]
     rows = rows.assign(points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1])
     np.save(folder / f"{name}.npy", np.concatenate(kept))
-    dropped = index.dropped_frames(time)
+    dropped = image.dropped_frames(time)
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | take.counts
     share = ("dropped_share", dropped / (dropped + len(clouds)), "share")
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in (*counts.items(), share)]
@@ -99,9 +98,9 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
 
 def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     if depth.index is not None:
-        listed = index.read_index(path / depth.index)
+        listed = image.read_index(path / depth.index)
     elif depth.frames is not None:
-        listed = index.numbered_frames(path, depth.frames, rate=depth.rate)
+        listed = image.numbered_frames(path, depth.frames, rate=depth.rate)
     else:
         message = "a folder of frames needs their index, or frames: a glob of their numbered names"
         raise ConfigError(message, key=f"{KEY}.index")
@@ -124,17 +123,17 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
 def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     """A pass over the bag for the times in the headers; another reads the frames."""
-    topic = rosbag.choose_topic(path, (ros.IMAGE, ros.CLOUD), depth.topic)
+    topic = rosbag.choose_topic(path, (rosbag.IMAGE, rosbag.CLOUD), depth.topic)
     time, where = (
         np.array([*rosbag.messages(path, topic, rosbag.seconds)]),
         {"file": path, "topic": topic},
     )
     if (late := np.flatnonzero(np.diff(time) <= 0)).size:
         raise RecordingError("the time does not increase", **where, number=int(late[0]) + 1)
-    pick, camera = ros.cloud_points, None
-    if rosbag.topics(path)[topic] == ros.IMAGE:
+    pick, camera = rosbag.cloud_points, None
+    if rosbag.topics(path)[topic] == rosbag.IMAGE:
         camera = _intrinsics(path, depth, raw, topic)
-        pick = partial(ros.image_pixels, shape=(camera.height, camera.width))
+        pick = partial(rosbag.image_pixels, shape=(camera.height, camera.width))
 
     def frames() -> Frames:
         for number, each in enumerate(rosbag.messages(path, topic, pick)):
@@ -159,8 +158,8 @@ def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrins
     if not topic:
         message = "depth images need a file of their camera's intrinsics"
         raise ConfigError(message, key=f"{KEY}.intrinsics")
-    stated = rosbag.choose_topic(path, (ros.CAMERA_INFO,), depth.camera_info)
-    camera = next(rosbag.messages(path, stated, partial(ros.camera_info, **size), {0}))
+    stated = rosbag.choose_topic(path, (rosbag.CAMERA_INFO,), depth.camera_info)
+    camera = next(rosbag.messages(path, stated, partial(rosbag.camera_info, **size), {0}))
     if camera.distortion and "rect" in topic:
         message = "the images are called rectified, and their camera distorted; give the intrinsics"
         message += " that hold for them in a file"

@@ -13,8 +13,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.instruments import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
-from pipeline.formats.joints import table
-from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
+from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
 from pipeline.recordings.commands import named_joints
 from pipeline.recordings.pairing import delayed, require_pair
 from pipeline.recordings.repetitions import REACH, commanded_speeds
@@ -104,7 +103,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     their factors, angles without jumps of whole turns. Raises RecordingError for other joints,
     angles beyond four turns, and jumps of no whole turns.
     """
-    chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
+    chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or TABLE
     log = chosen.read(file, options)
     names, signals, jumps = options.names or log.joints, {}, 0
     if log.joints and options.names and log.joints != tuple(options.names):

@@ -19,8 +19,7 @@ from pipeline.formats import motion
 from pipeline.formats.delimited import numbers_of
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.format import formats_in
-from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.joints.table import read_joint_table
+from pipeline.formats.joints.log import LogOptions, read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
 from pipeline.recordings.motion_capture import read_take

@@ -1,7 +1,7 @@
 """Point clouds as PCD (ascii, binary, binary_compressed) or PLY (ascii, binary of either order).
 
-Open3D reads the binary data, under a header of its own: it fills up what a truncated file lacks,
-takes damaged text for zeros and fails on fields that share a name (PCL's padding ``_``).
+Open3D reads the binary data, with a header that is written here: Open3D fills up the bytes that a
+truncated file lacks, reads damaged text as zeros and fails on two fields of one name.
 """
 
 import ctypes
@@ -49,10 +49,10 @@ class PointCloud:
     organised: str = ""  # columns × rows
 
     @classmethod
-    def measured(cls, points: np.ndarray, *beside: object) -> "PointCloud":
+    def measured(cls, points: np.ndarray, *details: object) -> "PointCloud":
         """Return the cloud of (N, 3) ``points``, those without a position left out and counted."""
         held = np.isfinite(points).all(axis=1)
-        return cls(points[held], int(np.sum(~held)), *beside)
+        return cls(points[held], int(np.sum(~held)), *details)
 
 
 class CloudHeader(NamedTuple):

@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 from pipeline.formats.format import Format, Kind, decoded, file_content, is_xml
-from pipeline.formats.units import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 

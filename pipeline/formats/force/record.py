@@ -11,10 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import (
+    FORCE_UNITS,
+    TIME_UNITS,
+    TORQUE_UNITS,
+    bare,
+    plain_unit,
+    spelled,
+)
 from pipeline.formats.force.calibration import Calibration
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
-from pipeline.formats.units import FORCE_UNITS, TIME_UNITS, TORQUE_UNITS, bare, plain_unit, spelled
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 UNITS = {"force": FORCE_UNITS, "torque": TORQUE_UNITS, "time": TIME_UNITS}

@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
@@ -19,7 +20,6 @@ from pipeline.formats.joints.names import (
     possibly_speed,
     signals_of_groups,
 )
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # another format under the ending of a MATLAB file
 MEMBER = slice(30, 286)  # bytes of a ZIP file with the name of its first member

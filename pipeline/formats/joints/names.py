@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from pipeline.formats.units import bare
+from pipeline.formats.delimited import LENGTH_UNITS, bare
 
 
 def _words(*lines: str) -> frozenset[str]:
@@ -39,20 +39,18 @@ COORDINATES = {*"xyzw"}  # last words of a vector or a quaternion
 FOLLOWS = 0.05  # of the motion, by which a command may miss the measured angles
 INTEGRAL = 0.1  # of the motion, by which the integral of a speed may miss it
 UNIT_NORM = 1e-3  # by which four columns that are a quaternion may be off a length of 1
-
+TURNS = _words("gyro gyr gyroscope angular omega")  # angular velocities of an inertial sensor
+ACCELERATIONS = _words("acc accel accelerometer acceleration linear")
 
 SHORT = {"tq": "target q", "tqd": "target qd", "tqdd": "target qdd", "aq": "actual q"}
-SHORT |= {"qm": "actual q", "qcmd": "target q", "qdes": "target q", "qref": "target q"}
+SHORT |= {"qm": "actual q"} | dict.fromkeys(("qcmd", "qdes", "qref"), "target q")
 SHORT |= {"jointstate": "state", "jointstates": "state", "jointpositions": "pos"}
-SHORT |= {"jointcommand": "target", "jointcommands": "target"}
+SHORT |= dict.fromkeys(("jointcommand", "jointcommands"), "target")
 SHORT |= {"aipos": "actual pos", "aspos": "target pos"}
-SHORT |= {
-    word: f"{mark} {quantity}"
-    for mark in (*MEASURED, *COMMANDED)
-    for quantity in (*POSITION, *VELOCITY)
-    if len(mark) > 2
-    for word in (mark + quantity, quantity + mark)
-}
+for _mark in (word for word in (*MEASURED, *COMMANDED) if len(word) > 2):
+    for _quantity in (*POSITION, *VELOCITY):
+        _joined = _mark + _quantity, _quantity + _mark
+        SHORT |= dict.fromkeys(_joined, f"{_mark} {_quantity}")
 
 
 @dataclass(frozen=True)
@@ -138,6 +136,26 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
     return groups
 
 
+def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | None:
+    """Return the content of a table of no joints, by its ``labels`` and the ``units`` of its
+    columns: poses of a body, an inertial sensor or positions of a point; None where it is unknown.
+    """
+    axes: dict[str, dict[str, int]] = {}  # column by last letter, of labels that are alike else
+    for column, label in enumerate(labels):
+        plain = re.sub(r"\s*[\[(].*", "", label.lower())
+        stem = re.sub(r"[wxyz]$", "", plain)
+        axes.setdefault(stem, {})[plain[len(stem) :]] = column
+    vectors = {stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}}
+    if any("w" in columns for columns in vectors.values()):
+        return "poses of a body (position and quaternion)"
+    stated = {re.sub(r"[\s^*/·]", "", units[columns["x"]] or "") for columns in vectors.values()}
+    words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
+    inertial = {"rads-1", "ms-2"} <= stated or {"rads", "ms2"} <= stated
+    if inertial or (words & TURNS and words & ACCELERATIONS):
+        return "an inertial sensor (angular velocity and acceleration)"
+    return "positions of a point" if len(vectors) == 1 and stated & {*LENGTH_UNITS} else None
+
+
 def signals_of(
     labels: Sequence[str],
     time: np.ndarray | None = None,
@@ -150,9 +168,7 @@ def signals_of(
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
-    values = (
-        {} if load is None else {n: np.column_stack([*map(load, g)]) for n, g in groups.items()}
-    )
+    values = {n: np.column_stack([*map(load, held)]) for n, held in groups.items()} if load else {}
     return signals_of_groups(groups, values, time)
 
 
@@ -200,9 +216,8 @@ def possibly_speed(names: Iterable[str]) -> list[str]:
 
 
 def _is_quaternion(values: np.ndarray) -> bool:
-    return values.shape[1] == 4 and bool(
-        np.abs(np.linalg.norm(values, axis=1) - 1).max(initial=0.0) < UNIT_NORM
-    )
+    off = np.abs(np.linalg.norm(values, axis=1) - 1).max(initial=0.0)
+    return values.shape[1] == 4 and bool(off < UNIT_NORM)
 
 
 def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:

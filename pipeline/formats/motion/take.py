@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.units import spelled
+from pipeline.formats.delimited import spelled
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 FARTHEST = 100.0  # m from the origin, beyond which nothing is captured

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.core.bounds import Reading, Sandbox, within
 from pipeline.core.errors import PipelineError, RecordingError
-from pipeline.formats.depth.index import frame_endings
+from pipeline.formats.depth.image import frame_endings
 from pipeline.formats.format import is_bag
 from pipeline.tools.inspect.finding import Finding, as_json, as_table
 from pipeline.tools.inspect.joints import compare_tables

@@ -9,13 +9,11 @@ import pandas as pd
 
 from pipeline.core.angles import TURN, unwrapped, whole_turns
 from pipeline.core.errors import PipelineError
+from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.joints import bag
-from pipeline.formats.joints.log import OPTION, LogOptions
-from pipeline.formats.joints.names import meaning, named_like, signals_of
-from pipeline.formats.joints.table import read_joint_table
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, bare, spelled
+from pipeline.formats.joints.log import BAG, OPTION, LogOptions, read_joint_table
+from pipeline.formats.joints.names import meaning, named_like, other_content, signals_of
 from pipeline.recordings.movement import CLOCK_TOLERANCE, MOST_TURNS, UNWRAPPED, smoothness_by_rows
 from pipeline.recordings.pairing import missed, pairing_of, suspects
 from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
@@ -44,7 +42,7 @@ def joint_log(finding: Finding, form: Format) -> None:
     if len(time) < 2:
         return
     units = "s", "rad"  # by the definition of a bag's message
-    if form.name != bag.FORMAT.name:
+    if form.name != BAG.name:
         greatest = max(float(np.abs(values).max()) for values in signals.values())
         units = _units(finding, time, greatest)
     time = time * TIME_UNITS[units[0]]
@@ -106,9 +104,12 @@ def table(finding: Finding, form: Format) -> None:
             named = ", ".join(f"{name}: [{', '.join(held)}]" for name, held in signals.items())
             question = f"no label says it: {'; '.join(guesses.values())}"
             finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
-    if sheet.width == 1:
+    other = other_content(labels, [sheet.unit(n) for n in range(len(labels))])
+    if other and not signals:
+        finding.version = f"of {other}"
+    elif sheet.width == 1:
         finding.ask(ONE_COLUMN, f"{OPTION}.signals")
-    elif {*ANGLES} - {*facts.get("signals", ())} and "of a" not in (sheet.origin or ""):
+    elif {*ANGLES} - {*facts.get("signals", ())}:
         question = "what the columns hold is not stated: a log of joints, or of forces"
         finding.ask(question, LOG_OF_BOTH)
     if {*ANGLES} <= {*signals} and time is not None:

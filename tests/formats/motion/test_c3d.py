@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from written_logs import refusal
+from written_logs import refusal, seen
 
 from pipeline.core.bounds import Reading, within
 from pipeline.formats.motion.c3d import read_c3d
 from pipeline.formats.motion.take import rate_from_times
-from pipeline.tools.inspect.command import as_table, inspect
 
 AB = ["Arm:a", "Arm:b"]
 DEC = 85
@@ -97,11 +96,6 @@ def c3d(
 def write(folder: Path, *arguments: object, **options: object) -> Path:
     (folder / "t.c3d").write_bytes(c3d(*arguments, **options))
     return folder / "t.c3d"
-
-
-def seen(file: Path) -> str:
-    """The text that ``inspect`` prints of ``file``."""
-    return " ".join(as_table(inspect(file), file.parent).split())
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)])
