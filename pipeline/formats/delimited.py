@@ -8,6 +8,7 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,6 +23,8 @@ GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it
 MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
+LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
+SPARSEST = 50  # rows for each number of a column, at most
 SPACE = " "  # as a separator: any number of blanks
 # files that look like tables and are none: how one begins, its name, what to do instead
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
@@ -61,6 +64,15 @@ _WORDS = {
 SPELLINGS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
 UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
 KNOWN = {*FORCE_UNITS, *TORQUE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, "A", "V", "Hz", "-"}
+
+
+class Samples(NamedTuple):
+    """Rows of chosen columns, in which every cell has a number."""
+
+    values: np.ndarray  # (M, columns)
+    rows: np.ndarray  # (M,) their numbers in the table, from 0
+    # rows_without_numbers and incomplete_end_rows, left out; interpolated_cells
+    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -157,6 +169,49 @@ def numbers_of(
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)
 
 
+def complete_rows(
+    values: np.ndarray, clock: int | None, leading: list[int]
+) -> tuple[Samples | None, tuple[str, int, int] | None]:
+    """Return the rows of ``values`` (N, columns) that have a number in a ``leading`` column, or the
+    problem, column and row that prevents it. Tables merged of several sources have missing cells:
+    those between two numbers of their column are interpolated linearly over the column ``clock``
+    (default the rows), and rows before its first or after its last number are left out. Refused
+    are rows without a time, cells in a gap of more than LONGEST_GAP median steps of their column,
+    and columns with fewer than two numbers or one in SPARSEST rows.
+    """
+    rows, missing = np.arange(len(values)), np.isnan(values)
+    if not missing.any():
+        return Samples(values, rows, {}), None
+    others = [column for column in range(values.shape[1]) if column != clock]
+    rows = rows[~missing[:, others].all(axis=1)]
+    filled, missing = values[rows], missing[rows]
+    x = rows.astype(float) if clock is None else filled[:, clock]
+    if np.isnan(x).any():
+        return None, ("has no number", clock, rows[np.isnan(x).argmax()])
+    taken = ~missing[:, leading].all(axis=1)
+    inside = taken.copy()
+    for column in others:
+        known = np.flatnonzero(~missing[:, column])
+        if len(known) < max(2, len(rows) / SPARSEST):
+            problem = f"has {len(known)} numbers in {len(rows)} rows"
+            return None, (problem, column, min(rows, default=0))
+        inside[: known[0]] = inside[known[-1] + 1 :] = False
+        after = np.searchsorted(known, np.arange(len(x))).clip(1, len(known) - 1)
+        steps = np.diff(x[known])
+        wide = missing[:, column] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
+        if wide.any():
+            problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
+            return None, (problem, column, rows[wide.argmax()])
+        filled[:, column] = np.interp(x, x[known], filled[known, column])
+    if not inside.any():
+        return None, ("has no number at the times of the other columns", leading[0], 0)
+    counts = {"rows_without_numbers": len(values) - int(taken.sum())}
+    counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
+    counts["interpolated_cells"] = int(missing[inside].sum())
+    counts = {name: count for name, count in counts.items() if count}
+    return Samples(filled[inside], rows[inside], counts), None
+
+
 def split_line(line: str, mark: str) -> list[str]:
     """Return the cells of a line, roughly: quotes that do not close are the reader's to refuse."""
     if '"' in line:
@@ -173,6 +228,21 @@ def is_number(cell: str) -> bool:
 def count_numbers(cells: list[str]) -> int:
     """Return how many cells are numbers."""
     return sum(map(is_number, cells))
+
+
+def filled_width(cells: list[str]) -> int:
+    """Return the number of cells up to the last one with content."""
+    return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
+
+
+def counts_on(cells: list[str]) -> bool:
+    """Return whether cells are labels that are numbers, as pandas writes them: nothing or a word,
+    then 0, 1, 2 …
+    """
+    if len(cells) < 3 or is_number(cells[0]):
+        return False
+    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
+    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
 
 
 def is_rowlike(line: str) -> bool:

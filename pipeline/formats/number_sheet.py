@@ -1,6 +1,5 @@
-"""A table of numbers as any program writes it: the last line says how many cells a row has, the
-rows begin at the first line whose cells hold numbers wherever the last lines do, and everything
-above (settings, title, labels, units) is the header.
+"""Tables of numbers as any program writes them: the last line says how many cells a row has, rows
+begin at the first line with numbers in the columns of the last lines; the header is above them.
 """
 
 import re
@@ -8,13 +7,20 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import delimited
-from pipeline.formats.delimited import MISSING, count_numbers, is_number, split_line
+from pipeline.formats.delimited import (
+    MISSING,
+    Samples,
+    complete_rows,
+    count_numbers,
+    counts_on,
+    is_number,
+    split_line,
+)
 from pipeline.formats.format import Format, Head, Kind
 
 SEPARATORS = (",", ";", "\t", delimited.SPACE)
@@ -22,18 +28,7 @@ SAMPLED = 40  # last lines that separate columns of numbers from others
 REMARKS = 5  # lines of words below the rows, at most
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # endings of files that hold no table
 HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
-LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
-SPARSEST = 50  # rows for each number of a column, at most
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
-
-
-class Samples(NamedTuple):
-    """Rows of chosen columns, in which every cell has a number."""
-
-    values: np.ndarray  # (M, columns)
-    rows: np.ndarray  # (M,) their numbers in the table, from 0
-    # rows_without_numbers and incomplete_end_rows, left out; interpolated_cells
-    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -41,7 +36,7 @@ class Sheet:
     """Rows of numbers, and the lines above them."""
 
     file: Path
-    header: list[str]
+    header: list[str]  # lines of settings, title, labels and units
     labels: list[str]  # (width,) of the columns; empty where no line above the rows labels them
     units: list[str]  # cells of a line of units below the labels
     label_line: int  # of the labels, else of the first row
@@ -50,7 +45,7 @@ class Sheet:
     separator: str
     decimal: str
     numeric: list[int]  # columns of numbers, from 0
-    # blank_rows; cut_rows: a last row that is short or has no line end, which is left out
+    # blank_rows, remark_rows (repeated headers too), cut_rows (the last, short or without end)
     counts: dict[str, int]
 
     @property
@@ -65,7 +60,7 @@ class Sheet:
 
     @property
     def settings(self) -> dict[str, str]:
-        """Header statements ``name = value`` of a cell and ``name: value`` of a line."""
+        """Statements of the header ``name = value`` of a cell and ``name: value`` of a line."""
         above = (split_line(line.lstrip("#% "), self.separator) for line in self.header)
         stated = [cell.partition("=") for cells in above for cell in cells if "=" in cell]
         lines = [line.strip().strip('"') for line in self.header if "=" not in line]
@@ -90,7 +85,8 @@ class Sheet:
     def left_out(self) -> dict[str, str]:
         """Columns that hold no numbers, by label or number, and their content."""
         named = {}
-        for column in {*range(max(len(self.labels), _filled(self.last)))} - {*self.numeric}:
+        width = max(len(self.labels), delimited.filled_width(self.last))
+        for column in {*range(width)} - {*self.numeric}:
             cell, label = ("".join(row[column : column + 1]) for row in (self.last, self.labels))
             what = "nothing" if cell in MISSING else "words"
             named[label or str(column)] = "dates or times" if DATE.search(cell) else what
@@ -109,11 +105,9 @@ class Sheet:
         """Return the column of each quantity of ``wanted``, by its label, with or without a unit,
         or by its number from 0; RecordingError with the option's ``key`` for none and for two.
         """
-        columns = {}
+        columns, names = {}, [(label, delimited.bare(label)) for label in self.labels]
         for quantity, name in wanted.items():
-            fits = [
-                c for c, label in enumerate(self.labels) if name in (label, delimited.bare(label))
-            ]
+            fits = [column for column, pair in enumerate(names) if name in pair]
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
             if len(fits) != 1:
@@ -135,66 +129,35 @@ class Sheet:
     def samples(
         self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
     ) -> Samples:
-        """Return the rows in which a column of ``at`` (default all but the ``clock``) has a number;
-        in tables merged of several sources, others have none. Cells between two numbers of their
-        column are interpolated linearly over the clock (default the rows); rows before the first
-        or after the last number of a column are left out. RecordingError with the line for a row
-        without a time, a cell in a gap of more than LONGEST_GAP median steps of its column, and a
-        column with fewer than two numbers or one in SPARSEST rows.
+        """Return the rows in which a column of ``at`` (default all but the ``clock``) has a number,
+        each cell with one; see :func:`complete_rows`. RecordingError with the line of a cell that
+        has none.
         """
-        values = self.values(columns, gaps=True)
-        rows, missing = np.arange(len(values)), np.isnan(values)
-        if not missing.any():
-            return Samples(values, rows, {})
-
-        def fault(problem: str, column: int, row: int) -> RecordingError:
-            label = "".join(self.labels[column : column + 1])
-            message = f"column {column + 1} {label} {problem}; fill it in, or leave the row out"
-            return RecordingError(message, file=self.file, line=self.lines[row])
-
         others = [place for place, column in enumerate(columns) if column != clock]
         leading = [place for place in others if columns[place] in at] or others
-        rows = rows[~missing[:, others].all(axis=1)]
-        filled, missing, x = values[rows], missing[rows], rows.astype(float)
-        if clock is not None:
-            x = filled[:, columns.index(clock)]
-            if np.isnan(x).any():
-                raise fault("has no number", clock, rows[np.isnan(x).argmax()])
-        taken = ~missing[:, leading].all(axis=1)
-        inside = taken.copy()
-        for place in others:
-            known = np.flatnonzero(~missing[:, place])
-            if len(known) < max(2, len(rows) / SPARSEST):
-                problem = f"has {len(known)} numbers in {len(rows)} rows"
-                raise fault(problem, columns[place], min(rows, default=0))
-            inside[: known[0]] = inside[known[-1] + 1 :] = False
-            after = np.searchsorted(known, np.arange(len(x))).clip(1, len(known) - 1)
-            steps = np.diff(x[known])
-            wide = missing[:, place] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
-            if wide.any():
-                problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
-                raise fault(problem, columns[place], rows[wide.argmax()])
-            filled[:, place] = np.interp(x, x[known], filled[known, place])
-        counts = {"rows_without_numbers": len(values) - int(taken.sum())}
-        counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
-        counts["interpolated_cells"] = int(missing[inside].sum())
-        counts = {name: count for name, count in counts.items() if count}
-        return Samples(filled[inside], rows[inside], counts)
+        place = None if clock is None else columns.index(clock)
+        held, fault = complete_rows(self.values(columns, gaps=True), place, leading)
+        if fault is not None:
+            problem, place, row = fault
+            label = "".join(self.labels[columns[place] : columns[place] + 1])
+            message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the "
+            raise RecordingError(f"{message}row out", file=self.file, line=self.lines[row])
+        return held
 
 
 def read_sheet(
     file: Path, *, separator: str | None = None, decimal: str | None = None, key: str = ""
 ) -> Sheet:
     """Return the table in ``file``, split by ``separator`` (comma, semicolon, tab or blank) with
-    the ``decimal`` mark given or found. Raises RecordingError for a known format that is no table,
-    for lines that are neither header nor rows, for fewer cells than labels, and, naming the options
-    below ``key``, for points and commas in one table and whole numbers between commas under no
-    header, which may be decimal fractions; ConfigError for options that are no separator or mark.
+    the ``decimal`` mark; None finds them. Raises RecordingError for a known format that is no
+    table, lines that are neither header nor rows, and fewer cells than labels; with the option
+    below ``key``, for points and commas in one table, and whole numbers between commas under no
+    header, which may be decimal fractions. Raises ConfigError for other options.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
-        message = f"separator {separator!r} and decimal {decimal!r}: one of comma, semicolon, tab, "
-        raise ConfigError(f"{message}blank, and another of point, comma", key=key)
+        message = f"separator {separator!r} and decimal {decimal!r}: must be a comma, semicolon, "
+        raise ConfigError(f"{message}tab or blank, and another point or comma", key=key)
     return _sheet(delimited.read_text(file), Path(file), separator, decimal, key)
 
 
@@ -215,9 +178,9 @@ def _sheet(
     below = tail.index(likely)  # lines of words below the rows
     start, repeated = _sections(lines, places, mark)
     end = len(lines) - below
-    # earlier lines too, as a column may be empty in the last ones
-    early = lines[start : max(end - SAMPLED, start)]
-    sampled = early[:: max(len(early) // SAMPLED, 1)] + lines[max(end - SAMPLED, 0) : end]
+    early, sampled = lines[start:end][:-SAMPLED], lines[start:end][-SAMPLED:]
+    # as a column may be empty in the last lines
+    sampled = early[:: len(early) // SAMPLED + 1] + sampled
     split = [split_line(line, mark) for line in sampled]
     before = {len(cells) for cells in split[-3:-1]}
     if len(before) == 1 and len(split[-1]) < max(before) and count_numbers(split[-2]):
@@ -225,8 +188,8 @@ def _sheet(
     last, numeric = split[-1], _numeric_columns(split)
     top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
     if top is None:
-        message = f"no line holds numbers below {lines[end - 1][:80]!r}, where a table has rows of"
-        raise RecordingError(f"{message} them; record or export it again", file=file)
+        message = f"no row of numbers up to {lines[end - 1][:80]!r}; record or export it again"
+        raise RecordingError(message, file=file)
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
         stated = (split_line(line, mark) for line in lines[:start])
@@ -273,11 +236,6 @@ def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]
     return start, whole - len(lines)
 
 
-def _filled(cells: list[str]) -> int:
-    """Return the number of cells up to the last one with content."""
-    return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
-
-
 def _numeric_columns(split: list[list[str]]) -> list[int]:
     """Return the columns with numbers in at least half of the cells that are filled."""
     alike = []
@@ -301,21 +259,13 @@ def _first_row(
             break
     else:
         return None
-    if top + 1 < len(lines) and _counts_on(cells):
-        return top + 1  # labels that are numbers, as pandas writes them
+    if top + 1 < len(lines) and counts_on(cells):
+        return top + 1
     while top > start and len(above := split_line(lines[top - 1], mark)) == len(last):
         if not {*above} <= {*MISSING}:
             break
         top -= 1
     return top
-
-
-def _counts_on(cells: list[str]) -> bool:
-    """Return whether cells are labels that are numbers: nothing or a word, then 0, 1, 2 …"""
-    if len(cells) < 3 or is_number(cells[0]):
-        return False
-    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
-    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
 
 
 def _header(
@@ -332,12 +282,13 @@ def _header(
         for other in SEPARATORS:
             cells = line.split() if other == delimited.SPACE else split_line(line, other)
             filled = [cell for cell in cells if cell]
-            if len(filled) > 2 and count_numbers(filled) == len(filled) and not _counts_on(cells):
+            if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
                 raise fault(f"numbers in another form than below, or damaged: {line[:80]!r}", place)
     above = [split_line(line.lstrip("#% "), mark) for line in lines]
     cells = above[-1] if above else []
     numbers = count_numbers([cells[column] for column in numeric if column < len(cells)])
-    if numbers and not _counts_on(cells) and (len(cells) == len(last) or numbers == len(cells)):
+    alike = len(cells) in (len(last), numbers)
+    if numbers and alike and not counts_on(cells):
         message = f"words and numbers in a damaged row: {lines[-1][:80]!r}"
         raise fault(message, places[len(lines) - 1])
     if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
@@ -346,14 +297,14 @@ def _header(
     units: list[str] = []
     for place, cells in reversed([*zip(places, above, strict=False)]):
         cells = [cell for cell in cells if "=" not in cell]  # settings have no column
-        filled, width = _filled(cells), len(last)
         if not re.search(r"\w", "".join(cells)):
             continue
+        filled, width = delimited.filled_width(cells), len(last)
         stated = len(cells) > 1 and all(map(delimited.is_unit, filter(None, cells)))
         if stated and not units and place > places[0]:
             units = cells
         elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
-            return (cells + [""] * width)[: max(filled, _filled(last))], units, place
+            return (cells + [""] * width)[: max(filled, delimited.filled_width(last))], units, place
     return [], units, places[len(lines)]
 
 
