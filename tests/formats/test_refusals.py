@@ -172,7 +172,7 @@ FORMATS = {
         ("t,", "t [ms],", "in ms by the header and in s", f"{JOINTS}.time_unit"),
     ]),
     "Motive": Sound(MOTIVE, motive, [
-        (ROWS, "0,0,1,2\n", "labels 5 columns", 8),
+        (ROWS, "0,0,1,2\n", "labels 5 columns: a cut row", 8),
         (ROWS, "0,0,1,2,3\n\n1,0.01,1,oops,3\n", "'oops'", 10),
         (ROWS, "0,0,1,2,3,4\n", "'4' in a column without a label", 8),
         (ROWS, "0,0,0,97705,3\n", "A is at 97705 m, farther than any camera sees", 8),

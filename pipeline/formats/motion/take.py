@@ -1,6 +1,4 @@
-"""A motion-capture take, whatever file it comes from: markers and rigid bodies over numbered
-frames, in m and s.
-"""
+"""Motion-capture takes of any format: markers and rigid bodies over numbered frames, in m and s."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -80,9 +78,9 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
-    """Return frames a second by the printed times: the whole number nearest to the mean rate, else
-    the mean, where that number is off a time by more than its decimals or half a frame explain.
-    None where times do not increase.
+    """Return frames a second by the printed times: the whole number nearest to the mean rate, or
+    the mean where that number misses a time by more than rounding or half a frame; None where
+    times do not increase.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
@@ -96,7 +94,7 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
     """Return whether the ``printed`` times (N,) s keep to ``rate`` (1/s), by the median over
-    quarters of the take, since times jump now and then; True of too few times to tell.
+    quarters of the take, since times jump now and then; True where there are too few times.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:
@@ -110,20 +108,17 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
 def checked_take(
     raw: MotionTake,
     file: Path,
-    *,
     lines: Sequence[int] | None = None,
     columns: Mapping[str, Sequence[int]] | None = None,
     more: Mapping[str, int] | None = None,
 ) -> MotionTake:
-    """Return the take of ``raw`` positions in the file's unit and times as the file prints them,
-    none or (N,) s: in m, lost samples as NaN, in s since the first frame, and its ``counts``, to
-    which ``more`` are added.
-
-    Counted are frames found, ``gaps`` in their numbers and ``skipped_frames`` in them,
-    ``time_mismatches`` of rows, samples and poses that are missing, of which ``zero_samples`` are
-    zero in all coordinates and ``partial_samples`` lack some. Raises RecordingError by the frame or
-    its line, and the column of X, Y, Z, beyond FARTHEST, for a coordinate in no row, and for a
-    quaternion of another length than 1.
+    """Return the take in m and s, with lost samples as NaN, of ``raw``: positions in the file's
+    unit, times as the file prints them, none or (N,) s. ``counts`` are those of ``raw``, ``more``,
+    frames found, ``gaps`` in their numbers and ``skipped_frames`` in the gaps, ``time_mismatches``
+    of rows, missing samples and poses, of which ``zero_samples`` are zero in all coordinates and
+    ``partial_samples`` lack some. Raises RecordingError by the frame or its line, and the column of
+    X, Y, Z, for coordinates beyond FARTHEST, a coordinate in no row, and a quaternion of another
+    length than 1.
     """
     frame, step = raw.frame, np.diff(raw.frame)
     time = (frame - frame[0]) / raw.rate
