@@ -16,9 +16,9 @@ import pandas as pd
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import decoded, file_content
 
-# in each of its ways to go on the next letter differs, so that no text takes it long
+# alternatives begin with different characters, so that no text takes long to match
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
-GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it stay finite
+GREATEST = 1e20  # of a measured number: above any time in ns, and its square is finite
 # a blank cell, and what C runtimes, Python, MATLAB and spreadsheets print for a missing sample
 MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
@@ -26,7 +26,7 @@ MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
 SPARSEST = 50  # rows for each number of a column, at most
 SPACE = " "  # as a separator: any number of blanks
-# files that look like tables and are none: how one begins, its name, what to do instead
+# files that look like tables: beginning, name, and what to do
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
 FOREIGN = (
     (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
@@ -77,8 +77,8 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class Text:
-    """Lines of a file that have their line end, and ``cut``: what follows the last line end, None
-    where nothing does. Only ``cut`` can hold a number that lost digits, so no reader uses it.
+    """Whole lines of a file, and ``cut``: the text after the last line end, or None. A number in
+    ``cut`` may have lost digits, so that no reader uses it.
     """
 
     lines: list[str]
@@ -86,8 +86,8 @@ class Text:
 
 
 def read_text(file: Path) -> Text:
-    """Return the lines of ``file`` without their ends and a byte-order mark; RecordingError where
-    it cannot be read, is empty or is no text.
+    """Return the lines of ``file`` without line ends and byte-order mark; RecordingError for a file
+    that cannot be read, is empty or is no text.
     """
     content = file_content(file)
     if not content.strip():
@@ -100,9 +100,7 @@ def read_text(file: Path) -> Text:
 
 
 def foreign(text: str) -> tuple[str, str] | None:
-    """Return the name of the known format that ``text`` begins like and that is no table, and what
-    to export instead.
-    """
+    """Return name and remedy of the format in FOREIGN that ``text`` begins like, else None."""
     fits = (known for mark, *known in FOREIGN if re.match(rf"\s*(?:FILE_VERSION.*\n)?{mark}", text))
     return next(map(tuple, fits), None)
 
@@ -129,10 +127,10 @@ def numbers_of(
     decimal: str = ".",
     gaps: bool = False,
 ) -> np.ndarray:
-    """Return (N, len(columns)) float64 of N ``rows``, each correctly rounded; NaN where ``gaps``
+    """Return (N, len(columns)) float64 of N ``rows``, each correctly rounded, NaN where ``gaps``
     and a cell is missing; other columns may hold anything. Raises RecordingError with the row's
-    number in ``line_numbers`` (N) for more or fewer cells than in the first row, a cell that is no
-    number, one beyond GREATEST, and a missing one unless ``gaps``.
+    number in ``line_numbers`` (N) for another number of cells than in the first row, a cell that is
+    no number or beyond GREATEST, and a missing one unless ``gaps``.
     """
 
     def cells_at(row: int) -> list[str]:
@@ -213,7 +211,7 @@ def complete_rows(
 
 
 def split_line(line: str, mark: str) -> list[str]:
-    """Return the cells of a line, roughly: quotes that do not close are the reader's to refuse."""
+    """Return the cells of a line; quotes that do not close are kept, for the reader to refuse."""
     if '"' in line:
         with suppress(RecordingError):
             return cells_of(line, mark, file=Path(), number=0)

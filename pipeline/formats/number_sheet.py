@@ -309,7 +309,7 @@ def _header(
 
 
 def _begins(head: Head) -> bool:
-    """Return whether the reader finds rows in the beginning, or refuses an option or a line."""
+    """Return whether the reader finds rows in the head, or refuses it with an option or a line."""
     if head.text is None or not head.lines or head.suffix in TREES or delimited.foreign(head.text):
         return False
     *lines, last = head.text.split("\n")
