@@ -79,13 +79,11 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
 def messages(
     file: Path, topic: str, pick: Callable[[Any], Any], numbers: Collection[int] | None = None
 ) -> Iterator[Any]:
-    """Yield ``pick(message)`` (pickled, called in the process that reads) of the messages of
-    ``topic`` in the bag ``file``, of all or those of the ``numbers``, in the order of their
-    recording.
-
-    Memory holds one message, which has the attributes of its ROS definition. Raises RecordingError
-    for a bag that is missing, truncated, damaged or unindexed, for fewer messages than it
-    announces, and, with the message's number from 0, as ``pick`` does.
+    """Yield ``pick(message)`` of the messages of ``topic`` in the bag ``file``, or those with the
+    ``numbers`` (from 0), in the order of recording. ``pick`` is pickled and called in the process
+    that reads; a message has the attributes of its ROS definition, and memory holds one. Raises
+    RecordingError for a bag that is missing, truncated, damaged or unindexed, for fewer messages
+    than it announces, and, with the message's number, as ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
@@ -126,13 +124,13 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
 
 
 def seconds(message: object, **evidence: object) -> float:
-    """Return the time in s of the ``header`` of a message, to a quarter of a microsecond;
-    RecordingError where it has none or was never set.
+    """Return the time in s in the ``header`` of a message, to a quarter of a microsecond;
+    RecordingError where there is none or it was never set.
     """
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is None or (stamp.sec, stamp.nanosec) == (0, 0):
-        problem = "the message has no time in its header; record with a driver that stamps its"
-        raise RecordingError(f"{problem} messages", **evidence)
+        message = "the message has no time in its header; record with a driver that writes it"
+        raise RecordingError(message, **evidence)
     return stamp.sec + stamp.nanosec * 1e-9
 
 

@@ -1,9 +1,8 @@
 """Depth images as PNG, TIFF or PGM, their pixels in m by the sensor's encoding, and the frames of
 a sequence with their times: by an index (TUM RGB-D layout), or by numbers in the files' names.
 
-OpenCV decodes the pixels: it keeps every type. The header is read before, so that a small file that
-unfolds into gigabytes is refused, with the check sums of a PNG and the bytes of a PGM, since OpenCV
-fills up what they lack.
+OpenCV decodes the pixels, and keeps every type. The header is read before: it bounds the size of
+the pixels; check sums of a PNG and the bytes of a PGM are checked, as OpenCV fills up missing ones.
 """
 
 import io
@@ -30,9 +29,7 @@ WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
 GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments of PGM
 # P5, width, height and greatest value, one blank, the pixels
 PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d+)" + GAP + rb"(\d+)" + GAP + rb"(\d{1,5})\s")
-# s between frames, at the median: between them lie the cameras, and not their stamps in ms, µs or
-# ns (30 Hz: 33 ms)
-SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, median between frames; stamps in ms are beyond it
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.ASCII)  # the last number in a name
 PIXEL = 4  # bytes, the largest that is kept
 NO_DISPARITY = 2047  # value of the Kinect's eleven bits where it sees nothing
@@ -42,14 +39,14 @@ HEADER_DAMAGE += (RuntimeError, struct.error, AttributeError, Image.Decompressio
 # run lengths of each row's differences: naming the filter halves the time, level 6 saves 1 %
 PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
 PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
-# what is wrong with an image is said by its refusal, not among the messages of a stage
+# a refusal names the fault of an image; OpenCV prints none
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 @dataclass(frozen=True)
 class RawDepth:
-    """One image as the sensor's software wrote it: ``pixels`` (H, W) uint16 or float32 (to which
-    float64 is rounded); a TIFF's ``description``, else ''.
+    """One image as the sensor's software wrote it: ``pixels`` (H, W) uint16 or float32 (float64 is
+    rounded), and the ``description`` of a TIFF.
     """
 
     pixels: np.ndarray
@@ -73,9 +70,9 @@ class Encoding:
 
 
 def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
-    """Return depth along the optical axis in m, (H, W) float32, NaN where there is none: 0 or less,
-    NaN, saturated, or no disparity. RecordingError (with ``evidence``) for pixels that the encoding
-    does not have and for a description without its factor.
+    """Return depth along the optical axis in m, (H, W) float32, NaN for values of 0 or less, NaN,
+    saturated ones and no disparity. RecordingError (with ``evidence``) for pixels that the encoding
+    does not have and for a description without the factor.
     """
     if encoding.kind != "plain" and raw.pixels.dtype != np.uint16:
         message = f"pixels of {raw.pixels.dtype} in the encoding {encoding.kind}, which has 16 bits"
@@ -125,7 +122,7 @@ def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDe
         message = f"the image has {having} pixels where the camera has {wanted}; check the "
         raise RecordingError(f"{message}intrinsics", file=file)
     try:
-        # unchanged, because every other mode hands 16 bits back as 8
+        # every other mode returns 8 bits of 16
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         pixels = None
@@ -156,7 +153,7 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
         raise RecordingError(message, file=file)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's of odd tags and sizes, which are bound here
+            warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
             *shape, description = read(content, file)
     except HEADER_DAMAGE as error:
         raise _damaged(file, f" ({error})") from None

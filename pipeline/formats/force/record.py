@@ -1,6 +1,5 @@
-"""A record of one force/torque transducer, the options of its log, and its units; samples that the
-sensor did not measure; tables of forces from any program: options or labels say which column is
-which, options or the header in which unit.
+"""Records of one force/torque transducer: options and units of logs, samples that were not
+measured, and tables of forces, whose columns and units options, labels or the header state.
 """
 
 import re
@@ -32,7 +31,7 @@ FEWEST = 10  # samples of a record; what holds fewer may be settings that look l
 AXIS = re.compile(
     r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
 )
-TIMES = re.compile(r"t|time[ _-]?(stamp)?", re.IGNORECASE)
+TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
 JITTER = 0.1  # of the median step
 
@@ -75,8 +74,8 @@ NO_OPTIONS = ForceLogOptions()
 def si_factor(
     quantity: str, stated: str | None, options: ForceLogOptions, **where: object
 ) -> float:
-    """Return the factor to N, N·m or s of a quantity (KINDS) in its ``stated`` unit, else in the
-    option's, else in the calibration's; RecordingError for none, and where log and option differ.
+    """Return the factor to N, N·m or s of a quantity (KINDS) from its ``stated`` unit, else the
+    option's, else the calibration's; RecordingError for no unit, and where log and option differ.
     """
     kind = KINDS[quantity]
     units, option = UNITS[kind], getattr(options, f"{kind}_unit")
@@ -110,17 +109,16 @@ def repeats(values: np.ndarray) -> dict[str, int]:
 
 
 def axis_of(label: str) -> str | None:
-    """Return which of fx … tz a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]`` names."""
+    """Return the axis, fx to tz, of a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]``."""
     match = AXIS.fullmatch(label.strip().lower())
     return ("f" if match[1].startswith("f") else "t") + match[2] if match else None
 
 
 def require_record(record: ForceRecord, file: object) -> None:
-    """Raise RecordingError where ``record`` holds too few samples to be one."""
+    """Raise RecordingError where ``record`` has fewer than FEWEST samples."""
     if (held := len(record.time)) < FEWEST:
-        first = ", ".join(f"{force:g}" for force in record.force[0])
-        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {first} N, "
-        message += "which may be a line of settings below a header: record again"
+        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {record.force[0]} "
+        message += "N, which may be a line of settings below a header: record again"
         raise RecordingError(message, file=file)
 
 
@@ -133,9 +131,9 @@ def sound_samples(
     file: object,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return (N,) whether a sample was measured, and the numbers of frozen samples (identical for
-    longer than ``longest`` s) and of saturated ones (an axis at or beyond ``full_scale``, (3,) N or
-    (6,) N and N·m), if any. RecordingError where more than a ``share`` of the samples are one, and
-    for too few samples.
+    longer than ``longest`` s) and saturated samples (an axis at or beyond ``full_scale``, (3,) N or
+    (6,) N and N·m). RecordingError where either is more than a ``share`` of the samples, and for
+    too few samples.
     """
     require_record(record, file)
     values = np.hstack([record.force, np.nan_to_num(record.torque)])
@@ -164,10 +162,10 @@ def timed_record(
     counts: Mapping[str, int],
 ) -> ForceRecord:
     """Return the record of ``values`` (N, axes) at ``time`` (N,) s, with ``counts`` and
-    ``doubled_rows`` (the same sample and time, not kept), ``equal_times`` (another sample, kept),
-    ``uneven_steps`` (off the median by a tenth of it: jitter) and ``missing_samples`` (that fit
-    into longer steps). RecordingError, by one of ``places`` (name, numbers (N,)), for a time that
-    goes back or that most samples share with the one before.
+    ``doubled_rows`` (the same sample and time, left out), ``equal_times`` (another sample, kept),
+    ``uneven_steps`` (a tenth of the median off it) and ``missing_samples`` (by longer steps).
+    RecordingError, by one of ``places`` (name, numbers (N,)), for a time that goes back or that
+    most samples share with the sample before.
     """
     time = time - time[0] if len(time) else time
     steps = np.diff(time)
@@ -198,12 +196,12 @@ def _record(
 
 
 def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
-    """Return the record in ``file``, in N, N·m and s, of the columns that ``options`` name (fx, fy,
-    fz, and as there are t, tx, ty, tz), else of those whose labels say what they are; without t,
-    samples follow each other at the option's rate. ``counts``: ``repeated_rows`` and ``zero_rows``,
-    both kept; ``blank_rows``; ``cut_rows``; with times those of :func:`timed_record`. Raises
-    RecordingError, with the line and the option that settles it, for axes or units that nothing
-    names, a time that goes back, and malformed rows.
+    """Return the record in ``file``, in N, N·m and s, of the columns that options or labels name:
+    fx, fy, fz, and optionally t, tx, ty, tz. Without t, samples follow each other at the option's
+    rate. ``counts`` are ``repeated_rows`` and ``zero_rows``, both kept, those of
+    :func:`read_sheet` and :meth:`Sheet.samples`, and with times those of :func:`timed_record`.
+    Raises RecordingError, with the line and the option, for axes or units that nothing names, a
+    time that goes back, and malformed rows.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     columns, factors = axis_factors(sheet, options)
@@ -235,9 +233,7 @@ def axis_factors(
 
 
 def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
-    """Return the column of each force and, where there are any, each torque: by the options, else
-    by the labels.
-    """
+    """Return the column of each force, and each torque if there are any, by options or labels."""
     named, twice = {axis: column for axis, column in options.columns.items() if axis != "t"}, ""
     for column, label in enumerate(() if options.columns else sheet.labels):
         if axis := axis_of(label):
@@ -245,12 +241,12 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
             named[axis] = column
     wanted = [*FORCES, *(TORQUES if {*TORQUES} & {*named} else ())]
     if twice or {*wanted} ^ {*named}:
-        message = f"the axes {', '.join(sorted(named)) or 'of no name'} are named or labelled"
-        message += f", two columns {twice}" if twice else ""
-        message += (
-            f" (labels: {', '.join(sheet.labels) or 'none'}): fx, fy and fz, and all or none of "
+        found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
+        message = (
+            f"the named axes are {found or 'none'} (labels: {', '.join(sheet.labels) or 'none'}"
         )
-        message += "tx, ty, tz are required once each; name them in columns"
+        message += "); fx, fy and fz, and all or none of tx, ty, tz are required once each; name "
+        message += "them in columns"
         raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
     return sheet.columns({axis: named[axis] for axis in wanted}, KEY)
 
@@ -262,7 +258,7 @@ def sheet_record(
     options: ForceLogOptions,
     rate: Callable[[], float],
 ) -> ForceRecord:
-    """Return the record of the ``columns`` (N, axes), which ``convert`` brings to N and N·m, timed
+    """Return the record of the ``columns`` (N, axes), which ``convert`` returns in N and N·m, timed
     by a column of times or sample numbers, else by the ``rate``.
     """
     labels = [bare(label) for label in sheet.labels]

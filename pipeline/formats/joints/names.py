@@ -1,5 +1,5 @@
-"""Time, measured and commanded angles of a joint log by the names of its arrays and columns: by
-their words and, where these leave it open, by the values.
+"""Time, measured and commanded angles of a joint log by the words in the names of its arrays and
+columns, and by the values where words are not enough.
 """
 
 import re
@@ -71,7 +71,7 @@ class Meaning:
 
 @cache
 def meaning(name: str) -> Meaning:
-    """Return what ``name`` says: words are separated by signs, capitals and numbers, the last
+    """Return the meaning of ``name``: signs, capitals and numbers separate its words, the last
     number is the joint's; ``qd`` is a speed, ``q_d`` and ``d`` a command.
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
@@ -98,16 +98,14 @@ def meaning(name: str) -> Meaning:
 
 
 def named_like(quantity: str, names: Iterable[str]) -> list[str]:
-    """Return those of the ``names`` that say they are the ``quantity``: time, actual or target
-    angles.
-    """
+    """Return the ``names`` of a ``quantity``: time, actual or target angles."""
     if quantity == "time":
         plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
         alone = [n for n, parts in plain.items() if re.sub("[^a-z]", "", "".join(parts)) in TIME]
         return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
     angles = {name: what for name in names if (what := meaning(name)).is_angle}
     said = [name for name, what in angles.items() if what.role == quantity]
-    if quantity == "actual":  # an angle of which nothing says that it is commanded
+    if quantity == "actual":  # angles without a word for a command
         said += [name for name, what in angles.items() if not what.role and what.quantity]
     return [name for name in said if not angles[name].rest] or said
 
@@ -161,10 +159,8 @@ def signals_of(
     time: np.ndarray | None = None,
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return signal → columns of the joints, and signal → the reason why it is a guess: a signal
-    whose name alone says it, or, with the values (``load(label)`` returns a column (N,) at ``time``
-    (N,)), one group that alone follows the measured angles and is neither their derivative nor a
-    quaternion.
+    """Return signal → columns of the joints, and signal → reason of a guess. Names state a signal;
+    with values (``load(label)`` returns (N,) at ``time`` (N,)), the only group that follows the measured angles and is neither their derivative nor a quaternion.
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
@@ -200,7 +196,7 @@ def signals_of_groups(
     if len(clear) == 1:
         signals["target"] = groups[clear[0]]
     elif not said and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1:
-        # a name that can be a speed's: the values say that it is none, and no other is the target
+        # a possible speed that is no derivative, where no other group is the target
         signals["target"] = groups[weak[0]]
         if weak[0] not in follows:
             guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"

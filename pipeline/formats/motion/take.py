@@ -12,18 +12,16 @@ from pipeline.formats.delimited import spelled
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 FARTHEST = 100.0  # m from the origin, beyond which nothing is captured
-# names that capture programs give to a marker of no asset
+# names of markers without an asset, as capture programs write them
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
-WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID as text, of a size that can be meant
-# s by which two printed times, of two decimals or more, differ from the frames' at most
-TIME_ROUNDING = 0.0101
-# share by which a stated rate may be off that of the printed times: far above any clock's drift
-RATE_TOLERANCE = 0.01
-UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
-TELLING = 20  # printed times, fewer are too few to contradict a stated rate
+WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
+TIME_ROUNDING = 0.0101  # s, greatest error of a step between times of two decimals or more
+RATE_TOLERANCE = 0.01  # share of a stated rate, far above any clock's drift
+UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above rounding
+TELLING = 20  # printed times that can contradict a stated rate
 NO_ASSET = "the take holds no marker and no rigid body"
-BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # the counts of samples
-FROM_TIMES = "the printed times: the file states none"  # its rate
+BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # counts above those of samples
+FROM_TIMES = "the printed times: the file states no rate"
 
 
 @dataclass(frozen=True)
@@ -45,11 +43,10 @@ class MotionTake:
     time: np.ndarray  # (N,) s since the first exported frame, from frame numbers and rate
     markers: dict[str, np.ndarray]  # name: (N, 3) m, NaN where occluded
     bodies: dict[str, RigidBody]
-    # what was skipped, lost, repaired or contradicted; see the reader of the format
-    counts: dict[str, int]
+    counts: dict[str, int]  # of skipped, lost and repaired content; see the reader of the format
     unit: str = "m"  # of lengths in the file
-    printed_rate: float | None = None  # Hz, by the times that the file prints, where there are any
-    rate_from: str = ""  # where the file states no rate
+    printed_rate: float | None = None  # Hz, by the times that the file prints
+    rate_from: str = ""  # source of a rate that the file does not state
 
 
 def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str:
