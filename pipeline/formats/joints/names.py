@@ -160,7 +160,8 @@ def signals_of(
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Return signal → columns of the joints, and signal → reason of a guess. Names state a signal;
-    with values (``load(label)`` returns (N,) at ``time`` (N,)), the only group that follows the measured angles and is neither their derivative nor a quaternion.
+    with values (``load(label)`` returns (N,) at ``time`` (N,)), so does the only group that follows
+    the measured angles and is neither their derivative nor a quaternion.
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
