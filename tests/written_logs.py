@@ -9,6 +9,7 @@ import pytest
 from pipeline.core.errors import RecordingError
 from pipeline.formats.force.record import ForceRecord
 from pipeline.formats.joints.log import JointLog
+from pipeline.tools.inspect.command import as_table, inspect
 
 # a calibration of ATI's, one axis with other gauges than the next
 GAUGED = {"Fx": "6.25", "Fy": "7", "Fz": "8", "Tx": "6.25", "Ty": "7", "Tz": "8"}
@@ -54,3 +55,8 @@ def write_joint_log(file: Path, log: JointLog) -> None:
     table = np.column_stack([log.time, log.signals["actual"]])
     row = ", ".join(["%.6f"] * table.shape[1]) + "\n"
     Path(file).write_bytes((row * len(table) % tuple(table.ravel().tolist())).encode())
+
+
+def seen(file: Path) -> str:
+    """The text that ``inspect`` prints of ``file``."""
+    return " ".join(as_table(inspect(file), file.parent).split())

@@ -11,8 +11,7 @@ from ros_bags import camera_info, image, write_bag
 from written_logs import write_joint_log, write_netft
 
 from pipeline.core.columns import PLANE
-from pipeline.formats.depth.image import write_depth
-from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.joints.log import JointLog

@@ -1,10 +1,14 @@
-"""Delimited text as instruments write it: whole lines, and the numbers between the separators."""
+"""Delimited text as instruments write it: whole lines, the numbers between the separators, and the
+units that labels state.
+"""
 
 import csv
 import io
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,13 +16,17 @@ import pandas as pd
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import decoded, file_content
 
-# in each of its ways to go on the next letter differs, so that no text takes it long
+# alternatives begin with different characters, so that no text takes long to match
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
-GREATEST = 1e20  # of what is measured, and beyond any time in ns: squares of it stay finite
-# a blank cell and what C runtimes print for a sample that is not there
-MISSING = ("", "NaN", "nan", "NAN", "-nan(ind)", "1.#QNAN", "-1.#IND")
+GREATEST = 1e20  # of a measured number: above any time in ns, and its square is finite
+# a blank cell, and what C runtimes, Python, MATLAB and spreadsheets print for a missing sample
+MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
+MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
-# files that look like tables and are none: how one begins, its name, what to do instead
+LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
+SPARSEST = 50  # rows for each number of a column, at most
+SPACE = " "  # as a separator: any number of blanks
+# files that look like tables: beginning, name, and what to do
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
 FOREIGN = (
     (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
@@ -26,14 +34,51 @@ FOREIGN = (
     (rf"(?i:{NEXUS}[\s,;]*[\d.]+(,Hz)?[\s,;]*\n)", "ASCII export of Vicon", "export C3D there"),
     (r"HIERARCHY\b", "BVH file of motion capture", "export C3D from the same program"),
     (r"# oST version", "INI file of a camera calibration by ROS", "take ost.yaml, saved beside it"),
+    (r"P[123]\s", "image whose pixels are text (PBM, PGM, PPM)", "save it as PNG of 16 bits"),
     (r"(?:<\?xml[^>]*>\s*)?<(?:sdf|mujoco)\b", "robot in SDF or MJCF", "convert it to URDF"),
 )
+
+_LBF, _KGF, _INCH = 4.4482216152605, 9.80665, 0.0254
+# N; lb, klb, kg and g as ATI's programs name forces
+FORCE_UNITS = {"N": 1.0, "kN": 1e3, "lbf": _LBF, "klbf": 1e3 * _LBF, "kgf": _KGF, "gf": 1e-3 * _KGF}
+FORCE_UNITS |= {"lb": _LBF, "klb": 1e3 * _LBF, "kg": _KGF, "g": 1e-3 * _KGF}
+# N·m
+TORQUE_UNITS = {"Nm": 1.0, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+TORQUE_UNITS |= dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf"), _LBF * _INCH)
+TORQUE_UNITS |= dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf"), _LBF * 12 * _INCH)
+TORQUE_UNITS |= dict.fromkeys(("kgfcm", "kgcm"), 1e-2 * _KGF)
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": _INCH, "ft": 12 * _INCH}  # m
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}  # s
+ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
+_WORDS = {
+    "rad": "radian radians",
+    "deg": "degree degrees °",
+    "s": "sec secs second seconds [s]",
+    "ms": "millisecond milliseconds msec",
+    "us": "µs μs usec microsecond microseconds",
+    "ns": "nsec nanosecond nanoseconds",
+    "m": "meter meters metre metres",
+    "cm": "centimeter centimeters centimetre centimetres",
+    "mm": "millimeter millimeters millimetre millimetres",
+}
+SPELLINGS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
+UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
+KNOWN = {*FORCE_UNITS, *TORQUE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, "A", "V", "Hz", "-"}
+
+
+class Samples(NamedTuple):
+    """Rows of chosen columns, in which every cell has a number."""
+
+    values: np.ndarray  # (M, columns)
+    rows: np.ndarray  # (M,) their numbers in the table, from 0
+    # rows_without_numbers and incomplete_end_rows, left out; interpolated_cells
+    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
 class Text:
-    """Lines of a file that have their line end, and ``cut``: what follows the last line end, None
-    where nothing does. Only ``cut`` can hold a number that lost digits, so no reader uses it.
+    """Whole lines of a file, and ``cut``: the text after the last line end, or None. A number in
+    ``cut`` may have lost digits, so that no reader uses it.
     """
 
     lines: list[str]
@@ -41,8 +86,8 @@ class Text:
 
 
 def read_text(file: Path) -> Text:
-    """Return the lines of ``file`` without their ends and a byte-order mark; RecordingError where
-    it cannot be read, is empty or is no text.
+    """Return the lines of ``file`` without line ends and byte-order mark; RecordingError for a file
+    that cannot be read, is empty or is no text.
     """
     content = file_content(file)
     if not content.strip():
@@ -55,9 +100,7 @@ def read_text(file: Path) -> Text:
 
 
 def foreign(text: str) -> tuple[str, str] | None:
-    """Return the name of the known format that ``text`` begins like and that is no table, and what
-    to export instead.
-    """
+    """Return name and remedy of the format in FOREIGN that ``text`` begins like, else None."""
     fits = (known for mark, *known in FOREIGN if re.match(rf"\s*(?:FILE_VERSION.*\n)?{mark}", text))
     return next(map(tuple, fits), None)
 
@@ -84,10 +127,10 @@ def numbers_of(
     decimal: str = ".",
     gaps: bool = False,
 ) -> np.ndarray:
-    """Return (N, len(columns)) float64 of N ``rows``, each correctly rounded; NaN where ``gaps``
+    """Return (N, len(columns)) float64 of N ``rows``, each correctly rounded, NaN where ``gaps``
     and a cell is missing; other columns may hold anything. Raises RecordingError with the row's
-    number in ``line_numbers`` (N) for more or fewer cells than in the first row, a cell that is no
-    number, one beyond GREATEST, and a missing one unless ``gaps``.
+    number in ``line_numbers`` (N) for another number of cells than in the first row, a cell that is
+    no number or beyond GREATEST, and a missing one unless ``gaps``.
     """
 
     def cells_at(row: int) -> list[str]:
@@ -122,3 +165,128 @@ def numbers_of(
                     message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
                 raise RecordingError(message, file=file, line=line)
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)
+
+
+def complete_rows(
+    values: np.ndarray, clock: int | None, leading: list[int]
+) -> tuple[Samples | None, tuple[str, int, int] | None]:
+    """Return the rows of ``values`` (N, columns) that have a number in a ``leading`` column, or the
+    problem, column and row that prevents it. Tables merged of several sources have missing cells:
+    those between two numbers of their column are interpolated linearly over the column ``clock``
+    (default the rows), and rows before its first or after its last number are left out. Refused
+    are rows without a time, cells in a gap of more than LONGEST_GAP median steps of their column,
+    and columns with fewer than two numbers or one in SPARSEST rows.
+    """
+    rows, missing = np.arange(len(values)), np.isnan(values)
+    if not missing.any():
+        return Samples(values, rows, {}), None
+    others = [column for column in range(values.shape[1]) if column != clock]
+    rows = rows[~missing[:, others].all(axis=1)]
+    filled, missing = values[rows], missing[rows]
+    x = rows.astype(float) if clock is None else filled[:, clock]
+    if np.isnan(x).any():
+        return None, ("has no number", clock, rows[np.isnan(x).argmax()])
+    taken = ~missing[:, leading].all(axis=1)
+    inside = taken.copy()
+    for column in others:
+        known = np.flatnonzero(~missing[:, column])
+        if len(known) < max(2, len(rows) / SPARSEST):
+            problem = f"has {len(known)} numbers in {len(rows)} rows"
+            return None, (problem, column, min(rows, default=0))
+        inside[: known[0]] = inside[known[-1] + 1 :] = False
+        after = np.searchsorted(known, np.arange(len(x))).clip(1, len(known) - 1)
+        steps = np.diff(x[known])
+        wide = missing[:, column] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
+        if wide.any():
+            problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
+            return None, (problem, column, rows[wide.argmax()])
+        filled[:, column] = np.interp(x, x[known], filled[known, column])
+    if not inside.any():
+        return None, ("has no number at the times of the other columns", leading[0], 0)
+    counts = {"rows_without_numbers": len(values) - int(taken.sum())}
+    counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
+    counts["interpolated_cells"] = int(missing[inside].sum())
+    counts = {name: count for name, count in counts.items() if count}
+    return Samples(filled[inside], rows[inside], counts), None
+
+
+def split_line(line: str, mark: str) -> list[str]:
+    """Return the cells of a line; quotes that do not close are kept, for the reader to refuse."""
+    if '"' in line:
+        with suppress(RecordingError):
+            return cells_of(line, mark, file=Path(), number=0)
+    return [cell.strip().strip('"') for cell in line.split(mark)]
+
+
+def is_number(cell: str) -> bool:
+    """Return whether a cell is a number, with a decimal point or comma."""
+    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
+
+
+def count_numbers(cells: list[str]) -> int:
+    """Return how many cells are numbers."""
+    return sum(map(is_number, cells))
+
+
+def filled_width(cells: list[str]) -> int:
+    """Return the number of cells up to the last one with content."""
+    return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
+
+
+def counts_on(cells: list[str]) -> bool:
+    """Return whether cells are labels that are numbers, as pandas writes them: nothing or a word,
+    then 0, 1, 2 …
+    """
+    if len(cells) < 3 or is_number(cells[0]):
+        return False
+    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
+    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
+
+
+def is_rowlike(line: str) -> bool:
+    """Return whether a line has not more words than numbers."""
+    pieces = re.split(r'[,;\s"]+', line)
+    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
+    return len(words) <= count_numbers(pieces) > 0
+
+
+def separator_of(line: str) -> str:
+    """Return the separator of a line of numbers."""
+    if mark := next((mark for mark in ";\t" if mark in line), ""):
+        return mark
+    pieces = line.split()
+    # commas that never touch a blank are decimal marks of cells that blanks keep apart
+    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
+    # a date and a time have a blank between them too
+    numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
+    return SPACE if spaced and numbers and '"' not in line else ","
+
+
+def plain_unit(unit: str) -> str:
+    """Return ``unit`` without what joins its factors: N·m, N-m and N m are Nm."""
+    return re.sub(r"[-·⋅*.\s]", "", unit)
+
+
+def spelled(unit: str) -> str:
+    """Return a unit of time, angle or length in this project's spelling, of a speed its angle's."""
+    plain = unit.strip().lower().removesuffix("/s")
+    return SPELLINGS.get(plain, plain)
+
+
+def is_unit(word: str) -> bool:
+    """Return whether a cell is a unit, bare or in brackets."""
+    plain = word.strip("()[] ")
+    return plain in KNOWN or plain_unit(plain) in KNOWN or spelled(plain) in KNOWN
+
+
+def bare(label: str) -> str:
+    """Return the label without a unit in brackets behind it."""
+    return UNIT.fullmatch(label)[1] if unit_of(label) else label
+
+
+def unit_of(label: str) -> str | None:
+    """Return the unit in brackets behind a label, None where there is none; an index, as in
+    ``q[0]`` or ``q(1)``, is no unit.
+    """
+    match = UNIT.fullmatch(label)
+    return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None

@@ -1,8 +1,7 @@
-"""Formats of files: how a file of each begins, its reader, and the names that files have.
+"""Formats of files: recognisers and readers of files, and patterns of their names.
 
-A format is a module below this folder with a ``FORMAT`` (or several, as a tuple). Formats are found
-by their place: ``python -m pipeline inspect`` recognises a new one, ``new-dataset`` proposes it and
-the stages read it.
+A format is a module below this folder with a ``FORMAT`` (or a tuple of several). Formats are found
+by their place: ``inspect`` recognises a new one, ``new-dataset`` proposes it, the stages read it.
 """
 
 import codecs
@@ -35,7 +34,7 @@ class Kind(StrEnum):
     CALIBRATION = "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
     IMAGE = "image"  # read(content, file=) → pipeline.formats.depth.image.RawDepth
     CLOUD = "cloud"  # read(content, file=) → pipeline.formats.depth.cloud.PointCloud
-    SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.index.DepthIndex
+    SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.image.DepthIndex
     INTRINSICS = "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
     TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*
     BAG = "bag"  # read(file) → pipeline.formats.rosbag.Summary
@@ -43,14 +42,18 @@ class Kind(StrEnum):
 
 
 def decoded(content: bytes) -> str | None:
-    """Return the text in ``content``, up to the last whole character and with line feeds alone as
-    line ends; UTF-8, UTF-16 with its mark, else a PC's code page. None where it is no text.
+    """Return the text in ``content`` up to the last whole character, with line feeds as line ends;
+    UTF-8, UTF-16, else Latin-1. None where it is no text.
     """
-    wide = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    if b"\0" in content and not wide:
-        return None
+    encoding = "utf-8-sig"
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif b"\0" in content:
+        encoding = "utf-16-le"  # without its mark, if every second byte is zero
+        if any(content[1:400:2]):
+            return None
     try:
-        text = codecs.getincrementaldecoder("utf-16" if wide else "utf-8-sig")().decode(content)
+        text = codecs.getincrementaldecoder(encoding)().decode(content)
     except UnicodeDecodeError:
         text = content.decode("latin-1")
     return None if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
@@ -94,15 +97,15 @@ class Format:
     name: str  # as a person calls it
     kind: Kind
     read: Callable
-    # whether a file begins like one; None: it looks like any other, so that an option names it
+    # whether a file begins like one; None where only an option of the dataset tells
     recognises: Callable[[Head], bool] | None = None
-    option: str | None = None  # the name by which an option of the dataset chooses it
+    option: str | None = None  # its name in options of the dataset
 
 
 @cache
 def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
-    """Return the formats of the ``kinds`` (all by default) in and below ``package``, by their
-    modules' names; tables last, since others begin like them too.
+    """Return the formats of the ``kinds`` (default all) in and below ``package``, in the order of
+    their modules; tables last, since files of other formats begin like tables.
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
     declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
@@ -139,8 +142,8 @@ def file_content(file: Path) -> bytes:
 
 
 def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
-    """Return ``function(*arguments)`` of a process of its own, which bounds time and memory and
-    which a library may end; RecordingError with the ``advice`` where it fails on the ``file``.
+    """Return ``function(*arguments)`` from a process with bounds on time and memory, which a
+    library may end; RecordingError with the ``advice`` where it fails on the ``file``.
     """
     with advised(advice):
         return call_alone(function, *arguments, file=file)
@@ -148,7 +151,7 @@ def read_alone(function: Callable, *arguments: object, file: Path, advice: str) 
 
 @contextmanager
 def advised(advice: str, **evidence: object) -> Iterator[None]:
-    """Add ``evidence``, and the ``advice`` where a library failed, to a refusal of a sandbox."""
+    """Add ``evidence`` to the error of a sandbox, and the ``advice`` where a library failed."""
     try:
         yield
     except RecordingError as error:
@@ -172,14 +175,14 @@ def is_xml(*names: str) -> Callable[[Head], bool]:
 
 def is_bag(path: Path) -> bool:
     """Return whether ``path`` has a bag's suffix, or is a folder with ROS 2's metadata.yaml."""
-    if os.path.isfile(path):  # False, as Path.is_file is not, where it may not be looked at
+    if os.path.isfile(path):  # False where access is denied, as Path.is_file is not
         return path.suffix in BAG_SUFFIXES
     return os.path.isfile(path / "metadata.yaml")
 
 
 def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
-    """Return what matches the glob ``pattern`` below ``folder``, in order; ConfigError with its
-    ``key`` where it is none, or not relative.
+    """Return the sorted paths below ``folder`` that match the glob ``pattern``; ConfigError with
+    the ``key`` of a pattern that is no relative glob.
     """
     try:
         return sorted(folder.glob(pattern))
@@ -189,5 +192,5 @@ def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
 
 
 def is_literal(part: str) -> bool:
-    """Return whether one ``part`` of a pattern, a name between slashes, matches itself alone."""
+    """Return whether a ``part`` of a glob, a name between slashes, has no wildcard."""
     return not any(mark in part.replace("[[]", "") for mark in "*?[")

@@ -1,10 +1,9 @@
-"""A table of numbers as any program writes it: the last line says how many cells a row has, the
-rows begin at the first line whose cells hold numbers wherever the last lines do, and everything
-above (settings, title, labels, units) is the header.
+"""Tables of numbers as any program writes them: the last line says how many cells a row has, rows
+begin at the first line with numbers in the columns of the last lines; the header is above them.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,23 +11,23 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.formats import delimited
 from pipeline.formats.delimited import (
     MISSING,
-    NUMBER,
-    Text,
-    cells_of,
-    foreign,
-    numbers_of,
-    read_text,
+    Samples,
+    complete_rows,
+    count_numbers,
+    counts_on,
+    is_number,
+    split_line,
 )
 from pipeline.formats.format import Format, Head, Kind
-from pipeline.formats.units import bare, is_unit, unit_of
 
-SPACE = " "  # as a separator: any number of blanks
-SEPARATORS = (",", ";", "\t", SPACE)
+SEPARATORS = (",", ";", "\t", delimited.SPACE)
 SAMPLED = 40  # last lines that separate columns of numbers from others
 REMARKS = 5  # lines of words below the rows, at most
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # endings of files that hold no table
+HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -37,7 +36,7 @@ class Sheet:
     """Rows of numbers, and the lines above them."""
 
     file: Path
-    header: list[str]
+    header: list[str]  # lines of settings, title, labels and units
     labels: list[str]  # (width,) of the columns; empty where no line above the rows labels them
     units: list[str]  # cells of a line of units below the labels
     label_line: int  # of the labels, else of the first row
@@ -46,7 +45,7 @@ class Sheet:
     separator: str
     decimal: str
     numeric: list[int]  # columns of numbers, from 0
-    # blank_rows; cut_rows: a last row that is short or has no line end, which is left out
+    # blank_rows, remark_rows (repeated headers too), cut_rows (the last, short or without end)
     counts: dict[str, int]
 
     @property
@@ -57,15 +56,13 @@ class Sheet:
     @cached_property
     def last(self) -> list[str]:
         """Cells of the last row."""
-        return _split(self.rows[-1], self.separator)
+        return split_line(self.rows[-1], self.separator)
 
     @property
     def settings(self) -> dict[str, str]:
-        """Header statements ``name = value`` of a cell and ``name: value`` of a line."""
-        cells = [
-            cell for line in self.header for cell in _split(line.lstrip("#% "), self.separator)
-        ]
-        stated = [cell.partition("=") for cell in cells if "=" in cell]
+        """Statements of the header ``name = value`` of a cell and ``name: value`` of a line."""
+        above = (split_line(line.lstrip("#% "), self.separator) for line in self.header)
+        stated = [cell.partition("=") for cells in above for cell in cells if "=" in cell]
         lines = [line.strip().strip('"') for line in self.header if "=" not in line]
         stated += [line.partition(":") for line in lines if ":" in line]
         return {name.strip(): value.strip() for name, _, value in stated}
@@ -76,10 +73,20 @@ class Sheet:
         return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
 
     @property
+    def origin(self) -> str | None:
+        """Program that wrote the table, where a line of the header ends it as that program does."""
+        if any(line.strip(" ,;\t") == "endheader" for line in self.header):
+            return "of OpenSim (MOT, STO)"
+        if any(line.startswith(HEADER_END) for line in self.header):
+            return "of LabVIEW (LVM)"
+        return None
+
+    @property
     def left_out(self) -> dict[str, str]:
         """Columns that hold no numbers, by label or number, and their content."""
         named = {}
-        for column in {*range(max(len(self.labels), _filled(self.last)))} - {*self.numeric}:
+        width = max(len(self.labels), delimited.filled_width(self.last))
+        for column in {*range(width)} - {*self.numeric}:
             cell, label = ("".join(row[column : column + 1]) for row in (self.last, self.labels))
             what = "nothing" if cell in MISSING else "words"
             named[label or str(column)] = "dates or times" if DATE.search(cell) else what
@@ -87,20 +94,20 @@ class Sheet:
 
     def words(self, column: int) -> list[str]:
         """Return (N,) the cells of a column as they are written; empty where a row has too few."""
-        return [(_split(row, self.separator)[column:] or [""])[0] for row in self.rows]
+        return [(split_line(row, self.separator)[column:] or [""])[0] for row in self.rows]
 
     def unit(self, column: int) -> str | None:
         """Return the unit that the header states for a ``column``, behind its label or below it."""
-        behind = unit_of("".join(self.labels[column : column + 1]))
+        behind = delimited.unit_of("".join(self.labels[column : column + 1]))
         return behind or "".join(self.units[column : column + 1]).strip("()[] ") or None
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
         """Return the column of each quantity of ``wanted``, by its label, with or without a unit,
         or by its number from 0; RecordingError with the option's ``key`` for none and for two.
         """
-        columns = {}
+        columns, names = {}, [(label, delimited.bare(label)) for label in self.labels]
         for quantity, name in wanted.items():
-            fits = [c for c, label in enumerate(self.labels) if name in (label, bare(label))]
+            fits = [column for column, pair in enumerate(names) if name in pair]
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
             if len(fits) != 1:
@@ -112,135 +119,153 @@ class Sheet:
             columns[quantity] = fits[0]
         return columns
 
-    def values(self, columns: list[int]) -> np.ndarray:
-        """Return (N, len(columns)) the numbers; RecordingError with the line of no number."""
-        form = {"separator": self.separator, "decimal": self.decimal}
-        return numbers_of(self.rows, self.lines, columns, file=self.file, **form)
+    def values(self, columns: list[int], *, gaps: bool = False) -> np.ndarray:
+        """Return (N, len(columns)) numbers, NaN where ``gaps`` and a cell is missing; else
+        RecordingError with the line of a missing number.
+        """
+        form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
+        return delimited.numbers_of(self.rows, self.lines, columns, file=self.file, **form)
+
+    def samples(
+        self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
+    ) -> Samples:
+        """Return the rows in which a column of ``at`` (default all but the ``clock``) has a number,
+        each cell with one; see :func:`complete_rows`. RecordingError with the line of a cell that
+        has none.
+        """
+        others = [place for place, column in enumerate(columns) if column != clock]
+        leading = [place for place in others if columns[place] in at] or others
+        place = None if clock is None else columns.index(clock)
+        held, fault = complete_rows(self.values(columns, gaps=True), place, leading)
+        if fault is not None:
+            problem, place, row = fault
+            label = "".join(self.labels[columns[place] : columns[place] + 1])
+            message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the "
+            raise RecordingError(f"{message}row out", file=self.file, line=self.lines[row])
+        return held
 
 
 def read_sheet(
     file: Path, *, separator: str | None = None, decimal: str | None = None, key: str = ""
 ) -> Sheet:
     """Return the table in ``file``, split by ``separator`` (comma, semicolon, tab or blank) with
-    the ``decimal`` mark given or found. Raises RecordingError for a known format that is no table,
-    for lines that are neither header nor rows, for fewer cells than labels, and, naming the options
-    below ``key``, for points and commas in one table and whole numbers between commas under no
-    header, which may be decimal fractions; ConfigError for options that are no separator or mark.
+    the ``decimal`` mark; None finds them. Raises RecordingError for a known format that is no
+    table, lines that are neither header nor rows, and fewer cells than labels; with the option
+    below ``key``, for points and commas in one table, and whole numbers between commas under no
+    header, which may be decimal fractions. Raises ConfigError for other options.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
-        message = f"separator {separator!r} and decimal {decimal!r}: one of comma, semicolon, tab, "
-        raise ConfigError(f"{message}blank, and another of point, comma", key=key)
-    return _sheet(read_text(file), Path(file), separator, decimal, key)
+        message = f"separator {separator!r} and decimal {decimal!r}: must be a comma, semicolon, "
+        raise ConfigError(f"{message}tab or blank, and another point or comma", key=key)
+    return _sheet(delimited.read_text(file), Path(file), separator, decimal, key)
 
 
-def _sheet(text: Text, file: Path, separator: str | None, decimal: str | None, key: str) -> Sheet:
-    if other := foreign("\n".join(text.lines[:3]) + "\n"):
+def _sheet(
+    text: delimited.Text, file: Path, separator: str | None, decimal: str | None, key: str
+) -> Sheet:
+    if other := delimited.foreign("\n".join(text.lines[:3]) + "\n"):
         raise RecordingError(f"this is a {other[0]}, which is not read: {other[1]}", file=file)
     places = [number for number, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
     if not places:
         raise RecordingError("the file holds no whole line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     tail = lines[: -REMARKS - 1 : -1]
-    likely = next((line for line in tail if _is_rowlike(line)), lines[-1])
-    mark = separator or _separator_of(likely)
-    if mark == SPACE:
-        lines = [SPACE.join(line.lstrip("#%").split()) for line in lines]
-    end = len(lines) - tail.index(likely)  # of the rows; below are lines of words
-    split = [_split(line, mark) for line in lines[max(end - SAMPLED, 0) : end]]
+    likely = next((line for line in tail if delimited.is_rowlike(line)), lines[-1])
+    mark = separator or delimited.separator_of(likely)
+    if mark == delimited.SPACE:
+        lines = [mark.join(line.lstrip("#%").split()) for line in lines]
+    below = tail.index(likely)  # lines of words below the rows
+    start, repeated = _sections(lines, places, mark)
+    end = len(lines) - below
+    early, sampled = lines[start:end][:-SAMPLED], lines[start:end][-SAMPLED:]
+    # as a column may be empty in the last lines
+    sampled = early[:: len(early) // SAMPLED + 1] + sampled
+    split = [split_line(line, mark) for line in sampled]
     before = {len(cells) for cells in split[-3:-1]}
-    if len(before) == 1 and len(split[-1]) < max(before) and _numbers(split[-2]):
+    if len(before) == 1 and len(split[-1]) < max(before) and count_numbers(split[-2]):
         end, split = end - 1, split[:-1]
-    counts = {"blank_rows": len(text.lines) - len(places)}
-    counts["cut_rows"] = (text.cut is not None) + len(lines) - end
     last, numeric = split[-1], _numeric_columns(split)
-    rows = enumerate(_split(line, mark) for line in lines[: end if numeric else 0])
-    if (top := next((n for n, row in rows if _is_row(row, numeric, last)), end)) == end:
-        message = f"no line holds numbers below {lines[end - 1][:80]!r}, where a table has rows of"
-        raise RecordingError(f"{message} them; record or export it again", file=file)
-    if top + 1 < end and _counts_on(_split(lines[top], mark)):
-        top += 1  # labels that are numbers, as pandas writes them
-    header = lines[:top], *_header(lines[:top], places, mark, last, numeric, file)
-    signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines[top:end])]
+    top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
+    if top is None:
+        message = f"no row of numbers up to {lines[end - 1][:80]!r}; record or export it again"
+        raise RecordingError(message, file=file)
+    labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
+    if start and labels[:1] == ["X_Value"]:
+        stated = (split_line(line, mark) for line in lines[:start])
+        units = next((["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"])
+    header, again = lines[:top], text.lines[label_line - 1] if labels else None
+    said = [text.lines[place - 1] for place in places[top:end]]
+    held = [n for n, line in enumerate(said, top) if line != again and line[0] not in "#%"]
+    counts = {"blank_rows": len(text.lines) - len(places) - repeated}
+    counts["cut_rows"] = (text.cut is not None) + len(lines) - end
+    if remarks := end - top - len(held) + repeated:  # headers again, and remarks
+        counts["remark_rows"] = remarks
+    lines, places = [lines[n] for n in held], [places[n] for n in held]
+    signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines)]
     if decimal is None and len(signs) > 1:  # those of the columns of numbers alone
-        rows = (enumerate(_split(row, mark)) for row in lines[top:end])
-        held = "".join(cell for row in rows for column, cell in row if column in numeric)
-        if len(signs := [sign for sign in signs if sign in held]) > 1:
+        rows = (enumerate(split_line(row, mark)) for row in lines)
+        numbers = "".join(cell for row in rows for column, cell in row if column in numeric)
+        if len(signs := [sign for sign in signs if sign in numbers]) > 1:
             message = "decimal points and decimal commas in one table; mend it, or set decimal"
             raise RecordingError(message, file=file, key=key)
-    chosen = decimal or "".join(signs)
-    if not chosen and mark == "," and separator is None and len(last) > 1 and not header[1]:
+    sign = decimal or "".join(signs)
+    if not sign and mark == "," and separator is None and len(last) > 1 and not labels:
         message = "whole numbers between commas, or decimal commas? Set separator and decimal, or "
         message += "save it with semicolons"
-        raise RecordingError(message, file=file, line=places[top], key=key)
-    body = lines[top:end], places[top:end], mark, chosen or "."
-    return Sheet(file, *header, *body, numeric, counts)
+        raise RecordingError(message, file=file, line=places[0], key=key)
+    above = header, labels, units, label_line
+    return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
 
 
-def _is_rowlike(line: str) -> bool:
-    """Return whether a line has not more words than numbers."""
-    pieces = re.split(r'[,;\s"]+', line)
-    words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
-    return len(words) <= _numbers(pieces) > 0
-
-
-def _separator_of(line: str) -> str:
-    if mark := next((mark for mark in ";\t" if mark in line), ""):
-        return mark
-    pieces = line.split()
-    # commas that never touch a blank are decimal marks of cells that blanks keep apart
-    spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
-    # a date and a time have a blank between them too
-    numbers = 2 * _numbers(pieces) >= len(pieces) or "," not in line
-    return SPACE if spaced and numbers and '"' not in line else ","
-
-
-def _split(line: str, mark: str) -> list[str]:
-    """Return the cells of a line, roughly: quotes that do not close are the reader's to refuse."""
-    if '"' in line:
-        try:
-            return cells_of(line, mark, file=Path(), number=0)
-        except RecordingError:
-            pass
-    return [cell.strip().strip('"') for cell in line.split(mark)]
-
-
-def _filled(cells: list[str]) -> int:
-    """Return the number of cells up to the last one with content."""
-    return max((n for n, cell in enumerate(cells, start=1) if cell), default=0)
-
-
-def _is_number(cell: str) -> bool:
-    return NUMBER.fullmatch(cell.replace(",", ".")) is not None
-
-
-def _numbers(cells: list[str]) -> int:
-    return sum(map(_is_number, cells))
+def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
+    """Return the line of the labels in a file of LabVIEW, 0 in others, and the number of lines in
+    the headers of further segments, which are taken out. Rows get the cell of the column Comment.
+    """
+    ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
+    if not ends or ends[-1] + 1 >= len(lines):
+        return 0, 0
+    whole = len(lines)
+    for end in reversed(ends[2:]):
+        first = max((n for n in range(end) if lines[n].startswith("Channels")), default=end)
+        del lines[first : end + 2], places[first : end + 2]
+    labels = split_line(lines[start := ends[:2][-1] + 1].rstrip(mark), mark)
+    if labels[-1] == "Comment":
+        for n in range(start + 1, len(lines)):
+            lines[n] += mark * (lines[n].count(mark) == len(labels) - 2)
+    return start, whole - len(lines)
 
 
 def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Return the columns of numbers in at least half of the last lines of one width."""
+    """Return the columns with numbers in at least half of the cells that are filled."""
     alike = []
     for cells in reversed(split):
         if len(cells) == len(split[-1]):
-            if not any(_is_number(cell) or cell in MISSING[1:] for cell in cells):
+            if not any(is_number(cell) or cell in MISSING[1:] for cell in cells):
                 break
             alike.append(cells)
-    columns = enumerate(zip(*alike, strict=True))
-    return [number for number, cells in columns if 2 * _numbers([*cells]) >= len(alike)]
+    filled = [[cell for cell in cells if cell not in MISSING] for cells in zip(*alike, strict=True)]
+    return [n for n, cells in enumerate(filled) if 2 * count_numbers(cells) >= len(cells) > 0]
 
 
-def _is_row(cells: list[str], numeric: list[int], last: list[str]) -> bool:
-    held = [cells[column] for column in numeric] if len(cells) == len(last) else []
-    return _numbers(held) > 0 and all(_is_number(cell) or cell in MISSING for cell in held)
-
-
-def _counts_on(cells: list[str]) -> bool:
-    """Return whether cells are labels that are numbers: nothing or a word, then 0, 1, 2 …"""
-    if len(cells) < 3 or _is_number(cells[0]):
-        return False
-    numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
-    return bool(numbers) and numbers == [*range(numbers[0], numbers[0] + len(cells) - 1)]
+def _first_row(
+    lines: list[str], start: int, mark: str, numeric: list[int], last: list[str]
+) -> int | None:
+    """Return the first line from ``start`` on with numbers in the columns of numbers alone."""
+    for top in range(start, len(lines)):
+        cells = split_line(lines[top], mark)
+        held = [cells[column] for column in numeric] if len(cells) == len(last) else []
+        if any(map(is_number, held)) and all(is_number(one) or one in MISSING for one in held):
+            break
+    else:
+        return None
+    if top + 1 < len(lines) and counts_on(cells):
+        return top + 1
+    while top > start and len(above := split_line(lines[top - 1], mark)) == len(last):
+        if not {*above} <= {*MISSING}:
+            break
+        top -= 1
+    return top
 
 
 def _header(
@@ -255,14 +280,15 @@ def _header(
 
     for line, place in zip(lines, places, strict=False):
         for other in SEPARATORS:
-            cells = line.split() if other == SPACE else _split(line, other)
+            cells = line.split() if other == delimited.SPACE else split_line(line, other)
             filled = [cell for cell in cells if cell]
-            if len(filled) > 2 and _numbers(filled) == len(filled) and not _counts_on(cells):
+            if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
                 raise fault(f"numbers in another form than below, or damaged: {line[:80]!r}", place)
-    above = [_split(line.lstrip("#% "), mark) for line in lines]
+    above = [split_line(line.lstrip("#% "), mark) for line in lines]
     cells = above[-1] if above else []
-    numbers = _numbers([cells[column] for column in numeric if column < len(cells)])
-    if numbers and not _counts_on(cells) and (len(cells) == len(last) or numbers == len(cells)):
+    numbers = count_numbers([cells[column] for column in numeric if column < len(cells)])
+    alike = len(cells) in (len(last), numbers)
+    if numbers and alike and not counts_on(cells):
         message = f"words and numbers in a damaged row: {lines[-1][:80]!r}"
         raise fault(message, places[len(lines) - 1])
     if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
@@ -271,24 +297,24 @@ def _header(
     units: list[str] = []
     for place, cells in reversed([*zip(places, above, strict=False)]):
         cells = [cell for cell in cells if "=" not in cell]  # settings have no column
-        filled, width = _filled(cells), len(last)
         if not re.search(r"\w", "".join(cells)):
             continue
-        stated = len(cells) > 1 and all(map(is_unit, filter(None, cells)))
+        filled, width = delimited.filled_width(cells), len(last)
+        stated = len(cells) > 1 and all(map(delimited.is_unit, filter(None, cells)))
         if stated and not units and place > places[0]:
             units = cells
         elif numeric[-1] < filled <= width and (filled > 1 or width == 1):
-            return (cells + [""] * width)[: max(filled, _filled(last))], units, place
+            return (cells + [""] * width)[: max(filled, delimited.filled_width(last))], units, place
     return [], units, places[len(lines)]
 
 
 def _begins(head: Head) -> bool:
-    """Return whether the reader finds rows in the beginning, or refuses an option or a line."""
-    if head.text is None or not head.lines or head.suffix in TREES or foreign(head.text):
+    """Return whether the reader finds rows in the head, or refuses it with an option or a line."""
+    if head.text is None or not head.lines or head.suffix in TREES or delimited.foreign(head.text):
         return False
     *lines, last = head.text.split("\n")
     try:
-        sheet = _sheet(Text(lines or [last], None), head.file, None, None, "")
+        sheet = _sheet(delimited.Text(lines or [last], None), head.file, None, None, "")
     except RecordingError as error:
         return bool({"key", "line"} & {*error.evidence})
     if len(sheet.rows) < 2:

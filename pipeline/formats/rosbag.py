@@ -1,5 +1,7 @@
-"""ROS 1 and ROS 2 bags: their topics, and the messages of one of them, one at a time, read in a
-process of its own, since what is compressed (bz2, lz4, zstd) may unfold to any size.
+"""ROS 1 and ROS 2 bags: their topics, the messages of one topic, one at a time, and messages of
+depth cameras as images, clouds and intrinsics (sensor_msgs; REP 118 for depth, REP 103 for units).
+
+A process of its own reads a bag, since compressed parts (bz2, lz4, zstd) may unfold to any size.
 """
 
 from collections import Counter
@@ -9,15 +11,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from pipeline.core.bounds import Sandbox, read_whole
 from pipeline.core.errors import RecordingError
+from pipeline.formats.depth.intrinsics import Intrinsics, pinhole
 from pipeline.formats.format import BAG_SUFFIXES, Format, Kind, advised, read_alone
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
 MEND = "copy it again, or run `rosbag reindex` on it"
+IMAGE, CLOUD, CAMERA_INFO = (
+    f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo")
+)
+PIXELS = dict.fromkeys(("16UC1", "mono16"), np.dtype(np.uint16))
+PIXELS["32FC1"] = np.dtype(np.float32)
+DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointField
 _streams: list[Iterator] = []  # of the process that reads
 
 
@@ -69,13 +79,11 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
 def messages(
     file: Path, topic: str, pick: Callable[[Any], Any], numbers: Collection[int] | None = None
 ) -> Iterator[Any]:
-    """Yield ``pick(message)`` (pickled, called in the process that reads) of the messages of
-    ``topic`` in the bag ``file``, of all or those of the ``numbers``, in the order of their
-    recording.
-
-    Memory holds one message, which has the attributes of its ROS definition. Raises RecordingError
-    for a bag that is missing, truncated, damaged or unindexed, for fewer messages than it
-    announces, and, with the message's number from 0, as ``pick`` does.
+    """Yield ``pick(message)`` of the messages of ``topic`` in the bag ``file``, or those with the
+    ``numbers`` (from 0), in the order of recording. ``pick`` is pickled and called in the process
+    that reads; a message has the attributes of its ROS definition, and memory holds one. Raises
+    RecordingError for a bag that is missing, truncated, damaged or unindexed, for fewer messages
+    than it announces, and, with the message's number, as ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
@@ -116,13 +124,13 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
 
 
 def seconds(message: object, **evidence: object) -> float:
-    """Return the time in s of the ``header`` of a message, to a quarter of a microsecond;
-    RecordingError where it has none or was never set.
+    """Return the time in s in the ``header`` of a message, to a quarter of a microsecond;
+    RecordingError where there is none or it was never set.
     """
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is None or (stamp.sec, stamp.nanosec) == (0, 0):
-        problem = "the message has no time in its header; record with a driver that stamps its"
-        raise RecordingError(f"{problem} messages", **evidence)
+        message = "the message has no time in its header; record with a driver that writes it"
+        raise RecordingError(message, **evidence)
     return stamp.sec + stamp.nanosec * 1e-9
 
 
@@ -147,6 +155,65 @@ def _opened(file: Path) -> Iterator[AnyReader]:
 def _named(held: dict[str, str]) -> str:
     named = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(held.items())]
     return ", ".join(named) or "none"
+
+
+def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:
+    """Return (H, W) uint16 (16UC1) or float32 (32FC1) of an Image of ``shape`` = (H, W), of either
+    byte order, its rows padded or not; RecordingError (with ``evidence``) for another encoding or
+    size, and for other data than rows × step.
+    """
+    pixel, size = PIXELS.get(message.encoding), (message.height, message.width)
+    if pixel is None or size != tuple(shape):
+        found = f"an image of {size[1]} × {size[0]} pixels encoded as {message.encoding!r}; depth "
+        wanted = f"of the camera has {shape[1]} × {shape[0]} of {', '.join(PIXELS)}"
+        raise RecordingError(found + wanted, **evidence)
+    return _records(message, message.step, pixel, "pixels", evidence).astype(pixel)
+
+
+def _records(message: object, row: int, kind: np.dtype, what: str, evidence: dict) -> np.ndarray:
+    """Return (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
+    height, width, size = message.height, message.width, kind.itemsize
+    data = np.asarray(message.data, np.uint8)
+    if row < width * size or len(data) != height * row:
+        said = f"{len(data)} bytes in {height} rows of {row} for {width} {what} of {size} bytes"
+        raise RecordingError(said, **evidence)
+    rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * size])
+    return rows.view(kind.newbyteorder(">" if message.is_bigendian else "<"))
+
+
+def cloud_points(message: object, **evidence: object) -> np.ndarray:
+    """Return (N, 3) float64 points of a PointCloud2 in m in its own frame, NaN where the sensor saw
+    nothing: float32 or float64 at any offset, of either byte order, rows padded or not.
+    RecordingError (with ``evidence``) for another field, and for other data than announced.
+    """
+    fields, step = {field.name: field for field in message.fields}, message.point_step
+    held = [fields[name] for name in "xyz" if name in fields]
+    formats = [DATATYPES.get(field.datatype) for field in held if field.count == 1]
+    ends = [f.offset + kind.itemsize for f, kind in zip(held, formats, strict=False) if kind]
+    if len(ends) < 3 or max(ends) > step:
+        said = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
+        raise RecordingError(f"{said}there are {', '.join(fields) or 'none'}", **evidence)
+    layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in held]}
+    kind = np.dtype(layout | {"itemsize": step})
+    points = _records(message, message.row_step, kind, "points", evidence).ravel()
+    return np.column_stack([points[name].astype(float) for name in "xyz"])
+
+
+def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:
+    """Return the intrinsics from the K and D of a CameraInfo of ``width`` × ``height`` pixels;
+    RecordingError (with ``evidence``) for another size, K of zeros and another distortion model.
+    """
+    # ROS 1 writes K and D, ROS 2 k and d
+    matrix, distortion = (
+        np.array(getattr(message, name, getattr(message, name.lower(), None)), dtype=float)
+        for name in "KD"
+    )
+    own = {
+        "stated": (message.width, message.height),
+        "model": message.distortion_model or "of no name",
+    }
+    distortion = distortion if distortion.any() else np.zeros(0)
+    return pinhole(matrix.reshape(3, 3), distortion, (width, height), **own, **evidence)
 
 
 FORMAT = Format(

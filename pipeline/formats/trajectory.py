@@ -1,5 +1,5 @@
-"""The commanded trajectory as plain CSV: pose and velocity of the end-effector in the plane of the
-chain, the commanded joint angles of any arm, or both.
+"""Commanded trajectories as plain CSV: pose and velocity of the end-effector in the plane of the
+chain, commanded joint angles of any arm, or both.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,17 +15,16 @@ from pipeline.formats.number_sheet import read_sheet
 
 COLUMNS = ["t", "x", "z", "phi", "vx", "vz", "vphi"]  # s, m, m, rad, m/s, m/s, rad/s
 FAMILIES = ["t", *columns("x", PLANE), *columns("v", PLANE)]
-# a time printed with six decimals is up to half a microsecond off, a step up to one
-STEP_TOLERANCE = 1.01e-6
+STEP_TOLERANCE = 1.01e-6  # s: two times of six decimals round a step by a microsecond
 
 
 def read_trajectory(file: Path) -> pd.DataFrame:
-    """Return the trajectory in ``file``: one row a time step, the column t in s and, float64, the
-    families x and v of the task's rows in m, m, rad and per second, q of the joints in rad, or all.
-    The header names ``t`` and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint, or all.
-    Raises RecordingError, with the line where there is one, for missing columns, fewer than two
-    rows, no finite number, steps that are not positive and equal within a microsecond, an angle
-    that jumps by more than half a turn, and a last row without line end.
+    """Return the trajectory in ``file``, a row a time step: t in s, the families x and v of the
+    task's rows (m, m, rad, and per second), q of the joints in rad, or all. The header names ``t``
+    and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint, or all. Raises RecordingError, with
+    the line where there is one, for missing columns, fewer than two rows, cells without a finite
+    number, steps that are not positive and equal within a microsecond, angles that jump by more
+    than half a turn, and a last row without line end.
     """
 
     def choose(labels: list[str]) -> list[str]:
@@ -40,13 +39,13 @@ def read_trajectory(file: Path) -> pd.DataFrame:
         row, column = np.argwhere(jumps)[0].tolist()
         before, after = table[turning[column]].iloc[row : row + 2]
         at = f"{turning[column]} jumps by {after - before:.4g} rad at t = {table.t[row + 1]:.6g} s"
-        need = "a commanded angle goes on beyond ±π and is not wrapped by 2π = 6.283 rad"
+        need = "a commanded angle must go on beyond ±π, without jumps of 2π = 6.283 rad"
         raise RecordingError(f"{at}: {need}; export it so", file=file)
     return table.rename(columns=dict(zip(COLUMNS, FAMILIES, strict=True)))
 
 
 def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
-    """Return t in s and the rows of the ``task`` in m and rad; ``file`` may have others."""
+    """Return t in s and the rows of the ``task`` in m and rad; ``file`` may have other columns."""
     return _even_rows(file, lambda _: ["t", *task])
 
 
@@ -79,7 +78,7 @@ def _even_rows(
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and the families x, v and q of ``trajectory``, as far as it has them, bit for bit."""
+    """Write t and those of the families x, v and q that ``trajectory`` has, without rounding."""
     joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
     chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")

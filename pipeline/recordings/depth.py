@@ -16,8 +16,7 @@ from pipeline.arm.model import Arm
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Depth
 from pipeline.formats import rosbag
-from pipeline.formats.depth import cloud, image, index
-from pipeline.formats.depth import messages as ros
+from pipeline.formats.depth import cloud, image
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics
 from pipeline.formats.format import is_bag
 from pipeline.perception.segment import ArmSegmenter, cut_cloud
@@ -67,7 +66,7 @@ def frame_rows(
     rows = pd.DataFrame(rows | {"file": take.references, "valid": valid})[~frozen]
     rows = rows.assign(points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1])
     np.save(folder / f"{name}.npy", np.concatenate(kept))
-    dropped = index.dropped_frames(time)
+    dropped = image.dropped_frames(time)
     counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | take.counts
     share = ("dropped_share", dropped / (dropped + len(clouds)), "share")
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in (*counts.items(), share)]
@@ -96,9 +95,9 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
 
 def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     if depth.index is not None:
-        listed = index.read_index(path / depth.index)
+        listed = image.read_index(path / depth.index)
     elif depth.frames is not None:
-        listed = index.numbered_frames(path, depth.frames, rate=depth.rate)
+        listed = image.numbered_frames(path, depth.frames, rate=depth.rate)
     else:
         message = "a folder of frames needs their index, or frames: a glob of their numbered names"
         raise ConfigError(message, key=f"{KEY}.index")
@@ -121,15 +120,15 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
 def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     """The bag's take: one pass reads the times in the headers, another one the frames."""
-    topic = rosbag.choose_topic(path, (ros.IMAGE, ros.CLOUD), depth.topic)
+    topic = rosbag.choose_topic(path, (rosbag.IMAGE, rosbag.CLOUD), depth.topic)
     time = np.array([*rosbag.messages(path, topic, rosbag.seconds)])
     where = {"file": path, "topic": topic}
     if (late := np.flatnonzero(np.diff(time) <= 0)).size:
         raise RecordingError("the time does not increase", **where, number=int(late[0]) + 1)
-    pick, camera = ros.cloud_points, None
-    if rosbag.topics(path)[topic] == ros.IMAGE:
+    pick, camera = rosbag.cloud_points, None
+    if rosbag.topics(path)[topic] == rosbag.IMAGE:
         camera = _intrinsics(path, depth, raw, topic)
-        pick = partial(ros.image_pixels, shape=(camera.height, camera.width))
+        pick = partial(rosbag.image_pixels, shape=(camera.height, camera.width))
 
     def frames() -> Frames:
         for number, each in enumerate(rosbag.messages(path, topic, pick)):
@@ -154,8 +153,8 @@ def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrins
     if not topic:
         message = "depth images need a file of their camera's intrinsics"
         raise ConfigError(message, key=f"{KEY}.intrinsics")
-    stated = rosbag.choose_topic(path, (ros.CAMERA_INFO,), depth.camera_info)
-    camera = next(rosbag.messages(path, stated, partial(ros.camera_info, **size), {0}))
+    stated = rosbag.choose_topic(path, (rosbag.CAMERA_INFO,), depth.camera_info)
+    camera = next(rosbag.messages(path, stated, partial(rosbag.camera_info, **size), {0}))
     if camera.distortion and "rect" in topic:
         message = "the topic is called rectified, and its camera is distorted; give the intrinsics"
         raise RecordingError(f"{message} of its images in a file", file=path, topic=topic)

@@ -14,8 +14,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
-from pipeline.formats.joints import table
-from pipeline.formats.joints.log import OPTION, JointLog, LogOptions
+from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
 from pipeline.recordings import commands
 from pipeline.recordings.repetitions import commanded_speeds
 
@@ -106,7 +105,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     factors and remove jumps of whole turns. Raises RecordingError for other joints, angles beyond
     four turns, and other jumps.
     """
-    chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or table.FORMAT
+    chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or TABLE
     log = chosen.read(file, options)
     names, signals, jumps = options.names or log.joints, {}, 0
     if log.joints and options.names and log.joints != tuple(options.names):

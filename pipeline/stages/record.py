@@ -13,11 +13,10 @@ from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
-from pipeline.formats.depth.image import write_depth
-from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
-from pipeline.formats.joints.table import write_joint_table
+from pipeline.formats.joints.log import write_joint_table
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory

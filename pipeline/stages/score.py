@@ -21,12 +21,7 @@ from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed
 from pipeline.recordings.steps import reference_joints, training_steps, truth_of
 from pipeline.statistics import curves
-from pipeline.statistics.scores import (
-    Filtered,
-    filter_metrics,
-    filter_tables,
-    training_mean,
-)
+from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, training_mean
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
 from pipeline.verdicts.run import Run
 

@@ -20,8 +20,7 @@ from pipeline.core.config import compose_config
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.formats.depth.image import encode_depth
-from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.image import encode_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake

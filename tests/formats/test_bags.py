@@ -9,8 +9,7 @@ from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.format import is_bag
-from pipeline.formats.joints.bag import JOINT_STATE, read_joint_bag
-from pipeline.formats.joints.log import LogOptions
+from pipeline.formats.joints.log import JOINT_STATE, LogOptions, read_joint_bag
 from pipeline.formats.rosbag import choose_topic, messages, seconds, topics
 from pipeline.recordings.movement import read_movement
 from pipeline.tools.inspect.command import inspect

@@ -11,95 +11,20 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.io import savemat
+from written_logs import seen
 
 from pipeline.arm.model import chain_of
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.joints.table import read_joint_table
 from pipeline.recordings.movement import UNWRAPPED, read_log, read_movement
-from pipeline.tools.inspect.command import as_table, inspect
+from pipeline.tools.inspect.command import inspect
 
 CASES = Path(__file__).parents[3] / "shared/cases"
 TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
-ROWS = np.column_stack([TIME, Q + 1e-4, Q]).round(6)
-LABELS = ["time", "q_0", "q_1", "q_target_0", "q_target_1"]
-SIGNALS = {"actual": ["q_0", "q_1"], "target": ["q_target_0", "q_target_1"]}
-
-
-def table(*above: str, mark: str = ",", decimal: str = ".") -> str:
-    """The rows and their labels under the lines ``above``."""
-    rows = [mark.join(f"{cell:.6f}" for cell in row).replace(".", decimal) for row in ROWS.tolist()]
-    return "\n".join([*above, mark.join(LABELS), *rows, ""])
-
-
-def beside(column: str, at: int, cell: str) -> str:
-    """The table with another ``column`` whose cells hold ``cell``, %d being the row."""
-    lines = [line.split(",") for line in table().splitlines()]
-    for number, cells in enumerate(lines):
-        cells.insert(at, column if number == 0 else cell.replace("%d", str(number)))
-    return "\n".join([*map(",".join, lines), ""])
-
-
-TABLES = {
-    "plain": (table(), {}),
-    "settings": (table("Sensor,Rokubi", "Sampling rate,125"), {}),
-    "settings, semicolons and decimal commas": (table("Rate;125", mark=";", decimal=","), {}),
-    "settings, tabs": (table("Rate\t125", "Operator\tA. B.", mark="\t"), {}),
-    "separator of Excel": (table("sep=;", mark=";", decimal=","), {}),
-    "blanks": (table(mark=" "), {}),
-    "comment": (table("# recorded on Monday", mark=" "), {}),
-    "title, padded": (table("Arm test of 5 March,,,,"), {}),
-    "byte-order mark and CRLF": ("\ufeff" + table("Rate,125").replace("\n", "\r\n"), {}),
-    "empty last column": (beside("note", 5, ""), {"note": "nothing"}),
-    "words": (beside("mode", 1, "IDLE"), {"mode": "words"}),
-    "quoted words with commas": (beside("mode", 1, '"a, b"'), {"mode": "words"}),
-    "dates": (beside("clock", 1, "2024-03-05 10:15:%d.5"), {"clock": "dates or times"}),
-    "another quantity": (beside("actual_main_voltage", 2, "48.%d"), {}),
-    "numbers of the rows": (beside("", 0, "%d"), {}),
-    "a header beyond 16 KiB": (beside("x" * 30_000, 5, "1.5"), {}),
-    "footer": (table() + "\nSummary: 60 rows\nEnd\n", {}),
-}
-
-
-@pytest.mark.parametrize("name", TABLES)
-def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_its_numbers(
-    tmp_path, name
-):
-    text, left_out = TABLES[name]
-    (tmp_path / "run.csv").write_bytes(text.encode())
-    (finding,) = inspect(tmp_path / "run.csv")
-    assert (finding.format, finding.stops) == ("table of numbers", [])
-    assert finding.facts["signals"] == SIGNALS and finding.facts["time"] == "time"
-    assert finding.facts.get("columns_without_numbers", {}) == left_out
-    log = read_joint_table(tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS))
-    np.testing.assert_allclose(log.time, TIME, atol=1e-6)
-    np.testing.assert_allclose(log.signals["target"], Q, atol=1e-6)
-    assert (log.counts["cut_rows"] > 0) == (name == "footer")
-
-
-def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):
-    head = "run\nnRows=60\nnColumns=5\ninDegrees=yes\nendheader"
-    (tmp_path / "run.mot").write_text(table(head, mark="\t"))
-    (finding,) = inspect(tmp_path / "run.mot")
-    assert "OpenSim" in finding.version and finding.facts["signals"] == SIGNALS
-    options = LogOptions("time", joints=2, signals=SIGNALS)
-    with pytest.raises(RecordingError, match="in deg by the header") as refused:
-        read_joint_table(tmp_path / "run.mot", options)
-    assert refused.value.evidence["key"] == "dataset.joint_log.angle_unit"
-
-
-def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
-    (tmp_path / "q.txt").write_text("".join(f"{angle}\n" for angle in Q[:, 0]))
-    (finding,) = inspect(tmp_path / "q.txt")
-    said, key, *_ = finding.open[0]
-    assert (finding.facts["columns"], key) == (1, "dataset.joint_log.signals")
-    assert "one number a line" in said
-    with pytest.raises(RecordingError, match="one number a line is one column"):
-        read_joint_table(tmp_path / "q.txt", LogOptions(joints=2, signals={"actual": None}))
-
+ECHO = "".join(f"{k / 125},elbow,{k % 7}.5,0.{k}\n" for k in range(60))
 
 LINKS = (
     '<link name="base"/><link name="upper"/><link name="{0}"/><link name="jaw"/><link name="tip"/>'
@@ -142,8 +67,9 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "take.tsv": (QUALISYS, "TSV of Qualisys Track Manager is not read: export C3D"),
     "nexus.csv": ("Trajectories\n100\n,,a,,\n" + FRAMES, VICON),
     "model.csv": ("\ufeffModel Outputs,,,\r\n100,,,\r\n" + FRAMES, VICON),
-    "echo.csv": (beside("", 1, "elbow").split("\n", 1)[1], "columns without numbers 1 (words)"),
-    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "has no number; fill it in"),
+    "echo.csv": (ECHO, "columns without numbers 1 (words)"),
+    "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "4 missing cells; columns time"),
+    "text.pgm": ("P2\n2 2\n65535\n1 2 3 4\n", "whose pixels are text (PBM, PGM, PPM) is not read"),
     "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
     "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "distortion; the file has cam0"),
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
@@ -183,11 +109,6 @@ def case(tmp_path):
         return tmp_path
 
     return made
-
-
-def seen(file: Path) -> str:
-    """The text that ``inspect`` prints of ``file``."""
-    return " ".join(as_table(inspect(file), file.parent).split())
 
 
 PAIR = "signals actual (q_0, q_1), target (q_target_0, q_target_1)"

@@ -29,20 +29,17 @@ from pipeline.core.options.dataset import Motion, Robot
 from pipeline.core.validation import validated
 from pipeline.formats.depth import intrinsics
 from pipeline.formats.depth.cloud import read_cloud
-from pipeline.formats.depth.image import read_depth
-from pipeline.formats.depth.index import read_index, write_index
+from pipeline.formats.depth.image import read_depth, read_index, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
-from pipeline.formats.depth.messages import image_pixels
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
 from pipeline.formats.force.record import ForceRecord
 from pipeline.formats.joints.arrays import read_arrays
-from pipeline.formats.joints.log import JointLog, LogOptions
-from pipeline.formats.joints.table import read_joint_table
+from pipeline.formats.joints.log import JointLog, LogOptions, read_joint_table
 from pipeline.formats.motion.c3d import read_c3d
 from pipeline.formats.motion.motive import read_motive, write_motive
 from pipeline.formats.motion.take import MotionTake
-from pipeline.formats.rosbag import messages
+from pipeline.formats.rosbag import image_pixels, messages
 from pipeline.formats.trajectory import read_trajectory, write_trajectory
 
 SAMPLES = np.random.default_rng(5).normal(size=(5, 6)).round(4)

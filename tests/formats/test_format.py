@@ -19,8 +19,7 @@ from pipeline.formats import motion
 from pipeline.formats.delimited import numbers_of
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.format import formats_in
-from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.joints.table import read_joint_table
+from pipeline.formats.joints.log import LogOptions, read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
 from pipeline.recordings.motion_capture import read_take
@@ -109,7 +108,20 @@ def test_numbers_are_correctly_rounded_as_by_python(form):
     np.testing.assert_array_equal(result[:, 0], [float(row) for row in rows])
 
 
-WRONG = ["x", "1_0", "1 2", "0x1A", "True", "NA", "1e999", "1,5", "--1", '"1', "1e300", "7" * 5000]
+WRONG = [
+    "x",
+    "1_0",
+    "1 2",
+    "0x1A",
+    "True",
+    "NAN1",
+    "1e999",
+    "1,5",
+    "--1",
+    '"1',
+    "1e300",
+    "7" * 5000,
+]
 
 
 @pytest.mark.parametrize("cell", WRONG)
@@ -122,7 +134,7 @@ def test_a_cell_that_is_no_finite_number_or_nothing_measures_is_refused_by_its_l
 def test_cells_in_many_forms_are_numbers_and_missing_ones_are_nan_where_gaps_are_expected():
     for cell in ("1.5", " 1.5", "1.5 ", "+1.5", '"1.5"', "15e-1", "0.15E+1"):
         assert numbers_of([f"0,{cell}"], [1], [1], file=FILE).item() == 1.5
-    for cell in ("", " ", "NAN", "nan", "-nan(ind)", "1.#QNAN", '""'):
+    for cell in ("", " ", "NAN", "nan", "-nan(ind)", "1.#QNAN", "None", "N/A", '""'):
         assert np.isnan(numbers_of([f"0,{cell}"], [1], [1], file=FILE, gaps=True)).all()
         with pytest.raises(RecordingError, match="column 2 has no number"):
             numbers_of([f"0,{cell}"], [1], [1], file=FILE)

@@ -2,6 +2,7 @@
 the line or key that it names.
 """
 
+from collections.abc import Iterable
 from functools import partial
 from typing import NamedTuple
 
@@ -12,14 +13,12 @@ from motive_files import DEFINITION, MARKER, TOP, frame_row, seen_row
 from written_logs import CALIBRATION, netft_text, refusal
 
 from pipeline.formats.depth.cloud import read_cloud
-from pipeline.formats.depth.image import read_depth
-from pipeline.formats.depth.index import read_index
+from pipeline.formats.depth.image import read_depth, read_index
 from pipeline.formats.depth.intrinsics import read_intrinsics
 from pipeline.formats.force.calibration import read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft
 from pipeline.formats.force.record import ForceLogOptions, ForceRecord, read_force_table
-from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.joints.table import read_joint_table
+from pipeline.formats.joints.log import LogOptions, read_joint_table
 from pipeline.formats.motion.motive import read_motive
 from pipeline.formats.trajectory import COLUMNS, read_trajectory
 
@@ -50,6 +49,10 @@ class Sound(NamedTuple):
     name: str = "file.csv"
 
 
+def gap(lacking: Iterable[int]) -> str:
+    return "".join(f"{k / 100},{'' if k in lacking else 1.5},2\n" for k in range(40))
+
+
 def typed(*rows: str) -> str:
     return TYPED + "\n".join([*rows, ""])
 
@@ -71,7 +74,7 @@ FORMATS = {
         *((None, content, "", None) for content in (b"", b"VERSION 0.7\n")),
     ], "c.pcd"),
     "text PCD": Sound(CLOUDS["ascii.pcd"], read_cloud, [
-        ("nan 9", "n/a 9", "'n/a'", 14),
+        ("nan 9", "n/b 9", "'n/b'", 14),
         (" 9 9 9 ", " 9 9 ", "12 numbers where a point has 13", 12),
     ], "c.pcd"),
     "PLY": Sound(CLOUDS["ascii.ply"], read_cloud, [
@@ -144,7 +147,8 @@ FORMATS = {
     ]),
     "force table": Sound("time,F1,F2,F3,M1,M2,M3\n" + SAMPLES, forces, [
         ("0.6,1", "0.4,1", "goes back", 3),
-        ("0.6,1,2,3,4,5", "0.6,nan,2,3,4,5", "no number", 3),
+        ("0.6,1,2,3,4,5", "nan,1,2,3,4,5", "column 1 time has no number", 3),
+        ("0.6,1,2,3,4,5,7\n0.7,1", "0.6,,2,3,4,5,7\n0.7,", "has 1 numbers in 3 rows", 2),
         ("0.6,1,2,3,4,5,7", "0.6,1,2,3,4,5", "6 cells", 3),
         ("0.5,1,2,3,4,5", "0.5,x,x,x,x,x", "words and numbers", 2),
         ("0.6,1,2,3,4,5,7\n0.7", "0.5,1,2,3,4,5,7\n0.5", "no clock", 2),
@@ -157,6 +161,10 @@ FORMATS = {
         (", 2", ", 2, 3", "3 values, not 2", 1),
         (None, b"\x89PNG\0", "not plain text", None),
     ]),
+    "joint table with a gap": Sound(gap([5]), joints, [
+        ("0.05,,2", "0.05,x,2", "'x', not a finite number", 6),
+        (None, gap(range(5, 20)), "column 2  has no number in a gap of more than 10 of its", 6),
+    ]),
     "labelled joint table": Sound("t,q1,q2\n0.0,0.5,0.25\n0.1,0.5,0.25\n",
                                   partial(read_joint_table, options=BY_NAME), [
         ("q2", "q3", "0 columns have the label", f"{JOINTS}.signals"),
@@ -164,7 +172,7 @@ FORMATS = {
         ("t,", "t [ms],", "in ms by the header and in s", f"{JOINTS}.time_unit"),
     ]),
     "Motive": Sound(MOTIVE, motive, [
-        (ROWS, "0,0,1,2\n", "labels 5 columns", 8),
+        (ROWS, "0,0,1,2\n", "labels 5 columns: a cut row", 8),
         (ROWS, "0,0,1,2,3\n\n1,0.01,1,oops,3\n", "'oops'", 10),
         (ROWS, "0,0,1,2,3,4\n", "'4' in a column without a label", 8),
         (ROWS, "0,0,0,97705,3\n", "A is at 97705 m, farther than any camera sees", 8),

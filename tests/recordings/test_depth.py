@@ -14,8 +14,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm, load_arm
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Depth, Pose, Workspace
-from pipeline.formats.depth.image import write_depth
-from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.recordings.depth import frame_rows, take_paths
 from pipeline.recordings.depth_takes import arm_points, on_motion_clock, with_markers

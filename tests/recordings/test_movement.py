@@ -17,8 +17,7 @@ from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Encoders, Robot
 from pipeline.core.options.dataset import JointLogSection as Log
-from pipeline.formats.joints.log import JointLog, LogOptions
-from pipeline.formats.joints.table import joint_labels, write_joint_table
+from pipeline.formats.joints.log import JointLog, LogOptions, joint_labels, write_joint_table
 from pipeline.recordings import movement
 from pipeline.recordings.commands import (
     circular_joints,

@@ -17,8 +17,7 @@ from source_code import ROOT
 from pipeline.__main__ import tool_call
 from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError, PipelineError
-from pipeline.formats.depth.image import write_depth
-from pipeline.formats.depth.index import write_index
+from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive

@@ -1,7 +1,7 @@
 """Point clouds as PCD (ascii, binary, binary_compressed) or PLY (ascii, binary of either order).
 
-Open3D reads the binary data, under a header of its own: it fills up what a truncated file lacks,
-takes damaged text for zeros and fails on fields that share a name (PCL's padding ``_``).
+Open3D reads the binary data, with a header that is written here: Open3D fills up the bytes that a
+truncated file lacks, reads damaged text as zeros and fails on two fields of one name.
 """
 
 import ctypes
@@ -30,8 +30,7 @@ PLY_TYPES = {
     **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
-# as C++ prints it; nan itself is known to numbers_of
-NO_POSITION = ("-nan", "+nan", "inf", "-inf", "+inf")
+NO_POSITION = ("+nan", "inf", "-inf", "+inf")  # as C++ prints it, beside MISSING
 AGAIN = "copy the cloud again, or take it out of the take"
 
 
@@ -41,31 +40,28 @@ class PointCloud:
 
     points: np.ndarray  # (N, 3) float64 that were measured, in the file's unit
     missing: int  # more points, without a position (NaN or infinite)
-    # of a PCD: position in the file's unit and quaternion (w, x, y, z) of the sensor, not applied
+    # position in the file's unit and quaternion (w, x, y, z) of the sensor, by a PCD; not applied
     viewpoint: tuple[float, ...] = UNTURNED
-    # surplus_bytes behind the points that the header announces
-    counts: dict[str, int] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)  # surplus_bytes behind the points
     format: str = ""  # with its version
     organised: str = ""  # columns × rows
 
     @classmethod
-    def measured(cls, points: np.ndarray, *beside: object) -> "PointCloud":
+    def measured(cls, points: np.ndarray, *details: object) -> "PointCloud":
         """Return the cloud of (N, 3) ``points``, those without a position left out and counted."""
         held = np.isfinite(points).all(axis=1)
-        return cls(points[held], int(np.sum(~held)), *beside)
+        return cls(points[held], int(np.sum(~held)), *details)
 
 
 class CloudHeader(NamedTuple):
-    """Content of a cloud's header; ``point`` is the record of a point, ``form`` one of PCD_FORMATS
-    or PLY_FORMATS, ``start`` the first byte of the points, ``more`` whether others follow them.
-    """
+    """Content of a cloud's header."""
 
     count: int
-    point: np.dtype
-    form: str
-    start: int
+    point: np.dtype  # record of a point
+    form: str  # one of PCD_FORMATS or PLY_FORMATS
+    start: int  # first byte of the points
     version: str
-    more: bool = False
+    more: bool = False  # whether other elements follow
     viewpoint: tuple[float, ...] = UNTURNED
     organised: str = ""
 
@@ -81,10 +77,10 @@ def read_cloud(file: Path) -> PointCloud:
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
-    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame; other
-    fields are passed over, and bytes behind the announced points counted: PCL pads files to whole
+    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame. Other
+    fields are left out; bytes behind the announced points are counted, as PCL pads files to whole
     pages. Raises RecordingError for content that is truncated, of another format, without x, y and
-    z, or with data other than the header announces.
+    z, or with other data than the header announces.
     """
     try:
         header = (_ply_header if _is_ply(content) else _pcd_header)(content)
@@ -108,7 +104,7 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
 
 
 def _is_ply(content: bytes) -> bool:
-    return content.startswith((b"ply\n", b"ply\r\n"))
+    return content.startswith((b"ply\n", b"ply\r"))
 
 
 def _pcd_header(content: bytes) -> CloudHeader:
@@ -116,12 +112,12 @@ def _pcd_header(content: bytes) -> CloudHeader:
         raise ValueError("no line DATA")
     lines = [line.split() for line in content[: data.end()].decode("latin-1").split("\n")]
     entries = {words[0]: words[1:] for words in lines if words}
-    names = entries["FIELDS"]
+    names = entries.get("FIELDS") or entries["COLUMNS"]  # before version 0.6
     counts = [int(count) for count in entries.get("COUNT", ["1"] * len(names))]
     types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
     if not {*types} <= PCD_TYPES or min(counts) < 1:
         raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
-    # padding has the name _ as often as there is some
+    # each padding has the name _
     unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
     shapes = [() if count == 1 else (count,) for count in counts]
     point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
@@ -156,10 +152,9 @@ def _ply_header(content: bytes) -> CloudHeader:
 
 @cache
 def load_open3d() -> ModuleType:
-    """Return the module ``open3d``, which takes two seconds to import, quiet but for errors."""
-    import libusb_package
+    """Return the module ``open3d``, which takes two seconds to import; it prints errors alone."""
+    import libusb_package  # the CPU build links libusb and does not contain it
 
-    # the CPU build links libusb without bringing it along
     ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
     import open3d
 
@@ -175,14 +170,12 @@ def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
         size = 8 + packed
     if len(data) < size or unpacked != header.count * point.itemsize:
-        message = f"{len(data)} bytes of {size}, which unfold to {unpacked}"
-        raise ValueError(
-            f"{message}, where {header.count} points of {point.itemsize} are announced"
-        )
+        message = f"{len(data)} bytes of {size}, which unfold to {unpacked}, where the header "
+        raise ValueError(f"{message}announces {header.count} points of {point.itemsize}")
     data, surplus = data[:size], len(data) - size
     if form in PLY_FORMATS:
         form, data = "binary", np.frombuffer(data, point).astype(point.newbyteorder("<")).tobytes()
-    # under other names Open3D would make colours and normals of fields, or fail on two of one name
+    # other names, since Open3D reads some as colours or normals, and fails on two of one name
     names = [name if name in ("x", "y", "z") else f"f{i}" for i, name in enumerate(point.names)]
     kinds, count = [point[name] for name in point.names], [header.count]
     rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
@@ -197,7 +190,7 @@ def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.
         cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
     if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
         raise ValueError("the compressed data do not unfold")
-    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers are no positions
+    with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers
         return cloud.point.positions.numpy().astype(float), surplus
 
 

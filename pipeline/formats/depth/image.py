@@ -1,8 +1,8 @@
-"""Depth images as PNG, TIFF or PGM, and their pixels in m by the sensor's encoding.
+"""Depth images as PNG, TIFF or PGM, their pixels in m by the sensor's encoding, and the frames of
+a sequence with their times: by an index (TUM RGB-D layout), or by numbers in the files' names.
 
-OpenCV decodes the pixels: it keeps every type. The header is read before, so that a small file that
-unfolds into gigabytes is refused, with the check sums of a PNG and the bytes of a PGM, since OpenCV
-fills up what they lack.
+OpenCV decodes the pixels, and keeps every type. The header is read before: it bounds the size of
+the pixels; check sums of a PNG and the bytes of a PGM are checked, as OpenCV fills up missing ones.
 """
 
 import io
@@ -19,7 +19,9 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.format import Format, Kind, begins, file_content
+from pipeline.formats.delimited import NUMBER, read_text
+from pipeline.formats.depth import cloud
+from pipeline.formats.format import Format, Head, Kind, begins, file_content, matching
 
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 ENDINGS = (".png", ".tif", ".tiff", ".pgm")
@@ -27,6 +29,8 @@ WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
 GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments of PGM
 # P5, width, height and greatest value, one blank, the pixels
 PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d+)" + GAP + rb"(\d+)" + GAP + rb"(\d{1,5})\s")
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, median between frames; stamps in ms are beyond it
+NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.ASCII)  # the last number in a name
 PIXEL = 4  # bytes, the largest that is kept
 NO_DISPARITY = 2047  # value of the Kinect's eleven bits where it sees nothing
 # exceptions of Pillow for a damaged header
@@ -35,14 +39,14 @@ HEADER_DAMAGE += (RuntimeError, struct.error, AttributeError, Image.Decompressio
 # run lengths of each row's differences: naming the filter halves the time, level 6 saves 1 %
 PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
 PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
-# what is wrong with an image is said by its refusal, not among the messages of a stage
+# a refusal names the fault of an image; OpenCV prints none
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 @dataclass(frozen=True)
 class RawDepth:
-    """One image as the sensor's software wrote it: ``pixels`` (H, W) uint16 or float32 (to which
-    float64 is rounded); a TIFF's ``description``, else ''.
+    """One image as the sensor's software wrote it: ``pixels`` (H, W) uint16 or float32 (float64 is
+    rounded), and the ``description`` of a TIFF.
     """
 
     pixels: np.ndarray
@@ -66,9 +70,9 @@ class Encoding:
 
 
 def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
-    """Return depth along the optical axis in m, (H, W) float32, NaN where there is none: 0 or less,
-    NaN, saturated, or no disparity. RecordingError (with ``evidence``) for pixels that the encoding
-    does not have and for a description without its factor.
+    """Return depth along the optical axis in m, (H, W) float32, NaN for values of 0 or less, NaN,
+    saturated ones and no disparity. RecordingError (with ``evidence``) for pixels that the encoding
+    does not have and for a description without the factor.
     """
     if encoding.kind != "plain" and raw.pixels.dtype != np.uint16:
         message = f"pixels of {raw.pixels.dtype} in the encoding {encoding.kind}, which has 16 bits"
@@ -118,7 +122,7 @@ def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDe
         message = f"the image has {having} pixels where the camera has {wanted}; check the "
         raise RecordingError(f"{message}intrinsics", file=file)
     try:
-        # unchanged, because every other mode hands 16 bits back as 8
+        # every other mode returns 8 bits of 16
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         pixels = None
@@ -149,7 +153,7 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
         raise RecordingError(message, file=file)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Pillow's of odd tags and sizes, which are bound here
+            warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
             *shape, description = read(content, file)
     except HEADER_DAMAGE as error:
         raise _damaged(file, f" ({error})") from None
@@ -202,4 +206,94 @@ def write_depth(file: Path, raw: np.ndarray) -> None:
     Path(file).write_bytes(encode_depth(raw))
 
 
-FORMAT = Format("depth image", Kind.IMAGE, decode_depth, begins(PNG, *TIFF, PGM))
+@dataclass(frozen=True)
+class DepthIndex:
+    """N frames of a sequence: ``time`` (N,) in s on the sensor's clock, increasing; ``files``
+    relative to the take's folder.
+    """
+
+    time: np.ndarray
+    files: tuple[str, ...]
+    counts: dict[str, int]  # see read_index
+
+
+def read_index(file: Path) -> DepthIndex:
+    """Return the index of a depth sequence: lines ``timestamp filename`` and comments from ``#``;
+    ``cut_rows`` counts a last line without line end, which is dropped. RecordingError with the line
+    for another form, a time that does not increase, times that cannot be in s, and no frame.
+    """
+    text = read_text(file)
+    time, files = [-np.inf], []
+    for number, line in enumerate(map(str.strip, text.lines), start=1):
+        if not line or line.startswith("#"):
+            continue
+        stamp, name = [*line.split(maxsplit=1), ""][:2]
+        seconds = float(stamp) if NUMBER.fullmatch(stamp) else np.nan
+        pairs = len(words := name.split()) > 2 and NUMBER.fullmatch(words[1])
+        if not name or pairs or not time[-1] < seconds < np.inf:
+            message = f"{line[:80]!r} must be a time in s that increases, a blank and the name of "
+            message += f"one depth frame{'; it pairs two images' if pairs else ''}"
+            raise RecordingError(message, file=file, line=number)
+        time.append(seconds)
+        files.append(name)
+    if not files:
+        raise RecordingError("the index names no frame in a whole line", file=file)
+    step = float(np.median(np.diff(time[1:]))) if len(files) > 1 else SHORTEST_STEP
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        message = f"frames {step:.6g} s apart come from no camera: write the times in s (ms, µs and"
+        raise RecordingError(f"{message} ns are divided by 1e3, 1e6 and 1e9)", file=file)
+    return DepthIndex(np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)})
+
+
+def dropped_frames(time: np.ndarray) -> int:
+    """Return the number of frames that lack between those of ``time`` (F,) in s by median steps."""
+    steps = np.diff(time)
+    lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
+    return int(np.sum(np.maximum(lost, 0)))
+
+
+def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
+    """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D."""
+    rows = [f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)]
+    lines = ["# depth maps", "# timestamp filename", *rows]
+    Path(file).write_bytes(("\n".join(lines) + "\n").encode())
+
+
+def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
+    """Return the frames of ``folder`` that match the glob ``pattern``, by the last number n in
+    their names, each (n − first)/``rate`` s after the first. RecordingError where no file matches,
+    names differ in more than one number or have none, or one comes twice.
+    """
+    numbers: dict[int, Path] = {}
+    forms = set()
+    for file in filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames")):
+        parts = NUMBERED.fullmatch(file.stem)
+        forms.add((file.parent, file.suffix, *(parts.group(1, 3) if parts else (file,))))
+        other = numbers.setdefault(int(parts[2]), file) if parts else file
+        if parts is None or len(forms) > 1 or other != file:
+            message = f"the names that match {pattern!r} must differ in one number alone, each of "
+            message += "which is there once; rename the frames, or write an index of their times"
+            raise RecordingError(message, file=file)
+    if not numbers:
+        raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
+    order = sorted(numbers)
+    time = np.array([(number - order[0]) / rate for number in order])
+    return DepthIndex(time, tuple(str(numbers[number].relative_to(folder)) for number in order), {})
+
+
+def frame_endings() -> tuple[str, ...]:
+    """Return the endings of the names of depth frames, images and clouds: ``.png`` and others."""
+    return ENDINGS + cloud.ENDINGS
+
+
+def _begins(head: Head) -> bool:
+    held = [line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")]
+    if not held or len(held[0]) != 2:
+        return False
+    stamp, name = held[0]
+    return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(frame_endings())
+
+
+IMAGE = Format("depth image", Kind.IMAGE, decode_depth, begins(PNG, *TIFF, PGM))
+INDEX = Format("depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index")
+FORMAT = (IMAGE, INDEX)

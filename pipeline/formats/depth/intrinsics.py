@@ -1,5 +1,5 @@
-"""Intrinsics of a depth camera, as calibration tools write them: OpenCV's YAML or XML, plain YAML
-(as ROS calibrates), plain JSON, that of Open3D and of RealSense.
+"""Intrinsics of a depth camera, as calibration tools write them: OpenCV's YAML or XML, ROS's YAML,
+plain YAML or JSON, JSON of Open3D and of RealSense.
 """
 
 import json
@@ -18,24 +18,24 @@ from pipeline.formats.delimited import read_text
 from pipeline.formats.format import Format, Head, Kind, read_alone
 
 FOCAL = ("fx", "fy", "cx", "cy")
-# what a calibration states: the keys under which tools write it
+# keys under which tools write the camera matrix, the distortion and the size
 MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
 MATRIX += ("K", "k", "intrinsic_matrix")
 DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients")
 DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d")
 KEYS = {"camera matrix": MATRIX, "distortion": DISTORTION}
 KEYS |= {side: (side, f"image_{side}", f"image_{side.title()}") for side in ("width", "height")}
-BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # a key that may be of distortion
-# distortion models, as tools name them, of OpenCV's coefficients
+BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # keys that may state a distortion
+# names of distortion models that have OpenCV's coefficients
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "distortion.brown_conrady", "none")
-# names of RealSense: names of this module
+# keys of RealSense → keys of this module
 REALSENSE = {"ppx": "cx", "ppy": "cy", "coeffs": "D", "model": "distortion_model"}
-ANY_SIZE = (10**6, 10**6)  # px, holds every principal point
+ANY_SIZE = (10**6, 10**6)  # px, of an image that is not known
 NARROWEST = 100  # focal length over the longer side: a view of half a degree
-COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # the numbers of coefficients that OpenCV's model has
-# a number of a calibration is decimal: YAML 1.1 takes 0525 for 341, yes for true, 5:25 for 325
+COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # numbers of coefficients in OpenCV's model
+# decimal numbers alone: YAML 1.1 reads 0525 as 341, yes as true and 5:25 as 325
 DECIMAL = re.compile(r"[-+]?(\d+\.\d*|\.\d+|0|[1-9]\d*|\d+(?=[eE]))([eE][-+]?\d+)?")
-# also of calibrations in another form, which the reader refuses by their keys
+# also calibrations in another form, which the reader refuses by their keys
 CALIBRATED = re.compile(
     rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION, "ppx"))})'
     r'\b"?\s*[:>\s]|"Intrinsics"|^\s+intrinsics: \[',
@@ -98,13 +98,13 @@ def read_intrinsics(
     distortion: str | None = None,
 ) -> Intrinsics:
     """Return the intrinsics for images of ``width`` × ``height`` pixels, by default of the file's
-    size, else of ANY_SIZE. ``matrix`` and ``distortion`` name the keys where they are not the usual
-    ones, or where the file holds several. Only JSON may leave the distortion out, for a camera
-    without; messages of a CameraInfo that ROS prints must be equal but for their headers. Raises
-    RecordingError for a file of none of the formats, a key that is not there or not the only one,
-    values that are no camera's, a distortion model that is not OpenCV's, and another size.
+    size, else of ANY_SIZE. ``matrix`` and ``distortion`` name unusual keys, or one of several. Only
+    JSON may have no distortion, for a camera without; printed messages of a CameraInfo must be
+    equal but for their headers. Raises RecordingError for a file of another format, a key that is
+    missing or not unique, values of no camera, another distortion model than OpenCV's, and another
+    size.
     """
-    # a library may end on damaged text, or take any time
+    # a library may crash on damaged text, or never return
     values, is_json = read_alone(_values, Path(file), file=file, advice="export it again")
     there = f"the file has {', '.join(map(str, values))}"
 
@@ -156,8 +156,8 @@ def read_intrinsics(
 
 
 def _values(file: Path) -> tuple[Mapping, bool]:
-    """Return the file's values by key, numbers as they are written, of whole lines alone, as in
-    YAML nothing else shows a number that was cut; and whether it is JSON.
+    """Return the file's values by key, numbers as text, and whether it is JSON; in YAML of whole
+    lines alone, since nothing else shows that a number was cut.
     """
     text = read_text(file)
     body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
@@ -168,16 +168,16 @@ def _values(file: Path) -> tuple[Mapping, bool]:
         elif body.lstrip().startswith("<"):
             held = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
         else:
-            # a directive of OpenCV, which is none of YAML
+            # OpenCV's directive is not YAML
             body = re.sub(r"^%YAML:1\.0.*\n", "", body)
             held = [one for one in yaml.load_all(body, yaml.BaseLoader) if one]
     except (yaml.YAMLError, ElementTree.ParseError, ValueError, RecursionError):
         held = []
-    # Open3D puts the camera beside its pose, ROS prints messages again and again
+    # Open3D writes the camera beside its pose, ROS prints many messages
     plain = [one.get("intrinsic", one) for one in held if isinstance(one, Mapping)]
-    plain = [
-        {k: v for k, v in one.items() if k != "header"} for one in plain if isinstance(one, Mapping)
-    ]
+    plain = [dict(one) for one in plain if isinstance(one, Mapping)]
+    for one in plain:
+        one.pop("header", None)
     if not plain or len(plain) < len(held) or any(other != plain[0] for other in plain):
         message = "this is no calibration in OpenCV's YAML or XML, YAML or JSON, or truncated, or "
         message += "several that are not all equal; export one again"
@@ -198,16 +198,15 @@ def _element(element: ElementTree.Element) -> object:
 
 def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     """Write the camera as OpenCV's YAML; numbers read back exactly."""
-    # here, as few write a calibration
-    import cv2
+    import cv2  # here, as few write a calibration
 
     one = intrinsics
     matrix = np.array([[one.fx, 0, one.cx], [0, one.fy, one.cy], [0, 0, 1]])
     storage = cv2.FileStorage("intrinsics.yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("cameraMatrix", matrix)
     storage.write("distortionCoefficients", np.array([one.distortion or (0.0,) * 5]))
-    # the head of OpenCV 2 to 4, which version 5 reads too
     body = storage.releaseAndGetString().partition("\n")[2]
+    # the head of OpenCV 2 to 4, which version 5 reads too
     Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())
 
 

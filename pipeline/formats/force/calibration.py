@@ -1,7 +1,6 @@
-"""Calibration of an ATI transducer (a ``.cal`` file, XML): units, ratings and the matrix from gauge
-voltages to forces, in ``UserAxis`` from version 1.1 on; version 1.0 has ``Axis`` alone, each row
-times a scale and about the gauges' own origin, from which ``BasicTransform`` leads to the
-transducer's.
+"""Calibrations of ATI transducers (``.cal`` files, XML): units, ratings and the matrix from gauge
+voltages to forces. Version 1.1 has it in ``UserAxis``. Version 1.0 has ``Axis`` alone: rows times a
+scale, about the gauges' origin, and ``BasicTransform`` from there to the transducer's origin.
 """
 
 from collections.abc import Mapping
@@ -12,8 +11,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 from pipeline.formats.format import Format, Kind, decoded, file_content, is_xml
-from pipeline.formats.units import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 
@@ -31,11 +30,11 @@ class Calibration:
 
 
 def read_calibration(file: Path) -> Calibration:
-    """Return the calibration in ``file``; RecordingError for a file that is no XML, not one
-    calibration, an axis without six gauges or a rating, and a basic transform of unknown effect.
+    """Return the calibration in ``file``; RecordingError for a file that is no XML or not one
+    calibration, an axis without six gauges or a rating, and a basic transform that turns the axes.
     """
     try:
-        # as text, since programs save it in another encoding than its first line states
+        # as text, since the first line may state another encoding than the file has
         elements = [*ElementTree.fromstring(decoded(file_content(file)) or "").iter()]
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
@@ -73,8 +72,8 @@ def _numbers(rows: Mapping[str, Mapping[str, str]], name: str, count: int) -> np
 
 
 def _offset(basic: Mapping[str, str], stated: Mapping[str, str]) -> np.ndarray:
-    """Return (3,) the offset of the basic transform in the length of the unit of torque, or in the
-    file's own numbers where no unit of distance is stated.
+    """Return (3,) the offset of the basic transform in the length unit of the torques, or as stated
+    where the file has no unit of distance.
     """
     if any(float(basic.get(turn, 0)) for turn in ("Rx", "Ry", "Rz")):
         raise ValueError("the basic transform turns the axes; ask for one with UserAxis rows")

@@ -1,13 +1,12 @@
-"""Logs of ATI's programs: DAQ F/T, in the culture of its PC, and Net F/T.
+"""Logs of ATI's programs: DAQ F/T, in the number format of its PC, and Net F/T.
 
-DAQ F/T: a first line may say what was skipped; then labels, units and settings (``Frequency =
-1000``, which have no column under them) in one row or several; then one quoted row a sample, of
-forces or of the gauges' voltages ``G0`` to ``G5``, as a rule without its time. Cultures with a
-decimal comma separate cells by semicolons.
+DAQ F/T: an optional line of skipped samples; labels, units and settings (``Frequency = 1000``,
+without a column) in one row or several; then a quoted row a sample, of forces or of the gauges'
+voltages ``G0`` to ``G5``, as a rule without time. PCs with a decimal comma separate cells by
+semicolons.
 
 Net F/T: lines of ``key: value`` (start time, RDT sample rate, units, counts per unit), the labels,
-and one row a packet. Earlier versions have counts, which are whole; later ones have divided them,
-and print every number with a decimal point.
+and a row a packet. Earlier versions print whole counts, later ones units with a decimal point.
 """
 
 import re
@@ -32,11 +31,11 @@ HEADING = re.compile(
 
 
 def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
-    """Return the record in ``file``, in N, N·m and s; gauge voltages become forces and torques by
-    the calibration of ``options``. Without a column of times or sample numbers the samples follow
-    each other at the stated rate. ``counts`` and errors as of ``read_force_table``, with
-    ``paused_ms`` or ``skipped_samples`` before the first sample; RecordingError too for gauge
-    voltages without a calibration, and no frequency or averaging level.
+    """Return the record in ``file``, in N, N·m and s; the calibration of ``options`` converts gauge
+    voltages. Without a column of times or sample numbers the samples follow each other at the
+    stated rate. ``counts`` and errors are those of ``read_force_table``, with ``paused_ms`` or
+    ``skipped_samples`` before the first sample; RecordingError also for gauge voltages without a
+    calibration, and no frequency or averaging level.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     if _is_netft(sheet.header):
@@ -49,8 +48,16 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
     named = options.columns or any(map(forces.axis_of, sheet.labels))
     voltages = not named and not {*GAUGES}.isdisjoint(sheet.labels)
-    values = (_forces_of_gauges if voltages else forces.axis_values)(sheet, options)
-    record = forces.sheet_record(sheet, values, options, lambda: _rate(sheet, options))
+    if voltages:
+        # a bias is linear too, so that the tare takes it out afterwards
+        columns, matrix, factors = _gauges(sheet, options)
+    else:
+        columns, factors = forces.axis_factors(sheet, options)
+
+    def convert(values: np.ndarray) -> np.ndarray:
+        return (values @ matrix.T if voltages else values) * factors
+
+    record = forces.sheet_record(sheet, columns, convert, options, lambda: _rate(sheet, options))
     counts, units = dict(record.counts), {}
     if delay := DELAY.match("".join(sheet.header[:1])):
         counts["paused_ms" if delay[1] == "Paused for" else "skipped_samples"] = int(delay[2])
@@ -60,18 +67,15 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     return replace(record, serial=serial, started=started, counts=counts, units=units)
 
 
-def _forces_of_gauges(sheet: Sheet, options: ForceLogOptions) -> np.ndarray:
-    """Return (N, 6) N and N·m: the calibration's matrix times the voltages. A bias is linear too,
-    so the tare takes it out afterwards.
-    """
+def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Return the columns of G0 to G5, the calibration's matrix and the factors to N and N·m."""
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
         message = "gauge voltages need G0 to G5 and the transducer's calibration; no column is "
         message += "labelled Force X, Force Y, Force Z"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
         raise RecordingError(message, **where)
     factors = forces.calibrated_factors(options.calibration, options)
-    volts = sheet.values([sheet.labels.index(label) for label in GAUGES])
-    return volts @ options.calibration.matrix.T * factors
+    return [*map(sheet.labels.index, GAUGES)], options.calibration.matrix, factors
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
@@ -79,16 +83,14 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
     stated, rate = [], options.rate
     for key in ("Frequency", "Averaging Level"):
         text = sheet.settings.get(key, "")
-        # in a culture of decimal commas a point is of thousands, or of another culture
+        # beside decimal commas, a point separates thousands
         plain = text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
         stated += [float(plain)] if NUMBER.fullmatch(plain) else []
     whole = len(stated) == 2 and all(0 < number < np.inf for number in stated)
     own = stated[0] / stated[1] if whole else rate
     if own is None or (rate is not None and not np.isclose(rate, own)):
-        message = (
-            f"the log states {own or 'no'} samples a second (Frequency over Averaging Level), "
-        )
-        message += f"the option {rate}: one rate is required; set rate to the right one"
+        message = f"{own or 'no'} samples a second by the log (Frequency over Averaging Level), "
+        message += f"{rate} by the option: one rate is required; set rate to the right one"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.rate"}
         raise RecordingError(message, **where)
     return own
@@ -96,7 +98,7 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
 
 def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
     """Write ``record`` in N and N·m, with fifteen significant digits and averaging level 1, as the
-    program does on a PC whose culture has the given ``decimal`` mark ("." or ",").
+    program does on a PC with the ``decimal`` mark "." or ",".
     """
     separator = ";" if decimal == "," else ","
     labels = [f"Force {axis} (N)" for axis in "XYZ"] + [f"Torque {axis} (N-m)" for axis in "XYZ"]
@@ -111,11 +113,11 @@ def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
 
 def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
     """Return the record in ``file``, in N, N·m and s; the time is the RDT sequence over the sample
-    rate, so that lost packets leave a gap. ``counts`` and errors as of ``read_force_table``, with
-    ``lost_packets``, and ``status_rows`` (with a condition; kept); RecordingError too for a header
-    without rate, units or counts per unit, and for numbers that may be counts or not.
+    rate, so that lost packets leave a gap. ``counts`` and errors are those of ``read_force_table``,
+    with ``lost_packets`` and ``status_rows`` (with a condition; kept); RecordingError also for a
+    header without rate, units or counts per unit, and for numbers that may be counts or not.
     """
-    sheet = read_sheet(file, separator=",", decimal=".", key=OPTION)  # in every culture
+    sheet = read_sheet(file, separator=",", decimal=".", key=OPTION)  # on every PC
     if not _is_netft(sheet.header):
         message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or cut"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
@@ -141,11 +143,13 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     for axis in columns if counted else ():
         kind = KINDS[axis]
         per_unit[kind] = positive(f"Counts per Unit {kind.title()}", "counts")
-    values = forces.axis_values(sheet, options, units, per_unit)
+    held, factors = forces.axis_factors(sheet, options, units, per_unit)
     timed = replace(options, columns=columns | {"t": "RDT Sequence"})
-    record = forces.sheet_record(
-        sheet, values, timed, lambda: options.rate or positive("RDT Sample Rate", "rate")
-    )
+
+    def rate() -> float:
+        return options.rate or positive("RDT Sample Rate", "rate")
+
+    record = forces.sheet_record(sheet, held, lambda values: values * factors, timed, rate)
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
     status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])

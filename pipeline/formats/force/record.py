@@ -1,6 +1,5 @@
-"""A record of one force/torque transducer, the options of its log, and its units; samples that the
-sensor did not measure; tables of forces from any program: options or labels say which column is
-which, options or the header in which unit.
+"""Records of one force/torque transducer: options and units of logs, samples that were not
+measured, and tables of forces, whose columns and units options, labels or the header state.
 """
 
 import re
@@ -11,10 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import (
+    FORCE_UNITS,
+    TIME_UNITS,
+    TORQUE_UNITS,
+    bare,
+    plain_unit,
+    spelled,
+)
 from pipeline.formats.force.calibration import Calibration
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
-from pipeline.formats.units import FORCE_UNITS, TIME_UNITS, TORQUE_UNITS, bare, plain_unit, spelled
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
 UNITS = {"force": FORCE_UNITS, "torque": TORQUE_UNITS, "time": TIME_UNITS}
@@ -25,7 +31,7 @@ FEWEST = 10  # samples of a record; what holds fewer may be settings that look l
 AXIS = re.compile(
     r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
 )
-TIMES = re.compile(r"t|time[ _-]?(stamp)?", re.IGNORECASE)
+TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
 JITTER = 0.1  # of the median step
 
@@ -68,8 +74,8 @@ NO_OPTIONS = ForceLogOptions()
 def si_factor(
     quantity: str, stated: str | None, options: ForceLogOptions, **where: object
 ) -> float:
-    """Return the factor to N, N·m or s of a quantity (KINDS) in its ``stated`` unit, else in the
-    option's, else in the calibration's; RecordingError for none, and where log and option differ.
+    """Return the factor to N, N·m or s of a quantity (KINDS) from its ``stated`` unit, else the
+    option's, else the calibration's; RecordingError for no unit, and where log and option differ.
     """
     kind = KINDS[quantity]
     units, option = UNITS[kind], getattr(options, f"{kind}_unit")
@@ -103,17 +109,16 @@ def repeats(values: np.ndarray) -> dict[str, int]:
 
 
 def axis_of(label: str) -> str | None:
-    """Return which of fx … tz a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]`` names."""
+    """Return the axis, fx to tz, of a label such as ``Force X (N)``, ``Fx`` or ``Mz [N-m]``."""
     match = AXIS.fullmatch(label.strip().lower())
     return ("f" if match[1].startswith("f") else "t") + match[2] if match else None
 
 
 def require_record(record: ForceRecord, file: object) -> None:
-    """Raise RecordingError where ``record`` holds too few samples to be one."""
+    """Raise RecordingError where ``record`` has fewer than FEWEST samples."""
     if (held := len(record.time)) < FEWEST:
-        first = ", ".join(f"{force:g}" for force in record.force[0])
-        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {first} N, "
-        message += "which may be a line of settings below a header: record again"
+        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {record.force[0]} "
+        message += "N, which may be a line of settings below a header: record again"
         raise RecordingError(message, file=file)
 
 
@@ -126,9 +131,9 @@ def sound_samples(
     file: object,
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return (N,) whether a sample was measured, and the numbers of frozen samples (identical for
-    longer than ``longest`` s) and of saturated ones (an axis at or beyond ``full_scale``, (3,) N or
-    (6,) N and N·m), if any. RecordingError where more than a ``share`` of the samples are one, and
-    for too few samples.
+    longer than ``longest`` s) and saturated samples (an axis at or beyond ``full_scale``, (3,) N or
+    (6,) N and N·m). RecordingError where either is more than a ``share`` of the samples, and for
+    too few samples.
     """
     require_record(record, file)
     values = np.hstack([record.force, np.nan_to_num(record.torque)])
@@ -157,10 +162,10 @@ def timed_record(
     counts: Mapping[str, int],
 ) -> ForceRecord:
     """Return the record of ``values`` (N, axes) at ``time`` (N,) s, with ``counts`` and
-    ``doubled_rows`` (the same sample and time, not kept), ``equal_times`` (another sample, kept),
-    ``uneven_steps`` (off the median by a tenth of it: jitter) and ``missing_samples`` (that fit
-    into longer steps). RecordingError, by one of ``places`` (name, numbers (N,)), for a time that
-    goes back or that most samples share with the one before.
+    ``doubled_rows`` (the same sample and time, left out), ``equal_times`` (another sample, kept),
+    ``uneven_steps`` (a tenth of the median off it) and ``missing_samples`` (by longer steps).
+    RecordingError, by one of ``places`` (name, numbers (N,)), for a time that goes back or that
+    most samples share with the sample before.
     """
     time = time - time[0] if len(time) else time
     steps = np.diff(time)
@@ -191,14 +196,15 @@ def _record(
 
 
 def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
-    """Return the record in ``file``, in N, N·m and s, of the columns that ``options`` name (fx, fy,
-    fz, and as there are t, tx, ty, tz), else of those whose labels say what they are; without t,
-    samples follow each other at the option's rate. ``counts``: ``repeated_rows`` and ``zero_rows``,
-    both kept; ``blank_rows``; ``cut_rows``; with times those of :func:`timed_record`. Raises
-    RecordingError, with the line and the option that settles it, for axes or units that nothing
-    names, a time that goes back, and malformed rows.
+    """Return the record in ``file``, in N, N·m and s, of the columns that options or labels name:
+    fx, fy, fz, and optionally t, tx, ty, tz. Without t, samples follow each other at the option's
+    rate. ``counts`` are ``repeated_rows`` and ``zero_rows``, both kept, those of
+    :func:`read_sheet` and :meth:`Sheet.samples`, and with times those of :func:`timed_record`.
+    Raises RecordingError, with the line and the option, for axes or units that nothing names, a
+    time that goes back, and malformed rows.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
+    columns, factors = axis_factors(sheet, options)
 
     def rate() -> float:
         if options.rate is None:
@@ -206,30 +212,28 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
             raise RecordingError(f"{message}samples a second", file=file, key=f"{OPTION}.rate")
         return options.rate
 
-    return sheet_record(sheet, axis_values(sheet, options), options, rate)
+    return sheet_record(sheet, columns, lambda values: values * factors, options, rate)
 
 
-def axis_values(
+def axis_factors(
     sheet: Sheet,
     options: ForceLogOptions,
     stated: Mapping[str, str | None] | None = None,
     per_unit: Mapping[str, float] | None = None,
-) -> np.ndarray:
-    """Return (N, 3 or 6) forces in N and, where there are any, torques in N·m, in the units
-    ``stated`` by kind, else in the header; ``per_unit`` numbers are one of them.
+) -> tuple[list[int], np.ndarray]:
+    """Return the columns of forces and, where there are any, torques, and their factors to N and
+    N·m, from the units ``stated`` by kind, else in the header; ``per_unit`` numbers are one unit.
     """
     columns, factors = axis_columns(sheet, options), []
     for axis, column in columns.items():
         own = stated[KINDS[axis]] if stated else sheet.unit(column)
         factor = si_factor(axis, own, options, file=sheet.file, line=sheet.label_line)
         factors.append(factor / (per_unit or {}).get(KINDS[axis], 1.0))
-    return sheet.values([*columns.values()]) * np.array(factors)
+    return [*columns.values()], np.array(factors)
 
 
 def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
-    """Return the column of each force and, where there are any, each torque: by the options, else
-    by the labels.
-    """
+    """Return the column of each force, and each torque if there are any, by options or labels."""
     named, twice = {axis: column for axis, column in options.columns.items() if axis != "t"}, ""
     for column, label in enumerate(() if options.columns else sheet.labels):
         if axis := axis_of(label):
@@ -237,40 +241,47 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
             named[axis] = column
     wanted = [*FORCES, *(TORQUES if {*TORQUES} & {*named} else ())]
     if twice or {*wanted} ^ {*named}:
-        message = f"the axes {', '.join(sorted(named)) or 'of no name'} are named or labelled"
-        message += f", two columns {twice}" if twice else ""
-        message += (
-            f" (labels: {', '.join(sheet.labels) or 'none'}): fx, fy and fz, and all or none of "
+        found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
+        message = (
+            f"the named axes are {found or 'none'} (labels: {', '.join(sheet.labels) or 'none'}"
         )
-        message += "tx, ty, tz are required once each; name them in columns"
+        message += "); fx, fy and fz, and all or none of tx, ty, tz are required once each; name "
+        message += "them in columns"
         raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
     return sheet.columns({axis: named[axis] for axis in wanted}, KEY)
 
 
 def sheet_record(
-    sheet: Sheet, values: np.ndarray, options: ForceLogOptions, rate: Callable[[], float]
+    sheet: Sheet,
+    columns: list[int],
+    convert: Callable[[np.ndarray], np.ndarray],
+    options: ForceLogOptions,
+    rate: Callable[[], float],
 ) -> ForceRecord:
-    """Return the record of ``values`` (N, axes), timed by a column of times or sample numbers, else
-    by the ``rate``.
+    """Return the record of the ``columns`` (N, axes), which ``convert`` returns in N and N·m, timed
+    by a column of times or sample numbers, else by the ``rate``.
     """
     labels = [bare(label) for label in sheet.labels]
     fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]
     named = options.columns.get("t") if options.columns else next(iter(fits), None)
     marks = {"separator": sheet.separator, "decimal": sheet.decimal}
     if named is None:
-        frequency = rate()
-        time = np.arange(len(values)) / frequency
-        record = _record(time, values, frequency, repeats(values) | sheet.counts)
-        return replace(record, marks=marks)
+        samples, frequency = sheet.samples(columns), rate()
+        values, counts = convert(samples.values), sheet.counts | samples.counts
+        time = (samples.rows - samples.rows[0]) / frequency
+        return replace(_record(time, values, frequency, repeats(values) | counts), marks=marks)
     column = sheet.columns({"t": named}, KEY)["t"]
-    ticks = sheet.values([column])[:, 0]
+    samples = sheet.samples([column, *columns], column)
+    ticks, values = samples.values[:, 0], convert(samples.values[:, 1:])
     where, frequency = {"file": sheet.file, "line": sheet.label_line}, None
     if labels and NUMBERS.fullmatch(labels[column]):
         frequency = rate()
         time = (ticks - ticks[0]) / frequency
     else:
         time = (ticks - ticks[0]) * si_factor("t", sheet.unit(column), options, **where)
-    record = timed_record(time, values, ("line", sheet.lines), sheet.file, sheet.counts)
+    lines = [sheet.lines[row] for row in samples.rows]
+    counts = sheet.counts | samples.counts
+    record = timed_record(time, values, ("line", lines), sheet.file, counts)
     return replace(record, marks=marks, rate=frequency or record.rate)
 
 

@@ -1,7 +1,7 @@
-"""Joint logs that are arrays with names: NumPy's archives (.npz), MATLAB's files (.mat up to
-version 7.2, structs by dotted path) and Parquet, whose columns share a name before a number. One
-array holds the times, and one (N, joints) the angles of each signal. They are read in a process of
-its own, since damaged ones can end it, and small ones unfold to any size.
+"""Joint logs as arrays with names: NumPy's archives (.npz), MATLAB's files (.mat up to version 7.2,
+structs by dotted path) and Parquet, whose columns share a name before a number. One array holds the
+times, and one (N, joints) each signal. A process of its own reads them, since damaged files can end
+it and small ones unfold to any size.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
@@ -19,7 +20,6 @@ from pipeline.formats.joints.names import (
     possibly_speed,
     signals_of_groups,
 )
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # another format under the ending of a MATLAB file
 MEMBER = slice(30, 286)  # bytes of a ZIP file with the name of its first member
@@ -27,11 +27,10 @@ Held = dict[str, np.ndarray]
 
 
 def read_arrays(file: Path, options: LogOptions) -> JointLog:
-    """Return the signals of ``options`` in ``file``, by default the measured and the commanded
-    angles by their names; columns of an array are ``ARRAY:COLUMN``, from 0. Raises RecordingError
-    for a damaged file; with the array and row (from 0), for numbers that are not finite and times
-    that do not increase; with its option for a name that is not there, not the only one or not of
-    numbers.
+    """Return the signals of ``options`` in ``file``, by default the measured and commanded angles
+    by their names; columns of an array are ``ARRAY:COLUMN``, from 0. Raises RecordingError for a
+    damaged file; with the array and row (from 0), for numbers that are not finite and times that do
+    not increase; with the option, for a name that is missing, not unique or not of numbers.
     """
     head = Head.read(file)
     if head.content.startswith(HDF5):
@@ -109,8 +108,8 @@ def _npz(file: Path) -> Held:
 
 
 def _plain(value: object) -> np.ndarray:
-    """Return ``value`` where it is an array of plain numbers, dates and times in s (since 1970),
-    lists of one length as rows; else an array of the shape ().
+    """Return an array of numbers as it is, dates and durations in s (since 1970), lists of one
+    length as rows; an array of the shape () for any other ``value``.
     """
     kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
     if kind == "O" and value.ndim == 1 and len({np.shape(row) for row in value}) == 1:
@@ -122,8 +121,7 @@ def _plain(value: object) -> np.ndarray:
 
 def _mat(file: Path) -> Held:
     """Return the matrices of a MATLAB file, those in structs by their path, as ``rec.q``."""
-    # here, as most logs are none
-    from scipy.io import loadmat
+    from scipy.io import loadmat  # here, as few logs are MATLAB files
 
     held = dict(_in_structs("", loadmat(file, simplify_cells=True)))
     # MATLAB has no arrays of one dimension

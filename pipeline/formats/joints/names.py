@@ -1,5 +1,5 @@
-"""Time, measured and commanded angles of a joint log by the names of its arrays and columns: by
-their words and, where these leave it open, by the values.
+"""Time, measured and commanded angles of a joint log by the words in the names of its arrays and
+columns, and by the values where words are not enough.
 """
 
 import re
@@ -9,14 +9,14 @@ from functools import cache
 
 import numpy as np
 
-from pipeline.formats.units import bare
+from pipeline.formats.delimited import LENGTH_UNITS, bare
 
 
 def _words(*lines: str) -> frozenset[str]:
     return frozenset(" ".join(lines).split())
 
 
-TIME = _words("t time times timestamp timestamps stamp stamps secs seconds")
+TIME = _words("t time times timestamp timestamps stamp stamps secs seconds xvalue")
 POSITION = _words("q position positions pos angle angles theta th")
 VELOCITY = _words("dq qdot velocity velocities vel speed speeds omega w qp")
 OTHER = _words(
@@ -39,20 +39,18 @@ COORDINATES = {*"xyzw"}  # last words of a vector or a quaternion
 FOLLOWS = 0.05  # of the motion, by which a command may miss the measured angles
 INTEGRAL = 0.1  # of the motion, by which the integral of a speed may miss it
 UNIT_NORM = 1e-3  # by which four columns that are a quaternion may be off a length of 1
-
+TURNS = _words("gyro gyr gyroscope angular omega")  # angular velocities of an inertial sensor
+ACCELERATIONS = _words("acc accel accelerometer acceleration linear")
 
 SHORT = {"tq": "target q", "tqd": "target qd", "tqdd": "target qdd", "aq": "actual q"}
-SHORT |= {"qm": "actual q", "qcmd": "target q", "qdes": "target q", "qref": "target q"}
+SHORT |= {"qm": "actual q"} | dict.fromkeys(("qcmd", "qdes", "qref"), "target q")
 SHORT |= {"jointstate": "state", "jointstates": "state", "jointpositions": "pos"}
-SHORT |= {"jointcommand": "target", "jointcommands": "target"}
+SHORT |= dict.fromkeys(("jointcommand", "jointcommands"), "target")
 SHORT |= {"aipos": "actual pos", "aspos": "target pos"}
-SHORT |= {
-    word: f"{mark} {quantity}"
-    for mark in (*MEASURED, *COMMANDED)
-    for quantity in (*POSITION, *VELOCITY)
-    if len(mark) > 2
-    for word in (mark + quantity, quantity + mark)
-}
+for _mark in (word for word in (*MEASURED, *COMMANDED) if len(word) > 2):
+    for _quantity in (*POSITION, *VELOCITY):
+        _joined = _mark + _quantity, _quantity + _mark
+        SHORT |= dict.fromkeys(_joined, f"{_mark} {_quantity}")
 
 
 @dataclass(frozen=True)
@@ -73,7 +71,7 @@ class Meaning:
 
 @cache
 def meaning(name: str) -> Meaning:
-    """Return what ``name`` says: words are separated by signs, capitals and numbers, the last
+    """Return the meaning of ``name``: signs, capitals and numbers separate its words, the last
     number is the joint's; ``qd`` is a speed, ``q_d`` and ``d`` a command.
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
@@ -100,16 +98,14 @@ def meaning(name: str) -> Meaning:
 
 
 def named_like(quantity: str, names: Iterable[str]) -> list[str]:
-    """Return those of the ``names`` that say they are the ``quantity``: time, actual or target
-    angles.
-    """
+    """Return the ``names`` of a ``quantity``: time, actual or target angles."""
     if quantity == "time":
         plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
         alone = [n for n, parts in plain.items() if re.sub("[^a-z]", "", "".join(parts)) in TIME]
         return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
     angles = {name: what for name in names if (what := meaning(name)).is_angle}
     said = [name for name, what in angles.items() if what.role == quantity]
-    if quantity == "actual":  # an angle of which nothing says that it is commanded
+    if quantity == "actual":  # angles without a word for a command
         said += [name for name, what in angles.items() if not what.role and what.quantity]
     return [name for name in said if not angles[name].rest] or said
 
@@ -138,21 +134,38 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
     return groups
 
 
+def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | None:
+    """Return the content of a table of no joints, by its ``labels`` and the ``units`` of its
+    columns: poses of a body, an inertial sensor or positions of a point; None where it is unknown.
+    """
+    axes: dict[str, dict[str, int]] = {}  # column by last letter, of labels that are alike else
+    for column, label in enumerate(labels):
+        plain = re.sub(r"\s*[\[(].*", "", label.lower())
+        stem = re.sub(r"[wxyz]$", "", plain)
+        axes.setdefault(stem, {})[plain[len(stem) :]] = column
+    vectors = {stem: columns for stem, columns in axes.items() if {*"xyz"} <= {*columns}}
+    if any("w" in columns for columns in vectors.values()):
+        return "poses of a body (position and quaternion)"
+    stated = {re.sub(r"[\s^*/·]", "", units[columns["x"]] or "") for columns in vectors.values()}
+    words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
+    inertial = {"rads-1", "ms-2"} <= stated or {"rads", "ms2"} <= stated
+    if inertial or (words & TURNS and words & ACCELERATIONS):
+        return "an inertial sensor (angular velocity and acceleration)"
+    return "positions of a point" if len(vectors) == 1 and stated & {*LENGTH_UNITS} else None
+
+
 def signals_of(
     labels: Sequence[str],
     time: np.ndarray | None = None,
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return signal → columns of the joints, and signal → the reason why it is a guess: a signal
-    whose name alone says it, or, with the values (``load(label)`` returns a column (N,) at ``time``
-    (N,)), one group that alone follows the measured angles and is neither their derivative nor a
-    quaternion.
+    """Return signal → columns of the joints, and signal → reason of a guess. Names state a signal;
+    with values (``load(label)`` returns (N,) at ``time`` (N,)), so does the only group that follows
+    the measured angles and is neither their derivative nor a quaternion.
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
-    values = (
-        {} if load is None else {n: np.column_stack([*map(load, g)]) for n, g in groups.items()}
-    )
+    values = {n: np.column_stack([*map(load, held)]) for n, held in groups.items()} if load else {}
     return signals_of_groups(groups, values, time)
 
 
@@ -184,7 +197,7 @@ def signals_of_groups(
     if len(clear) == 1:
         signals["target"] = groups[clear[0]]
     elif not said and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1:
-        # a name that can be a speed's: the values say that it is none, and no other is the target
+        # a possible speed that is no derivative, where no other group is the target
         signals["target"] = groups[weak[0]]
         if weak[0] not in follows:
             guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
@@ -200,9 +213,8 @@ def possibly_speed(names: Iterable[str]) -> list[str]:
 
 
 def _is_quaternion(values: np.ndarray) -> bool:
-    return values.shape[1] == 4 and bool(
-        np.abs(np.linalg.norm(values, axis=1) - 1).max(initial=0.0) < UNIT_NORM
-    )
+    off = np.abs(np.linalg.norm(values, axis=1) - 1).max(initial=0.0)
+    return values.shape[1] == 4 and bool(off < UNIT_NORM)
 
 
 def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:

@@ -1,4 +1,4 @@
-"""Motion-capture takes as C3D (the format of c3d.org), read by ezc3d in a process of its own."""
+"""Motion-capture takes as C3D (c3d.org), read by ezc3d in a process of its own."""
 
 import os
 import re
@@ -9,13 +9,14 @@ import numpy as np
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
+from pipeline.formats.delimited import GREATEST
 from pipeline.formats.format import Format, Head, Kind, read_alone, readable
 from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
 INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512  # bytes
-LONGEST = 0xFFFF  # the greatest frame number that fits the header's last word
+LONGEST = 0xFFFF  # greatest frame number in the header's last word
 AGAIN = "export or copy the take again"
 
 # groups of POINT whose entries name points that a model computed, in Nexus and Visual3D
@@ -24,14 +25,15 @@ OUTPUTS = re.compile(r"(ANGLES|FORCES|MOMENTS|POWERS|SCALARS|REACTIONS)\d*")
 
 def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     """Return the markers of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is the
-    unit of its lengths where POINT:UNITS is empty.
+    unit of lengths where POINT:UNITS is empty.
 
-    A sample is missing where its residual is negative, a coordinate is no number or all three are
-    exactly zero. Points of one label are each ``label [n]``, points without one are ``Point n``.
+    A sample is missing where its residual is negative, all its coordinates are exactly zero, or one
+    is no number or beyond GREATEST, as NDI's -3.7e28 (counted as ``invalid_samples``). Points of
+    one label are each ``label [n]``, points without one are ``Point n``.
     Points that POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a
-    model, not markers: they are passed over and counted, as are labels beyond the points. Raises
-    RecordingError for a file that cannot be read, is no C3D, is of a big-endian MIPS processor, is
-    shorter than its header says, makes the library fail, or has no marker, no rate or no unit.
+    model: they are left out and counted, as are labels beyond the points. Raises RecordingError for
+    a file that cannot be read, is no C3D, is in the byte order of MIPS, is shorter than its header
+    says, makes the library fail, or has no marker, no rate or no unit.
     """
     points, announced, first = _first_block(file)
     require("markers", points, "points", file)
@@ -51,7 +53,7 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         first = number if first in (number % 2**16, LONGEST) else first
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
-    markers, more = {}, {"unlabelled_points": points - sum(map(bool, labels[:points]))}
+    markers, invalid = {}, 0
     # a label that several points have names none of them
     names = [*labels[:points], *[""] * (points - len(labels))]
     names = [name or f"Point {number}" for number, name in enumerate(names, start=1)]
@@ -60,23 +62,27 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         if {name, name.rpartition(":")[2]} & outputs:
             continue
         samples = position[:, number].T.copy()
-        samples[~np.isfinite(samples) | (residual[number] < 0)[:, None]] = np.nan
+        with np.errstate(invalid="ignore"):
+            wrong = ~(np.abs(samples) < GREATEST)
+        invalid += int(wrong.any(axis=1).sum())
+        samples[wrong | (residual[number] < 0)[:, None]] = np.nan
         several = names.count(name) > 1
         markers[f"{name} [{names[: number + 1].count(name)}]" if several else name] = samples
     if not markers:
         message = f"all {points} points are outputs of a model (angles, moments or others)"
         raise RecordingError(f"{message}; export the take with its markers", file=file)
-    beside = {"skipped_model_outputs": points - len(markers)}
-    beside |= {"skipped_labels": max(len(labels) - points, 0)}
-    more |= {name: count for name, count in beside.items() if count}
+    rare = {"skipped_model_outputs": points - len(markers), "invalid_samples": invalid}
+    rare["skipped_labels"] = max(len(labels) - points, 0)
+    more = {"unlabelled_points": points - sum(map(bool, labels[:points]))}
+    more |= {name: count for name, count in rare.items() if count}
     frame, counts = np.arange(frames) + first, {"announced_frames": announced or frames}
     about = Path(file).stem, "C3D", float(rate[0]), frame, np.zeros(0), markers, {}, counts, unit
     return checked_take(MotionTake(*about), file, more=more)
 
 
 def _first_block(file: Path) -> tuple[int, int | None, int]:
-    """Return points, frames (None where there are more than its words can tell) and first frame of
-    the header; RecordingError where it is none, or the file is too short for them.
+    """Return points, frames (None where the header's words cannot hold them) and first frame of the
+    header; RecordingError for another header, and a file that is too short for it.
     """
     with readable(file), Path(file).open("rb") as stream:
         content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
@@ -134,8 +140,8 @@ def _values(group: dict, *names: str) -> list:
 
 
 def _processor(content: bytes) -> int:
-    """Return the fourth byte of the parameters, whose block the first byte names; 0 if it is none
-    of a C3D.
+    """Return the processor by the fourth byte of the parameters, whose block the first byte names;
+    0 where ``content`` is no C3D.
     """
     at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
     is_c3d = len(content) >= BLOCK and content[1] == KEY and at < len(content)

@@ -1,10 +1,9 @@
-"""OptiTrack Motive takes as CSV, read in either of their grammars, written as Motive 1.23 writes
-them.
+"""OptiTrack Motive's takes as CSV, read in either of their grammars, written as version 1.23.
 
-The columnar grammar (format versions 1.2 to 1.25) has one row of keys and values, rows that label
+The columnar grammar (format versions 1.2 to 1.25) has a row of keys and values, rows that label
 every column (Type, Name, ID, in later versions Parent, then the quantity, then Frame, Time and the
-axes), and one row a frame. From 1.22 on column B names the rows of labels; before, their order
-does. The earlier grammar: ``motive_rows``.
+axes), and a row a frame. From 1.22 on, column B names the rows of labels; their order does before.
+The module ``motive_rows`` reads the earlier grammar.
 """
 
 import re
@@ -33,20 +32,18 @@ HEADER_LINES = 20  # with blank ones it is five to eight
 
 
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
-    """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is that of its lengths where
-    it does not say it (versions 1.0 and 1.1 never do).
+    """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is the unit of lengths where
+    the file states none (versions 1.0 and 1.1).
 
-    A raw marker is preferred to the body's solved one of the same name. Assets of one name but
-    several IDs are each ``name [ID]``; before version 1.2, markers of no name are packed into as
-    many ``Unlabeled`` ones as are ever seen at once. A rate that the file does not state is that of
-    its printed times. ``counts`` besides those of :func:`checked_take`: ``blank_rows``,
-    ``cut_rows`` (a last row without line end, dropped), ``repeated_rows`` (to the letter);
-    ``solved_replaced`` and ``solved_only`` markers, ``unused_columns``, ``skipped_bones``; before
-    1.2 ``stray_ids``, ``stray_samples`` and ``lacking_body_rows`` (a body's own row of a frame).
-
-    Raises RecordingError, with the line where there is one, for a file without unit, rate, marker
-    and body, for a unit other than the asked one, a rate that the times contradict, and for
-    malformed or disordered rows.
+    A raw marker replaces the body's solved marker of the same name. Assets of one name but several
+    IDs are each ``name [ID]``; before version 1.2, markers without a name fill as many
+    ``Unlabeled`` ones as are seen at once. The printed times give a rate that the file does not
+    state. ``counts`` besides those of :func:`checked_take`: ``blank_rows``, ``cut_rows`` (a last
+    row without line end), ``repeated_rows``, ``solved_replaced`` and ``solved_only`` markers,
+    ``unused_columns``, ``skipped_bones``; before 1.2 ``stray_ids``, ``stray_samples`` and
+    ``lacking_body_rows`` (frames in which a body has no row). Raises RecordingError, with the line
+    where there is one, for a file without unit, rate, marker and body, another unit than ``unit``,
+    a rate that the times contradict, and malformed or disordered rows.
     """
     text = read_text(file)
     first = "".join(cells_of(text.lines[0], ",", file=file, number=1)[:1]) if text.lines else ""
@@ -54,12 +51,11 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
         return _read_columns(text, Path(file), unit)
     if first in ROW_TYPES:
         return read_rows(text, Path(file), unit)
-    message = "no Motive export: it has to begin with 'Format Version' or a row type and a comma; "
+    message = "no Motive export: it must begin with 'Format Version' or a row type and a comma; "
     message += "export it with its header"
-    if mark := re.match(r"(?:Format Version|comment|info)([;\t])", first):
-        separator = "semicolons" if mark[1] == ";" else "tabs"
-        message = f"cells are separated by {separator}: another program saved the take; export it "
-        message += "with commas"
+    if re.match(r"(?:Format Version|comment|info)[;\t]", first):
+        message = "cells are separated by semicolons or tabs: another program saved the take; "
+        message += "export it with commas"
     raise RecordingError(message, file=file, line=1)
 
 
@@ -151,7 +147,7 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     rate = _rate(fields, frame, printed, file)
     unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
     markers, solved, bodies, places, solved_places = {}, {}, {}, {}, {}
-    # a name that two assets share names neither of them: who asks for it has to say which
+    # a name that two assets share names neither of them
     named = Counter((kind, name) for kind, name, _ in groups)
     shared = {name for (_, name), number in named.items() if number > 1}
     for (kind, name, identity), group in groups.items():
@@ -174,7 +170,7 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     rate_from = "" if any(fields.get(key) for key in RATES) else capture.FROM_TIMES
     held = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
     raw = MotionTake(*held, printed, markers, bodies, counts, unit, rate_from=rate_from)
-    return capture.checked_take(raw, file, lines=numbers, columns=places, more=more)
+    return capture.checked_take(raw, file, numbers, places, more)
 
 
 def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
@@ -182,21 +178,16 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
     RecordingError for fewer cells than labels, and for content in a column without a label.
     """
     rows, numbers, repeated, width = [], [], 0, len(header.labels)
-    unlabelled = [column for column, label in enumerate(header.labels) if not label]
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
         if not line.strip(", \t"):
             continue
-        cells, message = line.split(","), ""
-        if (column := len(cells)) < width:
-            message = f"the row has {column} cells where the header labels {width} columns; the "
-            message += f"last one is {header.labels[-1]}"
-        elif beyond := [n for n in [*unlabelled, *range(width, column)] if cells[n].strip()]:
-            column = beyond[0]
-            message = f"there is {cells[column].strip()!r} in a column without a label: of another "
-            message += "take, or with decimal commas"
-        if message:
-            message += "; export the take again"
-            raise RecordingError(message, file=file, line=number, column=column + 1)
+        labelled = zip_longest(cells := line.split(","), header.labels)
+        beyond = [cell.strip() for cell, label in labelled if cell and not label]
+        if len(cells) < width or any(beyond):
+            found = f"{max(beyond)!r} in a column without a label" if any(beyond) else "a cut row"
+            message = f"{len(cells)} cells where the header labels {width} columns: {found}, of "
+            message += "another take, or with decimal commas; export the take again"
+            raise RecordingError(message, file=file, line=number)
         row = ",".join(cells[:width])
         if rows and row == rows[-1]:
             repeated += 1
@@ -210,8 +201,7 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
 
 
 def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray, file: Path) -> float:
-    # of the export, which older versions do not separate from the capture's
-    key = RATES[1] if fields.get(RATES[1]) else RATES[0]
+    key = RATES[1] if fields.get(RATES[1]) else RATES[0]  # older versions have no export rate
     stated = fields.get(key, "")
     timed = capture.rate_from_times(frame, printed) if len(printed) else None
     if not stated and timed is not None:

@@ -13,12 +13,11 @@ body. 1.0 writes ``trackable`` for ``rigidbody``. Bracketed cells are of 1.1 alo
                n × (x, y, z) measured, n × tracked, n × quality, mean error (mm)
 
 Positions are read from the frame row (poses of the m bodies tracked, all p markers seen) and,
-measured, from the bodies' rows (``name-Marker i``, as 1.1 calls them), not from the solved places,
-which stay where they were while a body is lost. No row states a unit of length, nor a rate.
+measured, from the bodies' rows (``name-Marker i``). Solved places are not read: they do not move
+while a body is lost. No row states a unit of length or a rate.
 """
 
 from collections import defaultdict
-from collections.abc import Iterator
 from itertools import islice
 from math import isfinite, isnan, nan
 from pathlib import Path
@@ -29,7 +28,7 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of
 from pipeline.formats.motion import take as capture
-from pipeline.formats.motion.take import MotionTake
+from pipeline.formats.motion.take import MotionTake, RigidBody
 
 BODY_ROWS = ("rigidbody", "trackable")
 ROW_TYPES = ("comment", "info", "righthanded", "lefthanded", "frame", *BODY_ROWS)
@@ -37,14 +36,14 @@ SAMPLE = 24  # bytes of x, y, z
 Samples = dict[str, dict[int, list[float]]]  # name → index of the frame → numbers
 
 
-class RowsSoFar:
+class TypedRows:
     """Content of the rows that were added, whose cells are taken from left to right; ValueError for
     a cell or a row that cannot come.
     """
 
     def __init__(self) -> None:
-        self.cells: Iterator[str] = iter(())  # of the row, that are not taken yet
-        self.named = False  # whether markers have IDs and names of their own (1.1)
+        self.cells = iter(())  # of the row, that are not taken yet
+        self.named = False  # whether markers have IDs and names (1.1)
         self.infos: dict[str, str] = {}
         self.names: dict[int, str] = {}  # of bodies by ID
         self.frame, self.time, self.line = [], [], []
@@ -140,7 +139,7 @@ class RowsSoFar:
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in the row-typed ``text``; see :func:`..motive.read_motive`."""
-    held, previous = RowsSoFar(), None
+    held, previous = TypedRows(), None
     counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
@@ -157,8 +156,8 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     frame = capture.frame_numbers(np.array(held.frame), held.line, file)
     printed = np.array(held.time)
     if (rate := capture.rate_from_times(frame, printed)) is None:
-        message = "the file holds no frame, or their times do not increase, so that they give no "
-        message += "rate; export the take again"
+        message = "the file holds no frame, or the times of its frames do not increase, so that "
+        message += "they give no rate; export the take again"
         raise RecordingError(message, file=file, line=[len(text.lines), *held.line][-1])
     unit = capture.settle_unit("", unit, file, key="info")
     if capture.WHOLE.fullmatch(announced := held.infos.get("framecount", "")):
@@ -180,11 +179,10 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         return table
 
     markers = {name: dense(samples, 3) for name, samples in (held.markers | strays).items()}
-    bodies = {name: dense(samples, 7) for name, samples in held.poses.items()}
-    bodies = {name: capture.RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in bodies.items()}
+    poses = {name: dense(samples, 7) for name, samples in held.poses.items()}
+    bodies = {name: RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in poses.items()}
     lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
     more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
-    more["lacking_body_rows"] = lacking
     about = file.stem, held.infos.get("version", "1.0"), rate, frame, printed, markers, bodies
     raw = MotionTake(*about, counts, unit, rate_from=capture.FROM_TIMES)
-    return capture.checked_take(raw, file, lines=held.line, more=more)
+    return capture.checked_take(raw, file, held.line, more=more | {"lacking_body_rows": lacking})

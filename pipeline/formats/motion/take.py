@@ -1,6 +1,4 @@
-"""A motion-capture take, whatever file it comes from: markers and rigid bodies over numbered
-frames, in m and s.
-"""
+"""Motion-capture takes of any format: markers and rigid bodies over numbered frames, in m and s."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,22 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.units import spelled
+from pipeline.formats.delimited import spelled
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 FARTHEST = 100.0  # m from the origin, beyond which nothing is captured
-# names that capture programs give to a marker of no asset
+# names of markers without an asset, as capture programs write them
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
-WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID as text, of a size that can be meant
-# s by which two printed times, of two decimals or more, differ from the frames' at most
-TIME_ROUNDING = 0.0101
-# share by which a stated rate may be off that of the printed times: far above any clock's drift
-RATE_TOLERANCE = 0.01
-UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above what printed digits take from it
-TELLING = 20  # printed times, fewer are too few to contradict a stated rate
+WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
+TIME_ROUNDING = 0.0101  # s, greatest error of a step between times of two decimals or more
+RATE_TOLERANCE = 0.01  # share of a stated rate, far above any clock's drift
+UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above rounding
+TELLING = 20  # printed times that can contradict a stated rate
 NO_ASSET = "the take holds no marker and no rigid body"
-BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # the counts of samples
-FROM_TIMES = "the printed times: the file states none"  # its rate
+BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # counts above those of samples
+FROM_TIMES = "the printed times: the file states no rate"
 
 
 @dataclass(frozen=True)
@@ -47,11 +43,10 @@ class MotionTake:
     time: np.ndarray  # (N,) s since the first exported frame, from frame numbers and rate
     markers: dict[str, np.ndarray]  # name: (N, 3) m, NaN where occluded
     bodies: dict[str, RigidBody]
-    # what was skipped, lost, repaired or contradicted; see the reader of the format
-    counts: dict[str, int]
+    counts: dict[str, int]  # of skipped, lost and repaired content; see the reader of the format
     unit: str = "m"  # of lengths in the file
-    printed_rate: float | None = None  # Hz, by the times that the file prints, where there are any
-    rate_from: str = ""  # where the file states no rate
+    printed_rate: float | None = None  # Hz, by the times that the file prints
+    rate_from: str = ""  # source of a rate that the file does not state
 
 
 def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str:
@@ -80,9 +75,9 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
-    """Return frames a second by the printed times: the whole number nearest to the mean rate, else
-    the mean, where that number is off a time by more than its decimals or half a frame explain.
-    None where times do not increase.
+    """Return frames a second by the printed times: the whole number nearest to the mean rate, or
+    the mean where that number misses a time by more than rounding or half a frame; None where
+    times do not increase.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
@@ -96,7 +91,7 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
     """Return whether the ``printed`` times (N,) s keep to ``rate`` (1/s), by the median over
-    quarters of the take, since times jump now and then; True of too few times to tell.
+    quarters of the take, since times jump now and then; True where there are too few times.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:
@@ -110,20 +105,17 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
 def checked_take(
     raw: MotionTake,
     file: Path,
-    *,
     lines: Sequence[int] | None = None,
     columns: Mapping[str, Sequence[int]] | None = None,
     more: Mapping[str, int] | None = None,
 ) -> MotionTake:
-    """Return the take of ``raw`` positions in the file's unit and times as the file prints them,
-    none or (N,) s: in m, lost samples as NaN, in s since the first frame, and its ``counts``, to
-    which ``more`` are added.
-
-    Counted are frames found, ``gaps`` in their numbers and ``skipped_frames`` in them,
-    ``time_mismatches`` of rows, samples and poses that are missing, of which ``zero_samples`` are
-    zero in all coordinates and ``partial_samples`` lack some. Raises RecordingError by the frame or
-    its line, and the column of X, Y, Z, beyond FARTHEST, for a coordinate in no row, and for a
-    quaternion of another length than 1.
+    """Return the take in m and s, with lost samples as NaN, of ``raw``: positions in the file's
+    unit, times as the file prints them, none or (N,) s. ``counts`` are those of ``raw``, ``more``,
+    frames found, ``gaps`` in their numbers and ``skipped_frames`` in the gaps, ``time_mismatches``
+    of rows, missing samples and poses, of which ``zero_samples`` are zero in all coordinates and
+    ``partial_samples`` lack some. Raises RecordingError by the frame or its line, and the column of
+    X, Y, Z, for coordinates beyond FARTHEST, a coordinate in no row, and a quaternion of another
+    length than 1.
     """
     frame, step = raw.frame, np.diff(raw.frame)
     time = (frame - frame[0]) / raw.rate

@@ -28,12 +28,7 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import fit_closed_loop, mean_path, measured_poses
 from pipeline.models.steps import Recorded
 from pipeline.recordings.steps import training_steps
-from pipeline.statistics.scores import (
-    Filtered,
-    posterior_scores,
-    score_comparison,
-    training_mean,
-)
+from pipeline.statistics.scores import Filtered, posterior_scores, score_comparison, training_mean
 from pipeline.studies.frame import (
     NoAnswerError,
     Study,

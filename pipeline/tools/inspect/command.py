@@ -19,13 +19,13 @@ from pipeline.core.bounds import Reading, Sandbox, read_whole, within
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
-from pipeline.formats.depth import cloud, image, messages
-from pipeline.formats.depth.index import dropped_frames, frame_endings, numbered_frames
+from pipeline.formats.depth import cloud, image
+from pipeline.formats.depth.image import dropped_frames, frame_endings, numbered_frames
 from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.force.record import ForceLogOptions, require_record
 from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
-from pipeline.formats.joints import bag as joint_bag
+from pipeline.formats.joints.log import BAG, JOINT_STATE
 from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
@@ -42,11 +42,11 @@ ARGUMENTS = {
 }
 LENGTH, UNIT, SIZE = "dataset.mocap.unit", "dataset.depth.units_per_metre", ("width", "height")
 TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
-DEPTH_TYPES = (messages.IMAGE, messages.CLOUD)
-ANALYSED = {*DEPTH_TYPES, *WRENCH, joint_bag.JOINT_STATE}  # types of messages
+DEPTH_TYPES = (rosbag.IMAGE, rosbag.CLOUD)
+ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # types of messages
 # option → the types of messages of its topic
 TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
-TOPICS |= {"depth.camera_info": (messages.CAMERA_INFO,)}
+TOPICS |= {"depth.camera_info": (rosbag.CAMERA_INFO,)}
 NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
 NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
 BINARY = (
@@ -257,7 +257,7 @@ def _add_frames(finding: Finding, names: Sequence[str]) -> None:
         return
     first = Finding(frame := finding.files[exists.index(True)])
     try:
-        _read(first, cloud.FORMAT if cloud.is_cloud(frame) else image.FORMAT)
+        _read(first, cloud.FORMAT if cloud.is_cloud(frame) else image.IMAGE)
     except RecordingError as error:
         finding.stops.append(f"{frame.name}: {error.message}")
         return
@@ -270,12 +270,12 @@ def _add_frames(finding: Finding, names: Sequence[str]) -> None:
 def _add_bag(finding: Finding, form: Format) -> None:
     summary = form.read(finding.file)
     types = {kind for kind, count in summary.topics.values() if count}
-    if types & ANALYSED == {joint_bag.JOINT_STATE}:
-        _read(finding, joint_bag.FORMAT)
+    if types & ANALYSED == {JOINT_STATE}:
+        _read(finding, BAG)
         return
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
     topics = finding.facts["topics"] = {n: [*summary.topics[n]] for n in sorted(summary.topics)}
-    finding.facts["frames_are"] = str(Kind.IMAGE if messages.IMAGE in types else Kind.CLOUD)
+    finding.facts["frames_are"] = str(Kind.IMAGE if rosbag.IMAGE in types else Kind.CLOUD)
     for option, kinds in TOPICS.items():
         names = [name for name, (kind, count) in topics.items() if kind in kinds and count]
         if len(names) == 1:
@@ -283,7 +283,7 @@ def _add_bag(finding: Finding, form: Format) -> None:
         elif names:
             question = f"several topics could be meant: {', '.join(names)}"
             finding.ask(question, f"dataset.{option}")
-    if messages.IMAGE in types:
+    if rosbag.IMAGE in types:
         known = "ROS drivers: 1000; images of 32 bits: 1"
         finding.ask(f"the unit of images of 16 bits is not stated ({known})", UNIT)
     if not types & ANALYSED:

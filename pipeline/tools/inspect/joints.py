@@ -5,16 +5,15 @@ from math import comb
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pipeline.core.angles import TURN, unwrap, whole_turns
 from pipeline.core.errors import PipelineError
+from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.joints import bag
-from pipeline.formats.joints.log import OPTION, LogOptions
-from pipeline.formats.joints.names import meaning, named_like, signals_of
-from pipeline.formats.joints.table import read_joint_table
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, bare, spelled
+from pipeline.formats.joints.log import BAG, OPTION, LogOptions, read_joint_table
+from pipeline.formats.joints.names import meaning, named_like, other_content, signals_of
 from pipeline.recordings.commands import find_pairing, suspects, tracking_errors
 from pipeline.recordings.movement import CLOCK_TOLERANCE, MOST_TURNS, UNWRAPPED, smoothness_by_rows
 from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
@@ -43,7 +42,7 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     if len(time) < 2:
         return
     # a bag's message defines its units
-    known = ("s", "rad") if form.name == bag.FORMAT.name else ()
+    known = ("s", "rad") if form.name == BAG.name else ()
     scales = _scales(finding, time, [*signals.values()], *known)
     time = time * scales[0]
     finding.duration = float(time[-1] - time[0])
@@ -65,15 +64,21 @@ def add_table(finding: Finding, form: Format) -> None:
     """Add size, columns and clock of a table of numbers, and the columns of joint angles."""
     sheet = form.read(finding.file, key=f"{OPTION}.separator, .decimal (or dataset.force.log)")
     facts, labels = finding.facts, sheet.labels
-    values = dict(zip(sheet.numeric, sheet.values(sheet.numeric).T, strict=True))
-    if any(line.strip(" ,;\t") == "endheader" for line in sheet.header):
-        finding.version = "of OpenSim (MOT, STO)"
+    cells = pd.DataFrame(sheet.values(sheet.numeric, gaps=True)).dropna(how="all")
+    missing, filled = int(cells.isna().sum(axis=None)), cells.interpolate(limit_direction="both")
+    finding.count({"missing_cells": missing})
+    values = dict(zip(sheet.numeric, filled.to_numpy().T, strict=True))
+    finding.version = sheet.origin
     facts |= {"rows": len(sheet.rows), "columns": sheet.width}
     facts |= {"separator": sheet.separator, "decimal": sheet.decimal}
-    finding.count(sheet.counts | repeats(np.column_stack([*values.values()])))
+    counts = {"rows_without_numbers": len(sheet.rows) - len(cells)}
+    finding.count(sheet.counts | repeats(cells.to_numpy()) | counts)
     if sheet.left_out:
         facts["columns_without_numbers"] = sheet.left_out
-    clocks = [n for n, column in values.items() if len(column) > 2 and (np.diff(column) > 0).all()]
+    # two sources of one table may have rows of the same time
+    later = np.greater_equal if missing else np.greater
+    steps = {n: np.diff(held) for n, held in values.items() if len(held) > 2}
+    clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
     if labels:
         facts["labels"] = labels
@@ -84,8 +89,11 @@ def add_table(finding: Finding, form: Format) -> None:
             facts["time"] = labels[clocks[0]]
     time = values[clocks[0]] if clocks and (labels or facts["timed"]) else None
     if time is not None:
-        facts["step_of_time"] = round(float(np.median(np.diff(time))), 9)
-    columns = {labels[n]: column for n, column in values.items()} if labels else {}
+        facts["step_of_time"] = round(float(np.median(steps[clocks[0]])), 9)
+        second = TIME_UNITS.get(spelled(sheet.unit(clocks[0]) or ""))
+        if second and facts["step_of_time"]:
+            finding.rate = round(1 / (facts["step_of_time"] * second), 3)
+    columns = {labels[n]: held for n, held in values.items()} if labels else {}
     signals: dict[str, list[str]] = {}
     if len(columns) == len(values):  # else two columns have one label: numbers name them
         signals, guesses = signals_of([*columns], time, columns.__getitem__)
@@ -95,13 +103,21 @@ def add_table(finding: Finding, form: Format) -> None:
             named = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
             question = f"no label states it: {'; '.join(guesses.values())}"
             finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
-    if sheet.width == 1:
+    other = other_content(labels, [sheet.unit(n) for n in range(len(labels))])
+    if other and not signals:
+        finding.version = f"of {other}"
+    elif sheet.width == 1:
         finding.ask(ONE_COLUMN, f"{OPTION}.signals")
     elif {*ANGLES} - {*facts.get("signals", ())}:
         question = "the content of the columns is not stated: a log of joints, or of forces"
         finding.ask(question, LOG_OF_BOTH)
     if {*ANGLES} <= {*signals} and time is not None:
-        angles = [np.column_stack([columns[n] for n in signals[role]]) for role in ANGLES]
+        named = [[labels.index(name) for name in signals[role]] for role in ANGLES]
+        samples = sheet.samples([clocks[0], *named[0], *named[1]], clocks[0], named[0])
+        finding.count(samples.counts)
+        time, *angles = np.split(samples.values, [1, 1 + len(named[0])], axis=1)
+        time = time[:, 0]
+        facts["step_of_time"] = round(float(np.median(np.diff(time))), 9)
         unit = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
         scales = _scales(finding, time, angles, sheet.unit(clocks[0]), unit)
         angles = [values * scales[1] for values in angles]

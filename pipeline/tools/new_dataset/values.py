@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.core.datasheet import OPEN, get_filled
+from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.formats.format import Kind
-from pipeline.formats.joints import bag
+from pipeline.formats.joints.log import BAG
 from pipeline.formats.joints.names import named_like
-from pipeline.formats.units import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.tools.inspect.command import describe_file
 from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
 from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
@@ -236,7 +236,7 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
         fits = arm is not None and count in (None, arm.count(",") + 1)
         found["joints"] = _suggestion(f"{count} joints" if count else "", arm if fits else None)
     questions = _questions([{"": log} for log in logs_of(takes.values())])
-    for key, known in UNITS.items() if first.format != bag.FORMAT.name else ():
+    for key, known in UNITS.items() if first.format != BAG.name else ():
         own = {spelled(unit) for unit in first.units.values()} & {*known}
         found[key] = questions.get(f"joint_log.{key}", Entry())
         if len(own) == 1:

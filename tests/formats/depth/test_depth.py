@@ -15,10 +15,19 @@ from written_logs import refusal as reject
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth.cloud import UNTURNED, read_cloud
-from pipeline.formats.depth.image import Encoding, RawDepth, metres, read_depth, write_depth
-from pipeline.formats.depth.index import dropped_frames, numbered_frames, read_index, write_index
+from pipeline.formats.depth.image import (
+    Encoding,
+    RawDepth,
+    dropped_frames,
+    metres,
+    numbered_frames,
+    read_depth,
+    read_index,
+    write_depth,
+    write_index,
+)
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
-from pipeline.formats.depth.messages import camera_info, cloud_points, image_pixels
+from pipeline.formats.rosbag import camera_info, cloud_points, image_pixels
 
 REAL = {  # largest value, share of zeros, units in a metre
     "depth_millimetres.png": (2702, 0.1304, 1000),

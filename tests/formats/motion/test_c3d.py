@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from written_logs import refusal
+from written_logs import refusal, seen
 
 from pipeline.core.bounds import Reading, within
 from pipeline.formats.motion.c3d import read_c3d
 from pipeline.formats.motion.take import rate_from_times
-from pipeline.tools.inspect.command import as_table, inspect
 
 AB = ["Arm:a", "Arm:b"]
+DEC = 85
 
 
 def points(frames: int = 40, markers: int = 2, seed: int = 1) -> np.ndarray:
@@ -35,6 +35,14 @@ def texts(group: int, name: str, items: list[str]) -> bytes:
     return parameter(group, name, -1, [16, len(items)], data)
 
 
+def numbers(values: object, processor: int) -> bytes:
+    """Floating-point ``values`` as Intel's processors or DEC's (times 4, words swapped) do."""
+    plain = np.atleast_1d(np.asarray(values, dtype="<f4"))
+    if processor == DEC:
+        return (4 * plain).view("<u2").reshape(-1, 2)[:, ::-1].tobytes()
+    return plain.tobytes()
+
+
 def words(*values: int) -> bytes:
     return struct.pack(f"<{len(values)}H", *values)
 
@@ -52,7 +60,7 @@ def c3d(
     processor: int = 84,
     residual: tuple[int, int] | None = None,
 ) -> bytes:
-    """A C3D of Intel's floating point; ``residual`` is negative at a frame and point."""
+    """A C3D of floating point; ``residual`` is negative at a frame and point."""
 
     def group(number: int, name: str) -> bytes:
         return struct.pack("<bb", len(name), -number) + name.encode() + struct.pack("<HB", 3, 0)
@@ -60,8 +68,8 @@ def c3d(
     xyz = points(5) if xyz is None else xyz
     frames, count, _ = xyz.shape
     body = group(1, "POINT") + parameter(1, "USED", 2, [], words(count))
-    body += parameter(1, "SCALE", 4, [], struct.pack("<f", -1))
-    body += parameter(1, "RATE", 4, [], struct.pack("<f", rate))
+    body += parameter(1, "SCALE", 4, [], numbers(-1, processor))
+    body += parameter(1, "RATE", 4, [], numbers(rate, processor))
     body += parameter(1, "DATA_START", 2, [], words(4))
     body += parameter(1, "FRAMES", 2, [], words(frames))
     body += texts(1, "LABELS", labels[:255]) + parameter(1, "UNITS", -1, [len(unit)], unit.encode())
@@ -76,22 +84,18 @@ def c3d(
     at = body.index(b"DATA_START") + len("DATA_START") + 4
     body = body[:at] + words(2 + blocks) + body[at + 2 :]
     ends = first, first + frames - 1
-    head = struct.pack("<BB4HHfHHf", 2, 80, count, 0, *ends, 10, -1.0, 2 + blocks, 0, rate)
-    data = np.concatenate([scale * xyz, np.zeros((frames, count, 1))], axis=2).astype("<f4")
+    head = struct.pack("<BB5H", 2, 80, count, 0, *ends, 10) + numbers(-1, processor)
+    head += words(2 + blocks, 0) + numbers(rate, processor)
+    data = np.concatenate([scale * xyz, np.zeros((frames, count, 1))], axis=2)
     if residual is not None:
         data[residual][3] = -1
     parameters = (bytes([1, 80, blocks, processor]) + body).ljust(blocks * 512, b"\0")
-    return head.ljust(512, b"\0") + parameters + data.tobytes()
+    return head.ljust(512, b"\0") + parameters + numbers(data, processor)
 
 
 def write(folder: Path, *arguments: object, **options: object) -> Path:
     (folder / "t.c3d").write_bytes(c3d(*arguments, **options))
     return folder / "t.c3d"
-
-
-def seen(file: Path) -> str:
-    """The text that ``inspect`` prints of ``file``."""
-    return " ".join(as_table(inspect(file), file.parent).split())
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("mm", 1e3), ("MM", 1e3), ("cm", 100.0), ("m", 1.0)])
@@ -107,6 +111,18 @@ def test_points_come_back_in_metres_and_what_is_none_is_missing(tmp_path, unit, 
     result = read_c3d(write(tmp_path, AB, xyz, unit=unit, scale=scale, residual=(0, 0)))
     lost = [np.flatnonzero(np.isnan(result.markers[name]).any(axis=1)).tolist() for name in AB]
     assert lost == [[0], [2, 3]] and result.counts["missing_samples"] == 3
+
+
+@pytest.mark.parametrize("processor", [84, DEC])
+def test_coordinates_that_no_camera_measured_are_missing_and_counted(tmp_path, processor):
+    xyz = points(6)
+    xyz[2, 1], xyz[3, 0] = -3.697314e25, -1e24  # m; in mm as NDI writes what it does not see
+    (tmp_path / "t.c3d").write_bytes(c3d(AB, xyz, processor=processor))
+    take = read_c3d(tmp_path / "t.c3d")
+    assert [np.isnan(take.markers[name][:, 0]).nonzero()[0].tolist() for name in AB] == [[3], [2]]
+    assert (take.counts["invalid_samples"], take.counts["missing_samples"]) == (2, 2)
+    np.testing.assert_allclose(take.markers["Arm:a"][:3], xyz[:3, 0], rtol=0, atol=3e-7)
+    assert "2 invalid samples" in seen(tmp_path / "t.c3d")
 
 
 def test_labels_are_kept_apart_and_a_unit_is_stated_or_asked_for(tmp_path):
