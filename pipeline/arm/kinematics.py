@@ -19,7 +19,8 @@ from pipeline.arm.rows import (
     scale,
 )
 from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TURN
-from pipeline.core.compiled import inlined, inner, sine_cosine
+from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import sine_cosine
 
 # coefficients of atan(t)/t in t²: up to t = tan(π/16) the first omitted one is below the last place
 ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))

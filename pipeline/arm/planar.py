@@ -6,7 +6,8 @@ import numpy as np
 
 from pipeline.arm.interface import ArmConstants
 from pipeline.arm.rows import WIDTH, block_rows
-from pipeline.core.compiled import inlined, inner, sine_cosine
+from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import sine_cosine
 
 PLANAR = block_rows(3, 3)
 

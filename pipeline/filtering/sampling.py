@@ -8,15 +8,8 @@ import numpy as np
 
 from pipeline.arm.kinematics import rotation_vectors, tip
 from pipeline.arm.rows import POSITION, TURN, WIDTH
-from pipeline.core.compiled import (
-    compiled,
-    exponential,
-    greatest,
-    inlined,
-    inner,
-    inner_product,
-    total,
-)
+from pipeline.core.compiled import compiled, inlined, inner
+from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.filtering.resampling import resample
 from pipeline.models.kernel import move
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.compiled import inner, sine_cosine
+from pipeline.core.compiled import inner
+from pipeline.core.elementary import sine_cosine
 
 # m; above every value of the objective that points within reach of an arm can give
 INFEASIBLE = 1e3
