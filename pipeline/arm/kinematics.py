@@ -7,7 +7,8 @@ import numpy as np
 
 from pipeline.arm.rows import JOINTS, POSITION, ROTATION, SINE, TURN, WIDTH, add_dot, fill, scale
 from pipeline.arm.serial import FRAME_COSINE, FRAME_SHIFT, FRAME_SINE, FRAME_TURN
-from pipeline.core.compiled import inlined, inner, sine_cosine
+from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import sine_cosine
 
 COSINE = SINE + 1
 # coefficients of atan(t)/t in t²; up to t = tan(π/16) the first omitted term is below rounding

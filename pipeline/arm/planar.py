@@ -5,7 +5,8 @@
 from numpy import ndarray
 
 from pipeline.arm.rows import WIDTH, block_rows
-from pipeline.core.compiled import inlined, inner, sine_cosine
+from pipeline.core.compiled import inlined, inner
+from pipeline.core.elementary import sine_cosine
 
 PLANAR = block_rows(3, 3)
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from pipeline.arm.kinematics import rotation_vectors, tip
 from pipeline.arm.rows import POSITION, TURN, WIDTH
-from pipeline.core.compiled import compiled, exponential, greatest, inner, inner_product, total
+from pipeline.core.compiled import compiled, inner
+from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.models.kernel import move
 
 ROWS = 6  # of a displacement of the tip

@@ -36,7 +36,8 @@ from pipeline.arm.planar import (
     planar_steps,
 )
 from pipeline.arm.rows import Rows, add_combination, add_dot, add_product, copy, dot, fill, rows_of
-from pipeline.core.compiled import compiled, expm1, inner
+from pipeline.core.compiled import compiled, inner
+from pipeline.core.elementary import expm1
 from pipeline.models.model import (
     GAUSSIAN_LAW,
     GIVEN_LAW,

@@ -15,7 +15,8 @@ import pandas as pd
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.columns import spread
-from pipeline.core.compiled import compiled, inner, sine_cosine
+from pipeline.core.compiled import compiled, inner
+from pipeline.core.elementary import sine_cosine
 from pipeline.core.errors import RecordingError, SolverError
 from pipeline.core.options.analysis import ArticulationSection
 

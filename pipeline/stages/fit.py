@@ -39,6 +39,7 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
     """Write parameters and tables to ``folder``; return numbers of fit and realisations."""
     options, checks = vars(settings.models)[model], settings.scale.convex_checks
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+    rate = settings.dataset.motion.rate
     resample = partial(_resample, model, recorded, settings)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
@@ -74,7 +75,7 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
         print(f"fit: no model {model}: {reason}")
         _write_json({"kind": options.kind, kinds.NO_MODEL: reason}, folder / "parameters.json")
         return metrics, {}
-    metrics |= _closed_loop(model, recorded, options, estimate, folder)
+    metrics |= _closed_loop(model, recorded, options, estimate, rate, folder)
     _write_json(estimate.parameters, folder / "parameters.json")
     return metrics, _realise(model, estimate.model, recorded, settings, folder)
 
@@ -124,19 +125,22 @@ def _replicate(
 
 
 def _closed_loop(
-    model: str, recorded: Recorded, options: Options, estimate: Estimate, folder: Path
+    model: str, recorded: Recorded, options: Options, estimate: Estimate, rate: float, folder: Path
 ) -> Metrics:
-    """Write the closed loop's parameters; return κ with its interval, and the estimates."""
+    """Write the closed loop's parameters; return κ and K with intervals, and the estimates."""
     closed, refused = closed_loop_of(recorded, options, estimate)
     if refused:
         print(f"fit: {model} has no closed loop: {refused}")
     if closed is None:
         return {}
-    share, error = closed.share, closed.standard_error
-    _write_json(closed.estimate.parameters | {SHARE: share}, folder / FOLDER / "parameters.json")
-    metrics = {SHARE: share, f"{SHARE}_standard_error": error}
-    metrics[f"{SHARE}_interval_low"] = share - NORMAL_QUANTILE * error
-    metrics[f"{SHARE}_interval_high"] = share + NORMAL_QUANTILE * error
+    parameters = closed.estimate.parameters | {SHARE: closed.share}
+    _write_json(parameters, folder / FOLDER / "parameters.json")
+    metrics = {}
+    for name, unit in {SHARE: 1.0, "closed_loop_gain_per_s": rate}.items():
+        value, error = unit * closed.share, unit * closed.standard_error
+        metrics |= {name: value, f"{name}_standard_error": error}
+        metrics[f"{name}_interval_low"] = value - NORMAL_QUANTILE * error
+        metrics[f"{name}_interval_high"] = value + NORMAL_QUANTILE * error
     estimates = {f"closed_loop_{name}": value for name, value in closed.estimate.estimates.items()}
     return metrics | {"closed_loop_rounds": closed.rounds} | estimates
 

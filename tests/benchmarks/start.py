@@ -42,7 +42,7 @@ def draws() -> dict[str, float]:
     if "ELEMENTARY" in os.environ:
         import math
 
-        import pipeline.core.compiled as own
+        import pipeline.core.elementary as own
 
         own.sine_cosine = own.inlined(lambda angle: (math.sin(angle), math.cos(angle)))
         own.exponential = own.inlined(lambda x: math.exp(x))

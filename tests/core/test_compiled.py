@@ -13,7 +13,7 @@ import pytest
 from compiled_calls import from_python
 from project_copy import ROOT
 
-from pipeline.core.compiled import (
+from pipeline.core.elementary import (
     LANES,
     expm1,
     exponential,
