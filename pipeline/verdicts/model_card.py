@@ -74,7 +74,7 @@ def _formula(model: str, known: pd.DataFrame) -> str:
 
 
 def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Return the greatest recorded |q̇| in rad/s by joint: of all, and of those that stood still."""
+    """Return the greatest recorded |q̇| in rad/s by joint: of all joints, and of still joints."""
     speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
     fastest = speeds[["least", "greatest"]].abs().max(axis=1)
     return fastest, fastest[fastest < STILL * fastest.max()]

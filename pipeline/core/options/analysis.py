@@ -76,7 +76,7 @@ class Dask:
 
 @options()
 class Compute:
-    """Where trials run; results do not depend on it."""
+    """Place of the trials; results do not depend on it."""
 
     workers: Whole = 0  # processes on this machine; 0: one per core
     dask: Dask | None = None  # null: no cluster
