@@ -1,5 +1,6 @@
 """Bounds on size, time and memory of files of recordings, and a process in which they hold."""
 
+import faulthandler
 import pickle
 import resource
 from collections.abc import Callable
@@ -95,8 +96,12 @@ class Sandbox:
         Raises the pipeline's errors of the function unchanged. Raises RecordingError for any other
         exception, and where the call exceeds ``seconds`` or ``memory_mib`` or ends the process.
         """
-        if current_process().daemon:  # a worker of Dask may not start a process
-            outcome = _outcome(function, arguments)
+        if current_process().daemon:  # a worker of Dask may not start a process: a hang ends it
+            faulthandler.dump_traceback_later(bounds().seconds, exit=True)
+            try:
+                outcome = _outcome(function, arguments)
+            finally:
+                faulthandler.cancel_dump_traceback_later()
         else:
             if self._process is None:
                 self._connection, other = Pipe()

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -166,3 +167,16 @@ def test_bounds_hold_for_what_is_called_within_them_and_in_its_processes():
             return sandbox.call(bounds).file_mib
 
     assert within(Reading(file_mib=3), most) == 3 != bounds().file_mib
+
+
+def _hang() -> None:
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # the traceback that its end writes
+    within(Reading(seconds=0.2), Sandbox().call, time.sleep, 60.0)
+
+
+def test_a_reader_that_hangs_ends_a_worker_that_may_have_no_process():
+    """Workers of Dask are daemons, and started anew."""
+    worker = get_context("spawn").Process(target=_hang, daemon=True)
+    worker.start()
+    worker.join(30)
+    assert worker.exitcode == 1

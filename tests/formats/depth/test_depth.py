@@ -333,7 +333,7 @@ def test_a_worker_that_may_have_no_processes_reads_and_refuses_too(tmp_path):
     """The workers of Dask are daemons, as those of a pool are."""
     file = tmp_path / "c.yaml"
     file.write_text(made.CALIBRATIONS["ros.yaml"])
-    with get_context("fork").Pool(1) as pool:
+    with get_context("spawn").Pool(1) as pool:
         assert pool.apply(read_intrinsics, (file,), SIZE) == CAMERA
         file.write_text("a: [\n")
         with pytest.raises(RecordingError, match="no calibration"):
