@@ -134,7 +134,7 @@ def _autoregression(noise: ndarray, rng: Generator) -> ndarray:
 
 
 def _correlations(curve: ndarray, others: ndarray) -> ndarray:
-    """Return Pearson's correlations (R,) of ``curve`` (K,) with the columns of ``others`` (K, R)."""
+    """Return Pearson's correlation (R,) of ``curve`` (K,) with each column of ``others`` (K, R)."""
     a, b = curve - curve.mean(), others - others.mean(axis=0)
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
 
@@ -212,8 +212,7 @@ def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:
 
 
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:
-    """Return sample variances (R, M, n) of ``noise`` (takes, M, n), takes by ``counts`` (R, takes).
-    """
+    """Return sample variances (R, M, n) of ``noise`` (takes, M, n) with weights ``counts``."""
     flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
     mean = counts @ flat / takes
     squares = np.maximum(counts @ flat**2 / takes - mean**2, 0)

@@ -86,7 +86,7 @@ def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
 
 
 def jackknife_counts(takes: int) -> ndarray:
-    """Return weights (1 + takes, takes): the first row has all takes, each other row all but one."""
+    """Return weights (1 + takes, takes): the first row has all takes, other rows all but one."""
     return np.vstack([np.ones((1, takes)), 1 - np.eye(takes)])
 
 
