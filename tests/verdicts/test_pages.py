@@ -152,8 +152,9 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
     assert result(run) == [
         "The highest log score of a predictor is 12 nats a step (autoregressive baseline), "
         "2 [1.5, 2.5] above the highest of a matrix model.",
-        "The highest log score of a particle filter is 0.75 [0.65, 0.85] below the training mean's; "
-        "the linear autoregressive filter's log score is 0.5 [0.4, 0.6] above the training mean's.",
+        "The highest log score of a particle filter is 0.75 [0.65, 0.85] below the training "
+        "mean's; the linear autoregressive filter's log score is 0.5 [0.4, 0.6] above the "
+        "training mean's.",
     ]
 
 
@@ -235,7 +236,7 @@ def test_the_card_opens_with_the_model_its_formula_unknowns_and_tails():
     assert "Δq_j + √(a_j² + b_j²·Δq_j²)·e_j" in first and "Fitted to 8 takes of 2 mot" in first
     assert "| a | 2 µrad | 2.1 % | 4.5 |" in first and "| b | 3 µrad | not known | – |" in first
     assert "No number for the gain of b (0 steps" in first and "stood still: b." in first
-    assert "(kurtosis 11.5 to 44; 3 for normal noise)" in first and "at least 98.5 %" in first
+    assert "(kurtosis 11.5 to 44; 3 for normal noise)" in first and "At least 98.5 %" in first
     # then the evidence, the refused model with its reason
     assert "| speed-scaled, Student's t | 60 | 60 | 60 |" in page
     assert "- Wishart matrix model: no score on motion 1: the Jacobian is singular" in page
