@@ -150,7 +150,7 @@ def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
     if empty := [link for link, own in mocap.markers.items() if not own]:
-        raise ConfigError(f"{empty[0]} needs markers, each with its place x, y, z", key=key)
+        raise ConfigError(f"{empty[0]} needs markers with the position x, y, z", key=key)
     posture = None if mocap.posture is None else np.array(mocap.posture)
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
@@ -168,8 +168,8 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
     """
     key = "dataset.mocap.markers"
     if np.shape(template) != (3, 3, 3):
-        message = "a planar arm needs three markers, each with its place x, y, z, on each of its"
-        raise ConfigError(f"{message} three segments", key=key, shape=np.shape(template))
+        message = "each of the three segments of a planar arm needs three markers with x, y, z"
+        raise ConfigError(message, key=key, shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
         width = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
         sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)

@@ -31,7 +31,7 @@ TESTS_ALONE = "serves tests alone"  # words in the docstring of code that only t
 MISSING = "(not in this dataset)"
 CLAIMED = ("published", "value", "distance")  # numbers of a claim
 STEPS = 320  # M of the paper's motion
-COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
+COLUMNS = ("item of the paper", "place", "content", "code", "tests")
 
 
 @options(frozen=True)

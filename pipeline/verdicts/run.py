@@ -47,8 +47,8 @@ class Reference:
     """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
     columns equal ``rows``; raises ConfigError without key or column.
 
-    ``{joint 2}`` stands for the second of the :attr:`ArmNames.numbered` joints, any other
-    ``{name}`` for a case's value of that name.
+    ``{joint 2}`` stands for the name of the second of the :attr:`ArmNames.numbered` joints, any
+    other ``{name}`` for the value of this name in a case.
     """
 
     file: str
