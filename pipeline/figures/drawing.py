@@ -1,6 +1,6 @@
-"""Figures of the paper: functions of this package, found by the YAML file beside their module that
-has their captions and tables. A figure gets its tables, and of the options ``models``, ``joints``,
-``mode`` and ``configurations`` those in its signature.
+"""Draw all figures of this package. The YAML file beside a module names the module's figures, with
+captions and tables. A figure function gets the tables and the options (``models``, ``joints``,
+``mode``, ``configurations``) that are parameters of the function.
 """
 
 import json
@@ -19,8 +19,8 @@ from pipeline.figures.style import save
 
 
 class Drawing(NamedTuple):
-    """A figure: its function, title, caption, tables by the folders of the stages that write them,
-    and the part of a dataset that these need.
+    """A figure: function, title, caption, tables with the folders of the stages that write them,
+    and the part of a dataset that the tables need.
     """
 
     draw: Callable
@@ -61,7 +61,7 @@ def draw_all(out: Path, options: dict[str, object], compute: Compute) -> None:
 def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dict]:
     """Draw one figure; return its name and its entry of ``captions.json``."""
     draw, title, caption, tables, _ = figures_in()[name]
-    # a table comes before an option of its name
+    # a table has priority over an option of equal name
     named = options | {table: contracts.read(table, Path(place)) for table, place in tables.items()}
     save(draw(**{key: named[key] for key in signature(draw).parameters}), folder, name)
     sources = [f"{place}/{table}.parquet" for table, place in tables.items()]

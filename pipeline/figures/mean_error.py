@@ -1,4 +1,4 @@
-"""Error of the models' means (Sec. 4.1.2), the smallest figure."""
+"""Figure of the error of each model's mean (Sec. 4.1.2)."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -7,7 +7,7 @@ from pipeline.figures import style
 
 
 def mean_error(deviation: pd.DataFrame, models: list[str]) -> Figure:
-    """Fig. (MeanError): one line per model."""
+    """Draw Fig. (MeanError): one line per model."""
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.4)
     for model, line in style.model_lines(models).items():
         rows = deviation[deviation["source"] == model]

@@ -1,4 +1,4 @@
-"""Motion of the arm (Sec. 4.1.2): recordings, models and their parameters."""
+"""Figures of the arm's motion (Sec. 4.1.2): recordings, models and parameters."""
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,7 @@ QUANTITIES = {
     "one_step": "std of the process noise (rad)",
     "free_running": "std of the joint angle (rad)",
 }
-OUTLYING = 3  # a line this many times as high as all others does not scale its panels
+OUTLYING = 3  # a line over this many times as high as all others does not set the panels' scale
 RIDGE_SHAPES = (
     ("alpha", r"$\alpha$", "--"),
     ("level", r"$\alpha\sqrt{u^2-\langle\Vert J^{-1}\Vert^2\rangle}$", "-"),
@@ -28,14 +28,14 @@ PLAIN = {
 
 
 def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Figure:
-    """Fig. (JointRealzFig): one panel per joint, of the training part of ``joints``."""
+    """Draw Fig. (JointRealzFig): one panel per joint, of the training takes in ``joints``."""
     training, names = joints[joints["part"] == "training"], members(joints, "q")
     std = process_noise.groupby("t")[columns("w", names)].std()
     span = 0.54 * np.ptp(training[columns("q", names)], axis=0).max()
     few = len(names) <= style.BESIDE
     across, width = (1, style.ONE_COLUMN) if few else (2, style.TWO_COLUMNS)
     figure, (row,) = style.joint_panels(len(names), across, (width, 1.2, 0.8))
-    # pixels, as paths of a hundred lines on top of each other take megabytes
+    # pixels, because paths of a hundred overlapping lines take megabytes
     thin = {"color": style.RECORDED["color"], "linewidth": 0.4, "rasterized": True}
     green = {"color": style.GREEN, "linestyle": "-.", "linewidth": 0.8}
     for (joint, line), axes in zip(style.joint_lines(names).items(), row, strict=True):
@@ -58,7 +58,7 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
 
 
 def joint_std(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str) -> Figure:
-    """Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
+    """Draw Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
     across, size = style.panels_across(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
     lines = {"recorded": style.RECORDED} | style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)

@@ -1,4 +1,4 @@
-"""Depth camera, filter and quality of the recordings (Sec. 4.1.3)."""
+"""Figures of the depth camera, the filter and the quality of the recordings (Sec. 4.1.3)."""
 
 import numpy as np
 import pandas as pd
@@ -26,13 +26,13 @@ STRIPS = {
     "residual_beside_others": ("residual beside\nothers (mrad)", 1000),
     "disturbance": ("disturbance\n(robust std)", 1),
 }
-SIGNED = ("clock_drift", "lag_behind_command")  # with limits of either sign
+SIGNED = ("clock_drift", "lag_behind_command")  # measures with limits ±
 KEPT = {"marker": ".", "ms": 3, "color": style.BLUE, "ls": "none", "label": "take"}
 LEFT_OUT = {"marker": "x", "ms": 4, "color": style.VERMILLION, "ls": "none", "label": "left out"}
 
 
 def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
-    """Fig. (KinOptFig): one panel per view, both on the same scale."""
+    """Draw Fig. (KinOptFig): one panel per view, both on the same scale."""
     width, depth = np.ptp(cloud[["x", "z"]].to_numpy(), axis=0)
     height = 1.6 + 2 * (style.ONE_COLUMN - 0.6) * depth / width
     figure, grid = style.panels(style.ONE_COLUMN, height, rows=2, sharex=True, sharey=True)
@@ -61,7 +61,7 @@ def articulation(cloud: pd.DataFrame, skeleton: pd.DataFrame) -> Figure:
 
 
 def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
-    """Fig. (MeanStdKinNoise): the estimate from all takes, none left out."""
+    """Draw Fig. (MeanStdKinNoise): the estimate from all test takes."""
     rows = kinect_noise[kinect_noise["take"] == "none"].set_index("t")
     figure, (row,) = style.panels(style.ONE_COLUMN, 2.1, columns=2, sharex=True)
     for joint, line in style.joint_lines(members(kinect_noise, "b")).items():
@@ -79,7 +79,7 @@ def kinect_noise(kinect_noise: pd.DataFrame) -> Figure:
 
 
 def filter_errors(filter_error: pd.DataFrame, models: list[str], joints: list[str]) -> Figure:
-    """Fig. (PartFiltRes): rows of panels in the order of ``models``, all panels on one scale."""
+    """Draw Fig. (PartFiltRes): rows of panels in the order of ``models``, all on one scale."""
     figure, grid = style.model_panels(models, joints, "error (rad)")
     shown = filter_error["take"].iloc[0]
     mean = filter_error[filter_error["model"] == NONE].groupby("t")

@@ -1,6 +1,6 @@
-"""One look for every figure: widths of one and two columns of a journal page, letters of 7 pt or
-more, the colours of Okabe and Ito (jfly.uni-koeln.de/color, 2008), different dashes of lines on the
-same axes, and reproducible bytes.
+"""Common style of the figures: widths of one and two journal columns, letters of 7 pt or more, the
+colours of Okabe and Ito (jfly.uni-koeln.de/color, 2008), a dash pattern for each line of a panel,
+and reproducible bytes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -34,7 +34,7 @@ MODELS = {
         ("scaled_full", "scaled with speed, full", PURPLE, (0, (8, 2))),
     )
 }
-FURTHER = (  # of models of other names, in turn
+FURTHER = (  # looks of models that are not in MODELS, in turn
     {"color": GREEN, "linestyle": (0, (4, 3))},
     {"color": PURPLE, "linestyle": (0, (2, 2, 6, 2))},
     {"color": ORANGE, "linestyle": (0, (10, 1.5, 2, 1.5))},
@@ -43,11 +43,11 @@ COLORS = (BLUE, VERMILLION, GREEN, PURPLE, SKY, ORANGE, BLACK, GREY)  # of joint
 DASHES = "-", "--", "-.", ":", (0, (6, 2)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (8, 1.5, 1, 1.5))
 BESIDE = 4  # greatest number of joints whose panels are in one line
 
-# from the defaults: a user's matplotlibrc changes no byte
+# matplotlib's defaults, so that a user's matplotlibrc has no effect
 mpl.rcdefaults()
 mpl.rcParams.update(
     {
-        "font.family": "STIXGeneral",  # comes with matplotlib: the same letters on every machine
+        "font.family": "STIXGeneral",  # part of matplotlib: equal letters on every machine
         "mathtext.fontset": "stix",
         **dict.fromkeys(["font.size", "axes.titlesize", "axes.labelsize"], 8),
         **dict.fromkeys(["xtick.labelsize", "ytick.labelsize", "legend.fontsize"], 7.5),
@@ -56,7 +56,7 @@ mpl.rcParams.update(
         **dict.fromkeys(["xtick.major.size", "ytick.major.size"], 2.5),
         "legend.handlelength": 2.6,
         "lines.linewidth": 1.0,
-        "figure.dpi": 300,  # of what is rasterised in the SVG
+        "figure.dpi": 300,  # of rasterised parts of the SVG
         "svg.hashsalt": "manipulator-uncertainty",
         "svg.fonttype": "path",
     }
@@ -64,7 +64,7 @@ mpl.rcParams.update(
 
 
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
-    """Return label, colour and dashes of every model; unknown names get the next of a cycle."""
+    """Return label, colour and dashes of every model; a model not in MODELS gets a FURTHER look."""
     further = cycle(FURTHER)
     return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
 
@@ -94,11 +94,11 @@ def panels(
 def joint_panels(
     joints: int, across: int, size: tuple[float, float, float], groups: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure over time and its axes (``groups``, ``joints``): of each group a panel for
-    each joint, ``across`` panels in a line, the last line of a group possibly shorter.
+    """Return a figure over time and its axes (``groups``, ``joints``): a group has one panel for
+    each joint, ``across`` panels in a line; the last line of a group may be shorter.
 
     ``size`` in inches: width of the figure, height of a line, total of the margins above and below;
-    ``layout`` goes to ``Figure.subplots``.
+    ``layout`` is passed to ``Figure.subplots``.
     """
     width, line, margins = size
     lines = -(-joints // across)
@@ -116,7 +116,7 @@ def joint_panels(
 def model_panels(
     models: Sequence[str], joints: Sequence[str], quantity: str
 ) -> tuple[Figure, np.ndarray]:
-    """Return a figure over time and its axes (models, joints) on one scale, a group a model."""
+    """Return a figure over time and its axes (models, joints) on one scale, a group per model."""
     across, size = panels_across(len(joints)), (TWO_COLUMNS, 1.25, 0.55)
     figure, grid = joint_panels(len(joints), across, size, groups=len(models), sharey=True)
     for row, line in zip(grid, model_lines(models).values(), strict=True):
@@ -130,7 +130,7 @@ def model_panels(
 
 
 def panels_across(joints: int) -> int:
-    """Return the number of panels in a line over two columns: half of more than BESIDE joints."""
+    """Return the number of panels in a line: all ``joints``, or half of more than BESIDE joints."""
     return joints if joints <= BESIDE else -(-joints // 2)
 
 
@@ -141,7 +141,7 @@ def letters(panels: Iterable[Axes], **place: float) -> None:
 
 
 def legend(figure: Figure, ncols: int = 4) -> Legend:
-    """Draw and return one legend above all panels, with each label of any of them once."""
+    """Draw and return one legend above all panels, with the labels of all panels once."""
     entries = {}
     for axes in figure.axes:
         entries |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
@@ -156,16 +156,16 @@ def arrow(axes: Axes, start, end, color: str, arrowstyle: str = "-|>", linewidth
 
 def save(figure: Figure, folder: Path, name: str) -> None:
     """Write ``name.svg`` and ``name.png`` without date or version: equal bytes every time."""
-    # laid out at the PNG's resolution, at which hinted letters are wider
+    # the layout is computed at the PNG's resolution, at which hinted letters are wider
     rasterised = figure.dpi
     figure.set_dpi(PNG_RESOLUTION)
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     figure.set_dpi(rasterised)
-    # the layout's last bits differ from run to run; the SVG names its clip paths by hashes of all
+    # rounded: the layout's last bits differ between runs and change names of clip paths in the SVG
     for axes in figure.axes:
         axes.set_position(np.round(axes.get_position(original=True).bounds, 6))
-    # savefig would draw every figure twice, once more for the layout
+    # savefig would compute the layout, and so draw every figure, a second time
     FigureCanvasSVG(figure).print_svg(
         folder / f"{name}.svg", metadata={"Date": None, "Creator": None}
     )

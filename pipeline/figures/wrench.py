@@ -1,4 +1,4 @@
-"""Wrench of cooperating robots (Secs. 3.2 and 4.2)."""
+"""Figures of the wrench of cooperating robots (Secs. 3.2 and 4.2)."""
 
 from collections.abc import Mapping
 
@@ -13,7 +13,7 @@ from matplotlib.patches import Arc, Patch, Polygon
 from pipeline.core.options.dataset import Arrangement
 from pipeline.figures import style
 
-# the schematic: lengths without a scale, chosen so that no label meets a line
+# lengths of the schematic, without a scale, chosen so that no label touches a line
 CORNERS = np.array([[2.0, 1.1], [-2.0, 1.1], [-2.0, -1.1], [2.0, -1.1]])
 TILT = np.radians(10)
 CABLES = (  # attachment; direction (degrees) and length of the tension, nominal and perturbed
@@ -33,16 +33,16 @@ LINES = {
     "measured": style.RECORDED | {"label": "measured"},
     "modelled": {"label": "matrix model", "color": style.BLUE, "linestyle": "--"},
 }
-SHOWN = 0.005  # of the greatest density of a panel, to which its axis extends
+SHOWN = 0.005  # least density, as a share of the panel's greatest density, within the axis limits
 
 
 def unit_vector(angle: float) -> np.ndarray:
-    """Unit vector (2,) at an ``angle`` in rad."""
+    """Return the unit vector (2,) at an ``angle`` in rad."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def cable_robot() -> Figure:
-    """Fig. (MotivFig), in the paper's notation."""
+    """Draw Fig. (MotivFig), in the paper's notation."""
     figure, ((axes,),) = style.panels(style.ONE_COLUMN, 3.0)
     turn = np.array([[np.cos(TILT), -np.sin(TILT)], [np.sin(TILT), np.cos(TILT)]])
     outline = {"facecolor": "#EEEEEE", "edgecolor": style.BLACK, "linewidth": 0.8}
@@ -76,7 +76,7 @@ def cable_robot() -> Figure:
 
 
 def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
-    """Fig. (ErrWrnRMT): one histogram per number of cables, all on the same bins."""
+    """Draw Fig. (ErrWrnRMT): one histogram per number of cables, all on the same bins."""
     percent = 100 * wrench_errors["error"]
     edges = np.linspace(0, percent.max(), BINS + 1)
     groups = percent.groupby(wrench_errors["agents"])
@@ -95,7 +95,7 @@ def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
 def wrench_density(
     force_density: pd.DataFrame, configurations: Mapping[str, Arrangement]
 ) -> Figure:
-    """Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations`` by name."""
+    """Draw Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations``."""
     layout = {"rows": len(configurations), "columns": 3, "width_ratios": (1.3, 1, 1)}
     figure, grid = style.panels(style.TWO_COLUMNS, 0.4 + 1.75 * layout["rows"], **layout)
     tension = max(max(each.tension) for each in configurations.values())
@@ -143,7 +143,7 @@ def _draw_robots(axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float)
 
 
 def wrench_planes(wrench_planes: pd.DataFrame) -> Figure:
-    """Draw a row of panels for each configuration, a panel for each plane of two rows."""
+    """Draw a row of panels for each configuration, a panel for each pair of forces or moments."""
     planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
     by_name = list(wrench_planes.groupby("configuration", sort=False))
     layout = {"rows": len(by_name), "columns": len(planes)}
@@ -165,7 +165,7 @@ def _draw_plane(axes: Axes, table: pd.DataFrame) -> None:
         table[table["source"] == source].pivot(index="y", columns="x", values="density")
         for source in ("measured", "modelled")
     )
-    if measured.empty:  # of a planar configuration among configurations in space
+    if measured.empty:  # the configuration is planar and has no such plane
         axes.set_axis_off()
         return
     greatest = measured.to_numpy().max()
@@ -185,7 +185,7 @@ def _draw_plane(axes: Axes, table: pd.DataFrame) -> None:
 
 
 def wrench_marginals(wrench_marginals: pd.DataFrame) -> Figure:
-    """Draw a row of panels for each configuration, a panel for each row of the wrench."""
+    """Draw a row of panels for each configuration, a panel for each force and moment."""
     rows = list(wrench_marginals["row"].unique())
     by_name = list(wrench_marginals.groupby("configuration", sort=False))
     layout = {"rows": len(by_name), "columns": len(rows)}

@@ -1,9 +1,8 @@
-"""Joint angles of the arm in a depth camera's points by least squares, Eq. (KinObj), frame by
-frame.
+"""Joint angles of the arm in a depth camera's points by minimising Eq. (KinObj) in each frame.
 
-The tool ends at the commanded end-effector, as in the paper, or is fitted to the points: with its
-nominal length, as a free length would grow to its bound, and with an asymmetry of each half. The
-objective jumps where a point changes its segment: the Nelder–Mead simplex needs no derivatives.
+The tool ends at the commanded end-effector, as in the paper, or its end is fitted. A fitted tool
+has its nominal length, because a free length would grow to its bound, and an asymmetry for each
+half. The objective jumps if a point changes its segment, so the Nelder–Mead simplex minimises it.
 """
 
 from collections.abc import Sequence
@@ -22,35 +21,35 @@ from pipeline.core.options.analysis import ArticulationSection
 
 INFEASIBLE = 1e3  # m; above the objective of every pose within the bounds
 STEP = 0.02  # m; first extent of the simplex: motion of a node between frames at 30 Hz
-STRETCH = np.pi / 2 / STEP  # 1/m; a variable that moves by STEP takes a length to its bound
-# first and last extent of each run of the simplex, m; a wider one leaves local minima
+STRETCH = np.pi / 2 / STEP  # 1/m; a change of λ by STEP moves a length from nominal to its bound
+# first and last extent of the simplex in each run, m; a wide first simplex escapes local minima
 RUNS = {
     "commanded": ((STEP, 1e-3), (-STEP / 2, 1e-5)),
     "fitted": ((2 * STEP, 4e-3), (-2 * STEP, 4e-3), (STEP, 1e-4)),
 }
 MAX_STEPS = 2000  # of the simplex
-START_SPREAD = 0.15  # rad; between the starts of a take and the commanded pose
-LOST = 2.0  # least objective of a lost arm, in least objectives of the take
-LOST_HEADINGS = 24  # directions of the first segment at which the search for a lost arm starts
-SIGN = np.int64(-(2**63))  # sign bit of a number
+START_SPREAD = 0.15  # rad; offset of the first frame's start poses from the commanded pose
+LOST = 2.0  # objective, in least objectives of the take, above which the arm counts as lost
+LOST_HEADINGS = 24  # headings of the first segment from which a search for a lost arm starts
+SIGN = np.int64(-(2**63))  # sign bit of a 64-bit float
 
 
 class Frame(NamedTuple):
     """Points, known nodes and options of one frame, and buffers of the compiled functions."""
 
     points: np.ndarray  # (2, I) x and z, m
-    nodes: np.ndarray  # (4, 2) O1, O2, O3, EE, m: given are O1 and the commanded EE
+    nodes: np.ndarray  # (4, 2) O1, O2, O3, EE, m; O1 and the commanded EE are inputs
     bounds: np.ndarray  # (3, 2) of the segments' lengths, m
     gamma1: float  # weight of the mean distance
     gamma2: float  # weight of the asymmetry
-    buffer: np.ndarray  # (5, I) signed squared distances of each piece, m²; last row: distances, m
-    bits: np.ndarray  # (5, I) the memory of ``buffer`` as integers
+    buffer: np.ndarray  # (5, I) signed squared distances by segment, m²; last row: distances, m
+    bits: np.ndarray  # (5, I) ``buffer`` viewed as integers
 
 
 def frame_of(
     points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
 ) -> Frame:
-    """Return the frame with its buffers; ``gammas`` weigh mean distance and asymmetry."""
+    """Return the frame with new buffers; ``gammas`` are the weights γ1 and γ2."""
     arrays = (np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds))
     buffer = np.empty((5, points.shape[1]))
     return Frame(*arrays, *gammas, buffer, buffer.view(np.int64))
@@ -58,12 +57,12 @@ def frame_of(
 
 @inner
 def rank(frame: Frame, v: np.ndarray) -> float:
-    """Eq. (KinObj), m, at v = (O2, O3), m, of the commanded end; outside the bounds on the lengths
-    INFEASIBLE and the excess, so that feasible poses rank first (feasibility rules, Deb 2000).
+    """Return the objective of Eq. (KinObj) in m. A length outside its bounds gives INFEASIBLE plus
+    the excess, so that feasible poses rank first (feasibility rules, Deb 2000).
 
-    Of the fitted end v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l nominal lengths and ψ headings; the first
-    two lengths l(1 + r·sin(STRETCH·λ)) keep their bounds at any λ (James and Roos 1975). A point
-    nearest to a node belongs to both segments; d_a and d_u are the greatest on either side.
+    The commanded end has v = (O2, O3) in m. The fitted end has v = (λ1, λ2, l1ψ1, l2ψ2, l3ψ3), l
+    nominal lengths, ψ headings; its lengths l(1 + r·sin(STRETCH·λ)) keep their bounds (James and
+    Roos 1975). A point nearest to a node belongs to both segments.
     """
     nodes, bounds, excess, pieces = frame.nodes, frame.bounds, 0.0, v.size - 1
     for j in range(3):
@@ -99,8 +98,8 @@ def rank(frame: Frame, v: np.ndarray) -> float:
 
 @inner
 def _assign(x, z, nodes, first, second, third, distance):
-    """Write each point's distance to its segment, and its square: positive above the line, negative
-    below, 0 for the other segments. Without branches the loop is vectorised.
+    """Write each point's distance to its nearest segment, and the squared distance: positive above
+    the line, negative below, 0 for the other segments. The loop has no branch, so it is vectorised.
     """
     o1, o2 = (nodes[0, 0], nodes[0, 1]), (nodes[1, 0], nodes[1, 1])
     o3, ee = (nodes[2, 0], nodes[2, 1]), (nodes[3, 0], nodes[3, 1])
@@ -121,7 +120,7 @@ def _assign(x, z, nodes, first, second, third, distance):
 
 @inner
 def _to_segment(x, z, start, end):
-    """Squared distance to the segment (beyond an end to the node) and the side of its line."""
+    """Return the squared distance to the segment and the signed side of the segment's line."""
     ux, uz = end[0] - start[0], end[1] - start[1]
     wx, wz, ex, ez = x - start[0], z - start[1], x - end[0], z - end[1]
     squared, along, side = ux * ux + uz * uz, wx * ux + wz * uz, wx * uz - wz * ux
@@ -132,7 +131,7 @@ def _to_segment(x, z, start, end):
 
 @inner
 def _greatest(signed, bits):
-    """Greatest positive number and size of the least negative one; ``signed`` is overwritten."""
+    """Return the greatest positive and the greatest negative magnitude; overwrites ``signed``."""
     above, under = np.int64(0), SIGN
     for i in range(signed.size):  # vectorised for integers
         above = bits[i] if bits[i] > above else above
@@ -145,7 +144,7 @@ def _greatest(signed, bits):
 
 @inner
 def _sum(values):
-    """Sum of four partial sums, which do not wait for each other."""
+    """Return the sum of ``values`` by four independent partial sums."""
     a = b = c = d = 0.0
     whole = values.size - values.size % 4
     for i in range(0, whole, 4):
@@ -156,7 +155,7 @@ def _sum(values):
 
 
 def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
-    """Return the pose v of :func:`rank` of ``nodes`` (3, 2) O2, O3, EE, m, with the ``end``."""
+    """Return the argument v of :func:`rank` for ``nodes`` (3, 2) O2, O3, EE in m and ``end``."""
     if end == "commanded":
         return nodes[:2].ravel()
     x, z = np.diff(np.vstack([frame.nodes[0], nodes]), axis=0).T
@@ -178,17 +177,17 @@ def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
 @compiled
 def _simplex(frame, step, extent, corners, values):
     """Run the simplex of Nelder and Mead (1965), coefficients 1, 2, ½, ½, from ``corners[0]``;
-    return whether its size in every variable came to ``extent``.
+    return True if its size fell to ``extent`` in every variable.
 
-    ``corners`` (n+4, n), the best first, three rows for other points last, and ``values`` (n+1,)
-    are overwritten. Loops compile in a quarter of the time of NumPy's array expressions.
+    ``corners`` (n+4, n) and ``values`` (n+1,) are overwritten; the best corner is first, the last
+    three rows are a buffer. Loops compile four times as fast as NumPy's array expressions.
     """
     n = values.size - 1
     middle, reflected, tried = corners[n + 1], corners[n + 2], corners[n + 3]
     for i in range(1, n + 1):
         _set(corners, i, corners[0])
         corners[i, i - 1] += step
-    unknown = 0  # the first corner without a value
+    unknown = 0  # index of the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
             values[i] = rank(frame, corners[i])
@@ -238,7 +237,7 @@ def _set(corners, i, corner):
 
 @inner
 def _sort(corners, values):
-    """Sort the ``values`` and their ``corners`` by insertion; equal ones keep their order."""
+    """Sort the ``values`` and their ``corners`` by insertion; equal values keep their order."""
     for last in range(1, values.size):
         i = last
         while i > 0 and values[i] < values[i - 1]:
@@ -249,7 +248,7 @@ def _sort(corners, values):
 
 
 def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
-    """(O2, O3, EE) (3, 2) in m, the value, and whether the search from ``start`` (3, 2) ended."""
+    """Return O2, O3, EE (3, 2) in m, the objective in m, and True if the search converged."""
     first, ended = variables(frame, start, end), False
     corners, values = np.tile(first, (first.size + 4, 1)), np.empty(first.size + 1)
     for step, extent in RUNS[end]:
@@ -277,11 +276,11 @@ def fit_sequence(
 ) -> FittedSequence:
     """Solve Eq. (KinObj) frame by frame through one take.
 
-    ``clouds``: per frame the arm's points (I, 2) in the plane, m; ``o1`` (2,), ``ee`` (F, 2) m as
-    commanded; ``q_start`` (3,) rad. The first fit starts around ``q_start``, each later fit from
-    the fit before, moved with the command; a lost arm from all poses that join O1 and EE. Raises
-    RecordingError (take, frame) for too many frames with few points and for an EE out of reach,
-    SolverError for a search that does not end.
+    ``clouds`` has the arm's points (I, 2) of each frame in the plane, m; ``o1`` (2,) and ``ee``
+    (F, 2) are commanded, m; ``q_start`` (3,) rad. The first search starts around ``q_start``, a
+    later search from the previous fit moved with the command, and for a lost arm also from poses
+    that join O1 and EE. Raises RecordingError (take, frame) for a long gap or an EE out of reach,
+    SolverError for a search that does not converge.
     """
     end, gammas = options.end_point, (options.gamma1, options.gamma2)
     bounds = chain.lengths[:, None] * np.array([1 - options.length_range, 1 + options.length_range])
@@ -304,10 +303,10 @@ def fit_sequence(
         best, value, ended = min(fits, key=lambda fit: fit[1])
         least = min(least, value)
         if value >= INFEASIBLE:
-            message = "no arm in length_range joins O1 and EE: check trajectory and clock offset"
+            message = "no arm in length_range joins O1 and EE; check trajectory and clock offset"
             raise RecordingError(message, **where, distance=f"{np.hypot(*(goal - o1)):.4f} m")
         if not ended:
-            raise SolverError("the articulation's simplex did not end", **where, step=MAX_STEPS)
+            raise SolverError("the fit of the arm did not converge", **where, step=MAX_STEPS)
         nodes[frame], values[frame] = np.vstack([o1, best]), value
         starts, last = best[None], frame
     x, z = np.moveaxis(np.diff(nodes, axis=1), -1, 0)
@@ -315,7 +314,7 @@ def fit_sequence(
 
 
 def _joining_poses(o1: np.ndarray, ee: np.ndarray, lengths: np.ndarray) -> np.ndarray:
-    """(P, 3, 2) positions of O2, O3 and EE of poses that join O1 and EE, O3 on either side."""
+    """Return O2, O3 and EE (P, 3, 2) in m of poses that join O1 and EE, O3 on either side."""
     psi = np.arange(LOST_HEADINGS) * (2 * np.pi / LOST_HEADINGS)
     o2 = o1 + lengths[0] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
     reach = np.linalg.norm(ee - o2, axis=1)
@@ -337,8 +336,8 @@ def articulate_rows(
     options: ArticulationSection,
     start: np.ndarray,
 ) -> pd.DataFrame:
-    """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps:
-    ``rows`` of the table ``frames``, the table ``trajectory`` and the first frame's ``start`` (3,).
+    """Return the rows of the table ``angles`` of one take by :func:`fit_sequence`, without gaps;
+    ``rows`` are of the table ``frames``, ``start`` (3,) rad is the pose about the first frame.
     """
     ee = [np.interp(rows["t"], trajectory["t"], trajectory[f"x:{row}"]) for row in ("x", "z")]
     motion = arm.chain.origin, np.stack(ee, axis=-1), arm.chain, options, start

@@ -1,8 +1,8 @@
-"""Noise of the depth camera in the joint angles: mean and covariance over the time of the motion,
-from other takes, and slope on the state, S of y = q* + (I + S)(q − q*) + noise.
+"""Noise of the depth camera in the joint angles: mean and covariance at each time of the motion.
 
-Interpolation between samples of the motion capture misses short deviations and so makes a slope:
-frames near a sample are also counted apart.
+The noise of a take is estimated from the other takes. The slope S of the error on the deviation is
+defined by y = q* + (I + S)(q − q*) + noise. Interpolated motion capture misses short deviations,
+which causes a slope; a second slope therefore uses only frames near a sample.
 """
 
 import numpy as np
@@ -11,12 +11,12 @@ import pandas as pd
 from pipeline.core.columns import columns, members, spread, triangle, values
 from pipeline.core.errors import RecordingError
 
-NEAR = 0.1  # of a step between samples of the motion capture: greatest distance of a near frame
+NEAR = 0.1  # greatest distance of a near frame from a sample, as a share of the sampling step
 NEAR_A_SAMPLE, ALL = "near a sample", "all"
 
 
 def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return depth camera minus motion capture (family e, rad) at every depth frame."""
+    """Return the angle errors, depth camera minus motion capture (family e, rad), by frame."""
     names, errors = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
         truth = joints[joints["take"] == take]
@@ -27,16 +27,15 @@ def errors_of(angles: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
 
 
 def _interpolate(times: pd.Series, joints: pd.DataFrame, names: tuple[str, ...]) -> np.ndarray:
-    """Angles (times, n) of the rows ``joints`` at ``times`` (s), linear in between."""
+    """Return the joint angles (times, n) in rad at ``times`` in s by linear interpolation."""
     angles = [np.interp(times, joints["t"], joints[name]) for name in columns("q", names)]
     return np.stack(angles, axis=-1)
 
 
 def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
-    """Return the table ``kinect_noise``: mean and covariance of the ``errors`` of :func:`errors_of`
-    at each frame without the take to which they will be applied, and ('none') of all takes; the
-    covariance pooled over ``window`` frames on either side. Raises RecordingError for too few
-    takes.
+    """Return the table ``kinect_noise``: mean and covariance of ``errors`` (:func:`errors_of`) at
+    each frame, over all takes but one and over all takes ('none'). The covariance is pooled over
+    ``window`` frames on either side. Raises RecordingError for too few takes.
     """
     names, rows = members(errors, "e"), []
     components, n = columns("e", names), len(names)
@@ -52,7 +51,7 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
         near = np.abs(frames[:, None] - frames[None, :]) <= window
         freedom = near @ (count.to_numpy() - 1)  # each frame's mean takes one degree of freedom
         samples = int(freedom.min()) if len(frames) else 0
-        if samples < n + 1:  # a covariance of fewer is singular
+        if samples < n + 1:  # fewer samples give a singular covariance
             message = "too few test takes to estimate the depth camera's noise from the others;"
             message += " record more, or widen articulation.noise_window"
             raise RecordingError(message, take=left_out, samples=samples)
@@ -64,8 +63,8 @@ def leave_one_out(errors: pd.DataFrame, *, window: int) -> pd.DataFrame:
 
 
 def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
-    """Return each frame's deviation of the arm from the mean of the training takes (family d, rad)
-    and error of :func:`errors_of` (family e), both about their means over the takes.
+    """Return the deviation of the arm from the mean of the training takes (family d, rad) and the
+    error of :func:`errors_of` (family e) at each frame, minus their means over the takes.
     """
     names = members(errors, "e")
     mean = joints[joints["part"] == "training"].groupby("k")[["t", *columns("q", names)]].mean()
@@ -81,11 +80,11 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
 
 
 def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataFrame:
-    """Tabulate the slope of each joint's error on its own deviation in the ``table`` of
+    """Tabulate the slope of each joint's error on the joint's deviation in the ``table`` of
     :func:`deviations`: frames, joint, slope, standard_error; NaN for fewer than two takes.
 
-    ``step`` s between samples; ``pose`` (n, n) rad² noise of a measured pose, which is subtracted
-    from both. Standard errors allow for errors that a take shares (Liang and Zeger 1986).
+    ``step`` is the time between samples in s; the effect of the noise covariance ``pose`` (n, n) in
+    rad² of a measured pose is removed. Standard errors are clustered by take (Liang, Zeger 1986).
     """
     rows, names, share = [], members(table, "e"), np.mod(table["t"].to_numpy() / step, 1.0)
     near = np.minimum(share, 1 - share) <= NEAR
@@ -108,7 +107,7 @@ def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
 
 
 def _slope(d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float) -> tuple[float, float]:
-    """Slope of ``e`` on ``d`` (rows,) and its standard error; ``noise`` rad² in the sum of d²."""
+    """Return the slope of ``e`` on ``d`` (rows,) and its standard error; Σd² has ``noise`` rad²."""
     number, power = takes.nunique(), np.sum(d**2)
     if number < 2 or not power > noise:
         return np.nan, np.nan

@@ -1,7 +1,7 @@
 """Joint angles of one take from its motion-capture markers or bodies, by least squares.
 
-One distance, the gate, decides whether a sample can be the marker of its label: beyond the error of
-the base frame's registration, below half the distance between markers.
+A sample farther than the gate from its modelled marker is relabelled or rejected. The gate must
+exceed the registration error of the base frame and be below half the distance between markers.
 """
 
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Mocap, Robot
 from pipeline.perception.posture import LEAST_LEVER, MarkedArm, points_in_plane, points_in_space
 
-NEIGHBOURS = 5  # solved frames from which a frame's pose is predicted along a straight line
-BLOCK = 16  # frames of an arm in space that are solved at once, from the frame before them
-OPEN = 0.1  # share of a joint's turn that lies among the undecided motions
+NEIGHBOURS = 5  # solved frames in the linear prediction of a frame's joint angles
+BLOCK = 16  # frames of an arm in space that are solved at once, from the frame before the block
+UNDETERMINED = 0.1  # share of a joint in undetermined motions above which an error names the joint
 
 
 class JointTrack(NamedTuple):
@@ -30,7 +30,7 @@ class JointTrack(NamedTuple):
 
 
 def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
-    """Return a function of a take's rows of the table ``markers`` and its name ``take``."""
+    """Return a function that tracks one ``take`` from its rows of the table ``markers``."""
     if robot.plane:
         template = np.array([list(link.values()) for link in mocap.markers.values()])
         points = points_in_plane(arm_of(robot), template, mocap.gate)
@@ -41,7 +41,7 @@ def follower(robot: Robot, mocap: Mocap) -> Callable[..., JointTrack]:
         rows = rows.sort_values(["link", "marker", "k"], kind="stable")
         frames = rows["k"].nunique()
         positions = rows[["x", "y", "z"]].to_numpy().reshape(-1, frames, 3).transpose(1, 0, 2)
-        unlabelled = np.count_nonzero(rows["link"] == 0) // frames  # which come last
+        unlabelled = np.count_nonzero(rows["link"] == 0) // frames  # moved to the end
         positions = np.roll(positions, -unlabelled, axis=1)
         return track(positions, points, max_gap=mocap.max_gap, take=take)
 
@@ -52,18 +52,18 @@ def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str =
     """Return the joint angles of one ``take`` from the ``positions`` (N, P + U, 3) m of its P
     ``points`` and of U unlabelled markers in the base frame, NaN where missing.
 
-    Samples beyond the gate are relabelled or left out; runs of at most ``max_gap`` frames are
+    Samples beyond the gate are relabelled or rejected; gaps of at most ``max_gap`` frames are
     filled. Counts: samples ``missing``, ``relabelled``, ``adopted`` from unlabelled markers,
     ``rejected``; ``two_marker_fits``; frames ``interpolated`` and ``held``. Raises RecordingError
-    for longer gaps, for markers that never fit and for points that leave the posture open.
+    for longer gaps, for markers that never fit and for points that do not determine the posture.
     """
     if not len(positions):
         raise RecordingError("the take has no frame", take=take)
     labelled = positions[:, : len(points.owner)]
     if points.arm is None:
-        q, residual = _in_blocks(labelled, points, take)
+        q, residual = _solve_blocks(labelled, points, take)
     else:
-        q, residual, *_ = points.solve(labelled, _by_headings(labelled, points))
+        q, residual, *_ = points.solve(labelled, _heading_angles(labelled, points))
     missing = np.isnan(labelled[..., 0])
     markers, moved = _correct_labels(positions, q, residual, points, take)
     solved = np.isfinite(residual)
@@ -74,8 +74,8 @@ def track(positions: np.ndarray, points: MarkedArm, *, max_gap: int, take: str =
     return JointTrack(q, residual, counts, missing.size)
 
 
-def _by_headings(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
-    """(N, n) rad, joint angles of a planar arm by the turns of each link's markers."""
+def _heading_angles(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
+    """Return the joint angles (N, n) in rad of a planar arm from the headings of its links."""
     frames, psi = np.arange(len(positions)), []
     for mine in points.link_masks():
         measured, template = positions[:, mine], points.places[mine]
@@ -92,10 +92,10 @@ def _by_headings(positions: np.ndarray, points: MarkedArm) -> np.ndarray:
     return points.arm.chain.joints_from_segments(np.stack(psi, axis=-1))
 
 
-def _in_blocks(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[np.ndarray, ...]:
-    """Joint angles (N, n) and residuals (N,) of an arm in space, both ways from one frame."""
+def _solve_blocks(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[np.ndarray, ...]:
+    """Return joint angles (N, n) and residuals (N,) m, solved both ways from the start frame."""
     frames = len(positions)
-    first, start = _first(positions, points, take)
+    first, start = _start_frame(positions, points, take)
     q, residual = np.full((frames, len(start)), np.nan), np.full(frames, np.nan)
     for way in (np.arange(first, frames), np.arange(first)[::-1]):
         last = start
@@ -107,8 +107,8 @@ def _in_blocks(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[np.
     return q, residual
 
 
-def _first(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[int, np.ndarray]:
-    """First frame that one posture alone fits, and that posture (n,), or RecordingError."""
+def _start_frame(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[int, np.ndarray]:
+    """Return the first frame that exactly one posture fits, and the posture; or RecordingError."""
     key, message = "markers", "no posture of the arm has all markers and bodies of a frame within"
     message += f" {points.gate:g} m: check their places and mounts, the base, and the gate"
     for k in np.flatnonzero(np.isfinite(positions[..., 0]).any(axis=1)):
@@ -119,23 +119,23 @@ def _first(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[int, np
         if undecided:
             values, vectors = np.linalg.eigh(undecided[0].normal)
             share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
-            left = ", ".join(np.array(points.joints)[share > OPEN])
-            key, message = "markers", f"the markers and bodies leave {left} open"
-            message += ": follow another link"
+            left = ", ".join(np.array(points.joints)[share > UNDETERMINED])
+            key, message = "markers", f"the markers and bodies do not determine {left}"
+            message += ": track another link"
         elif postures:
             key, message = "posture", f"{len(postures)} postures of the arm fit the markers and"
-            message += " bodies: follow another link, or state the posture at a take's start"
+            message += " bodies: track another link, or state the posture at the start of a take"
     raise RecordingError(message, take=take, key=f"dataset.mocap.{key}")
 
 
 def _correct_labels(
     positions: np.ndarray, q: np.ndarray, residual: np.ndarray, points: MarkedArm, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Correctly labelled markers (N, P, 3), and counts of the corrections.
+    """Return the correctly labelled markers (N, P, 3), and counts of the corrections.
 
-    Frames that do not fit, or miss samples beside unlabelled ones, are solved again in ``q`` and
-    ``residual``. There labels are assigned to positions at the least sum of squared distances from
-    the places that the nearest solved frames predict.
+    Frames that do not fit, and incomplete frames with unlabelled markers, are solved again in ``q``
+    and ``residual``. The assignment of labels to positions minimises the sum of squared distances
+    from the positions that the nearest solved frames predict.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -168,7 +168,7 @@ def _correct_labels(
 
 
 def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
-    """Joint angles at frame ``k`` on the straight line through the nearest ``solved`` frames."""
+    """Return the joint angles at frame ``k`` on a line fitted to the nearest ``solved`` frames."""
     frames = solved[np.argsort(np.abs(solved - k), kind="stable")[:NEIGHBOURS]]
     time = frames - frames.mean()
     near = np.unwrap(q[frames], axis=0)
@@ -179,9 +179,9 @@ def _predict(q: np.ndarray, solved: np.ndarray, k: int) -> np.ndarray:
 def fill_gaps(
     q: np.ndarray, solved: np.ndarray, sliding: np.ndarray, max_gap: int, take: str
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return ``q`` (N, n) continuous but for ``sliding`` (n,) joints, linear across gaps and held
-    at the ends, and the numbers of frames ``interpolated`` and ``held``. Raises RecordingError
-    where more than ``max_gap`` frames in a row are not ``solved`` (N,).
+    """Return ``q`` (N, n) without gaps, and the numbers of frames ``interpolated`` and ``held`` at
+    the ends. Angles are unwrapped except of ``sliding`` (n,) joints. Raises RecordingError if more
+    than ``max_gap`` frames in a row are not ``solved`` (N,).
     """
     frames = np.flatnonzero(solved)
     edges = np.concatenate([[-1], frames, [len(q)]])

@@ -1,4 +1,4 @@
-"""Least-squares posture of any chain: joint angles at which its points lie as measured."""
+"""Least-squares joint angles of an arm from measured points on its links."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,36 +12,36 @@ from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Mocap, Robot
 
-STEPS = 100  # at most; from a far start some twenty, from the frame before two or three
-SETTLED = 1e-10  # rad, or m of a prismatic joint: greatest last step
-LEAST_LEVER = 0.01  # m/rad, or 1; a turn that moves all points together by less is undecided
-STARTS = 64  # postures from which a fitting one is searched for
-ALIKE = 0.05  # rad, or m: postures no farther apart are one
+STEPS = 100  # greatest number; a far start needs about 20, the previous frame's posture 2 or 3
+LEAST_STEP = 1e-10  # rad, or m of a prismatic joint; a smaller step ends the search
+LEAST_LEVER = 0.01  # m/rad, or 1; a joint motion that moves the points by less is undetermined
+STARTS = 64  # start postures of a search over the joint ranges
+SAME_POSTURE = 0.05  # rad, or m; postures that differ by less count as one
 MIN_LEVER = 0.01  # m; least distance in the plane between two markers of a planar arm's link
 
 
 class Solution(NamedTuple):
-    """Joint angles and their fit to the points; of a batch each array has the batch first."""
+    """Joint angles and their fit to the points; in a batch every array has one more first axis."""
 
     q: np.ndarray  # (n,) rad, or m
-    residual: np.ndarray  # m, rms of the distances; NaN where undecided or beyond the gate
-    distances: np.ndarray  # (P,) m, of the points from the arm's; 0 of missing points
+    residual: np.ndarray  # m, rms distance; NaN if undetermined or a point is beyond the gate
+    distances: np.ndarray  # (P,) m, from measured to modelled points; 0 for missing points
     normal: np.ndarray  # (n, n) JᵀJ of the points
-    decided: np.ndarray  # whether the points decide every joint
+    decided: np.ndarray  # True if the points determine every joint
 
 
 @dataclass(frozen=True)
 class MarkedArm:
     """P points on L links of an arm of n joints."""
 
-    chains: list[SerialChain]  # (L,) to each link, its task the whole pose in m and rad
-    sliding: np.ndarray  # (n,) whether a joint is prismatic
+    chains: list[SerialChain]  # (L,) from the base to each link; task: whole pose in m and rad
+    sliding: np.ndarray  # (n,) True for prismatic joints
     lower: np.ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
     upper: np.ndarray  # (n,)
-    owner: np.ndarray  # (P,) the link of each point
-    places: np.ndarray  # (P, 3) m, in the link's frame
+    owner: np.ndarray  # (P,) index of each point's link
+    places: np.ndarray  # (P, 3) m, positions in the link's frame
     gate: float  # m, greatest distance of a point from its measured place
-    posture: np.ndarray | None = None  # (n,) about where a take starts
+    posture: np.ndarray | None = None  # (n,) approximate posture at the start of a take
     joints: tuple[str, ...] = ()  # names of the n joints of an arm in space
     arm: Arm | None = None  # of a planar arm
 
@@ -58,15 +58,15 @@ class MarkedArm:
         return result
 
     def _levers(self, link: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Position (S, 3) of a link and its points relative to it (S, points, 3), m."""
+        """Return a link's position (S, 3) and its points relative to it (S, points, 3) in m."""
         pose = self.chains[link].pose(q[:, : len(self.chains[link].lower)])
         turn = np.swapaxes(pose[:, 3:].reshape(-1, 3, 3), -1, -2)
         return pose[:, :3], self.places[self.owner == link] @ turn
 
     def solve(self, measured: np.ndarray, starts: np.ndarray) -> Solution:
-        """Return the joint angles of least squares near each of the ``starts`` (S, n) for
-        ``measured`` (S, P, 3) m by Levenberg and Marquardt, with steps from the eigenvalues of JᵀJ:
-        angles along undecided directions stay about where they were.
+        """Return the least-squares joint angles for ``measured`` (S, P, 3) m from ``starts`` (S, n)
+        by Levenberg and Marquardt. Steps use the eigenvectors of JᵀJ, so that angles hardly change
+        along undetermined directions.
         """
         q = np.array(starts, dtype=float)
         normal, gradient, distances = self._equations(q, measured)
@@ -76,7 +76,7 @@ class MarkedArm:
             along = np.matvec(np.swapaxes(vectors, -1, -2), gradient[moving])
             along /= np.maximum(values, LEAST_LEVER**2) + damping[moving, None]
             step = np.matvec(vectors, along)
-            far = np.abs(step).max(axis=1) >= SETTLED
+            far = np.abs(step).max(axis=1) >= LEAST_STEP
             moving, step, greatest = moving[far], step[far], values[far, -1]
             if not len(moving):
                 break
@@ -95,7 +95,7 @@ class MarkedArm:
         return Solution(q, residual, distances, normal, decided)
 
     def _equations(self, q: np.ndarray, measured: np.ndarray) -> tuple[np.ndarray, ...]:
-        """JᵀJ (S, n, n), Jᵀr (S, n) and |r| (S, P) in m, r from the points to ``measured``."""
+        """Return JᵀJ (S, n, n), Jᵀr (S, n), ‖r‖ (S, P) in m; r is ``measured`` minus modelled."""
         starts, n = q.shape
         normal, gradient = np.zeros((starts, n, n)), np.zeros((starts, n))
         distances = np.zeros(measured.shape[:2])
@@ -119,8 +119,8 @@ class MarkedArm:
 
     def postures(self, measured: np.ndarray) -> list[Solution]:
         """Return the postures within the joint limits at which every point of ``measured`` (P, 3) m
-        is within the gate, from starts all over the limits or from the stated posture; of whole
-        turns the nearest to that posture or to mid-range.
+        is within the gate. Searches start from the stated posture or over the joint ranges; angles
+        are within half a turn of the stated posture or of mid-range.
         """
         from scipy.stats import qmc
 
@@ -137,20 +137,20 @@ class MarkedArm:
             turns = np.round((one.q - centre) / (2 * np.pi))
             q = one.q - 2 * np.pi * np.where(self.sliding, 0.0, turns)
             fits = one.distances.max() <= self.gate
-            fits &= np.all((q >= self.lower - ALIKE) & (q <= self.upper + ALIKE))
-            if fits and all(np.abs(q - other.q).max() > ALIKE for other in result):
+            fits &= np.all((q >= self.lower - SAME_POSTURE) & (q <= self.upper + SAME_POSTURE))
+            if fits and all(np.abs(q - other.q).max() > SAME_POSTURE for other in result):
                 result.append(one._replace(q=q))
         return result
 
 
 def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
-    """Return the points of ``mocap`` on the links of ``robot``; raises ConfigError for links
-    without points, or that the arm does not have or move, and for a posture of another size.
+    """Return the points of ``mocap`` on the links of ``robot``; raises ConfigError for a link that
+    has no point, does not exist or does not move, and for a posture with a wrong number of joints.
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
     if empty := [link for link, own in mocap.markers.items() if not own]:
-        raise ConfigError(f"{empty[0]} needs markers, each with its place x, y, z", key=key)
+        raise ConfigError(f"{empty[0]} needs markers with the position x, y, z", key=key)
     posture = None if mocap.posture is None else np.array(mocap.posture)
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
@@ -163,13 +163,13 @@ def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
 
 
 def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
-    """Return points at ``template`` (3, 3, 3) m in the segments' frames; raises ConfigError for
-    another number of points and for points in line.
+    """Return the points of a planar arm at ``template`` (segment, marker, xyz) in m in the
+    segments' frames; raises ConfigError for another shape and for markers in line.
     """
     key = "dataset.mocap.markers"
     if np.shape(template) != (3, 3, 3):
-        message = "a planar arm needs three markers, each with its place x, y, z, on each of its"
-        raise ConfigError(f"{message} three segments", key=key, shape=np.shape(template))
+        message = "each of the three segments of a planar arm needs three markers with x, y, z"
+        raise ConfigError(message, key=key, shape=np.shape(template))
     for link, corners in enumerate(template, start=1):
         width = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[1]
         sides = np.linalg.norm((corners - np.roll(corners, 1, axis=0))[:, [0, 2]], axis=1)
@@ -177,7 +177,7 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
             message = "the markers of a link are in line, or two of them are too close in the plane"
             raise ConfigError(f"{message} of the arm", key=key, link=link)
     chain, links = arm.chain, len(template)
-    # the frame of a joint that turns about ± the plane's normal y: z along its axis, x the plane's
+    # joint frame: z along the axis, which is ± the plane's normal y; x as in the plane's frame
     frames = np.array([[[1.0, 0, 0], [0, 0, sign], [0, -sign, 0]] for sign in chain.signs])
     ends = np.swapaxes(frames, -1, -2) @ segment_frames(chain, np.zeros(links))[0]
     origin = arm.to_base(np.array([chain.origin[0], 0.0, chain.origin[1]]))

@@ -1,4 +1,4 @@
-"""The arm's points in a depth image or a point cloud, as points of the plane in which it moves."""
+"""Points of the arm in a depth image or a point cloud, in the plane of the arm's motion."""
 
 import cv2
 import numpy as np
@@ -12,14 +12,14 @@ from pipeline.formats.depth.intrinsics import Intrinsics
 
 # exact to about 1e-9 of the focal length; OpenCV's default stops after five steps
 UNDISTORTION = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
-LINK = 0.03  # m; greatest distance within a cluster of a cloud, more than clouds are thinned to
-NEIGHBOURS = 4  # least number of points within LINK of a point on a surface, itself included
+LINK = 0.03  # m; greatest distance of neighbours in a cluster; above the spacing of thinned clouds
+NEIGHBOURS = 4  # least number of points within LINK of a surface point, which counts itself
 
 
 class ArmSegmenter:
     """Segmentation of the arm in depth images of one ``camera`` (x right, y down, z forward) at
-    ``rotation`` (3, 3) and ``translation`` (3,) m in the arm's base: a pixel's depth d is the point
-    c + d·r of the plane. Raises ConfigError where no pixel sees the arm.
+    ``rotation`` (3, 3) and ``translation`` (3,) m in the base frame. Depth d is the point c + d·r,
+    c the camera, r the pixel's ray. Raises ConfigError if no pixel sees the arm.
     """
 
     def __init__(
@@ -29,14 +29,14 @@ class ArmSegmenter:
         self.camera, shape = arm.to_plane(translation), (camera.height, camera.width)
         grid = np.meshgrid(*(np.arange(size, dtype=float) for size in shape[::-1]))
         pixels = np.stack([axis.ravel() for axis in grid], axis=-1)[:, None]
-        # OpenCV would search for the pixel even without distortion
+        # without distortion, None saves OpenCV's iterations
         bend = np.array(camera.distortion) if np.any(camera.distortion) else None
         lens = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
         ideal = cv2.undistortPoints(pixels, lens, bend, None, None, None, UNDISTORTION)[:, 0]
         rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1) @ rotation.T @ arm.rotation
         rays = np.ascontiguousarray(rays.T).reshape(3, *shape)
         sees = np.zeros(shape, dtype=bool)
-        # the slab is thin: a ray through the arm's space is in reach at one of its faces
+        # the slab is thin: a ray through the workspace is in reach at one face of the slab
         for face in (-crop.half_depth, crop.half_depth):
             with np.errstate(divide="ignore", invalid="ignore"):
                 depth = (face - self.camera[1]) / rays[1]
@@ -52,9 +52,9 @@ class ArmSegmenter:
         self.in_plane = [rays[i][self.window].ravel() for i in (0, 2)]
 
     def __call__(self, depth: ndarray) -> ndarray:
-        """Return points (I, 2) of the arm (x, z in the plane, m) of ``depth`` (rows, columns) m, 0
-        or NaN without a measurement, row by row: in the slab about the plane, in reach, outside the
-        base and small patches, and thinned evenly.
+        """Return the arm's points (I, 2) (x, z in the plane, m) in ``depth`` (rows, columns) m, 0
+        or NaN for no measurement, in row order. Points are in the slab about the plane, in reach,
+        outside the base, in patches of at least ``min_pixels``, and thinned evenly.
         """
         depth = depth[self.window]
         with np.errstate(invalid="ignore"):
@@ -67,7 +67,7 @@ class ArmSegmenter:
         pixels, x, z = pixels[near], x[near], z[near]
         if not len(pixels):
             return np.empty((0, 2))
-        # the connected patch of each pixel, in the rows that have any
+        # label of each pixel's connected patch, in the occupied rows
         width = depth.shape[1]
         first, last = pixels[0] // width, pixels[-1] // width
         mask = np.zeros((last - first + 1, width), dtype=np.uint8)
@@ -81,10 +81,10 @@ class ArmSegmenter:
 def cut_cloud(
     arm: Arm, rotation: ndarray, translation: ndarray, crop: Workspace, cloud: ndarray
 ) -> ndarray:
-    """Return the points (I, 2) of the arm (x, z in the plane, m) in a ``cloud`` (N, 3) m at
-    ``rotation`` (3, 3) and ``translation`` (3,) m in the arm's base, in its order, by the rules of
-    :class:`ArmSegmenter`, without points with fewer than NEIGHBOURS others within LINK. Open3D's
-    sums over many points depend on their order: only its decisions by distances are used.
+    """Return the arm's points (I, 2) (x, z in the plane, m) in a ``cloud`` (N, 3) m at ``rotation``
+    (3, 3) and ``translation`` (3,) m in the base frame, by the rules of :class:`ArmSegmenter`.
+    Points with fewer than NEIGHBOURS points within LINK are removed. Open3D's sums depend on the
+    order of the points: only its comparisons of distances are used.
     """
     open3d = load_open3d()
     plane = arm.to_plane(cloud @ rotation.T + translation)
@@ -104,7 +104,7 @@ def _reach(arm: Arm, crop: Workspace) -> float:
 
 
 def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
-    """True of points in reach that belong neither to the turntable nor to the floor."""
+    """Return True for points in reach that are neither on the turntable nor on the floor."""
     x0, z0 = arm.chain.origin
     in_reach = (x - x0) ** 2 + (z - z0) ** 2 <= _reach(arm, crop) ** 2
     beside = np.abs(x - x0) > crop.column_half_width
@@ -112,6 +112,6 @@ def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
 
 
 def _thin(points: ndarray, crop: Workspace) -> ndarray:
-    """At most ``max_points`` of the ``points``, evenly spaced in their order."""
+    """Return at most ``max_points`` of the ``points``, evenly spaced in their order."""
     count = min(len(points), crop.max_points)
     return points[np.arange(count) * len(points) // max(count, 1)]

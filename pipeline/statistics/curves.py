@@ -1,10 +1,10 @@
 """Modelled and recorded standard deviations over time: agreement, tests, differences of models.
 
-A test of one joint compares the correlation of both standard deviations over time with a limit: √½,
-where the model explains half of the variation, or, if lower, a quantile of the correlation over
-draws of as many takes from the model, as few takes make the recorded curve uncertain. The power is
-the share of draws of constant noise that the limit rejects. Draws have the model's law at each
-step; their ranks follow the recorded first-order autoregression (a Gaussian copula).
+The test of a joint compares the correlation of both standard deviations over time with a limit. The
+limit is √½ (the model explains half of the variation) or, if lower, a quantile of the correlation
+in draws of as many takes from the model, which allows for the error of few takes. The power is the
+share of draws of constant noise that the limit rejects. Draws have the model's law at each step;
+their ranks follow the recorded first-order autoregression (a Gaussian copula).
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,8 +28,8 @@ from pipeline.statistics.takes import (
 RECOGNISED = 0.95  # share of draws of a true model that pass in all joints
 POWER = 0.8  # least share of draws of constant noise that a test must reject to be evidence
 HALF_EXPLAINED = 0.5**0.5
-CLOSE_TO_ONE = 0.9999  # greatest correlation of neighbouring steps that is drawn
-NO_NOISE = "no_noise"  # name of the absent noise among the models
+CLOSE_TO_ONE = 0.9999  # greatest correlation of neighbouring steps in draws
+NO_NOISE = "no_noise"  # name in the tables of a prediction without noise
 
 
 @dataclass(frozen=True)
@@ -43,22 +43,22 @@ class ModelledNoise:
 
     @property
     def std(self) -> ndarray:
-        """(M, n) standard deviation of ω with the measurement noise in rad."""
+        """Standard deviation (M, n) of ω with the measurement noise in rad."""
         return np.sqrt(self.motion + self.measurement)
 
 
 def root_mean_square(values: ndarray) -> float:
-    """Root mean square of all ``values``, in their unit."""
+    """Return the root mean square of all ``values``, in their unit."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def correlation(a: ndarray, b: ndarray) -> float:
-    """Pearson's correlation of ``a`` and ``b`` (K,); 0 where one of them is constant."""
+    """Return Pearson's correlation of ``a`` and ``b`` (K,); 0 if one of them is constant."""
     return float(np.corrcoef(a, b)[0, 1]) if np.ptp(a) and np.ptp(b) else 0.0
 
 
 def variation(values: ndarray) -> float:
-    """Standard deviation of ``values`` (K,) over their mean; 0 where they are constant."""
+    """Return the standard deviation of ``values`` (K,) over their mean; 0 for constant values."""
     return float(values.std() / values.mean()) if np.ptp(values) else 0.0
 
 
@@ -66,8 +66,8 @@ def std_scores(
     std: Mapping[str, ndarray], error: Mapping[str, ndarray], joints: Sequence[str]
 ) -> dict[str, float]:
     """Return size and variation over time of each standard deviation and the greatest error of each
-    mean, by names with model, joint and unit; ``std`` (M, n) in rad by model, without scores where
-    it is not finite; ``error`` (M,) in rad by model, ‖mean − recorded mean‖.
+    mean, by names with model, joint and unit. ``std`` (M, n) in rad by model has no scores if it is
+    not finite; ``error`` (M,) in rad by model is ‖mean − recorded mean‖.
     """
     scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
     for (j, joint), model in product(enumerate(joints), std):
@@ -81,13 +81,12 @@ def std_scores(
 def following_tests(
     modelled: ModelledNoise, noise: ndarray, steady: ndarray, joints: Sequence[str], rng: Generator
 ) -> pd.DataFrame:
-    """Tabulate for each joint over all steps, and over the ``steady`` steps (M,) at constant speed,
-    the ``correlation`` of the modelled and the recorded standard deviation, its ``limit`` and the
-    ``power`` at that limit; no row for a constant one. ``noise`` (takes, M, n) rad is recorded,
-    takes ≥ 2.
+    """Tabulate the ``correlation`` of the modelled and the recorded standard deviation, ``limit``
+    and ``power`` for each joint, over all steps and over the ``steady`` steps (M,) at constant
+    speed. A constant modelled curve has no row. ``noise`` (takes ≥ 2, M, n) in rad is recorded.
 
-    A true model passes in all joints at once in at least RECOGNISED of the draws; the quantiles are
-    those of a normal law of Fisher's transform of the drawn correlations.
+    A true model passes in all joints at once in at least RECOGNISED of the draws. Quantiles assume
+    that Fisher's transform of the drawn correlations is normal.
     """
     rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
@@ -110,9 +109,9 @@ def following_tests(
 
 
 def constant_noise_variation(noise: ndarray, rng: Generator) -> ndarray:
-    """(n,) limits of the variation over time of the standard deviation over the takes: noise of one
-    law at all steps is below them in all joints at once in RECOGNISED of the draws. The law is that
-    of all steps of ``noise`` (takes, M, n) in rad together, with the noise's autocorrelation.
+    """Return limits (n,) of the variation over time of the standard deviation over the takes. Noise
+    with one law at all steps is below the limits, in all joints at once, in RECOGNISED of the
+    draws. Draws pool all steps of ``noise`` (takes, M, n) in rad and have its autocorrelation.
     """
     share, limits = RECOGNISED ** (1 / noise.shape[-1]), []
     for of_joint in np.moveaxis(noise, -1, 0):
@@ -124,7 +123,7 @@ def constant_noise_variation(noise: ndarray, rng: Generator) -> ndarray:
 
 
 def _autoregression(noise: ndarray, rng: Generator) -> ndarray:
-    """(M, REPLICATES, takes) standard normals, correlated as steps of ``noise`` (takes, M)."""
+    """Return standard normals (M, REPLICATES, takes) with the autocorrelation of ``noise``."""
     takes, count = noise.shape
     share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
     variates = rng.standard_normal((count, REPLICATES, takes))
@@ -135,7 +134,7 @@ def _autoregression(noise: ndarray, rng: Generator) -> ndarray:
 
 
 def _correlations(curve: ndarray, others: ndarray) -> ndarray:
-    """(R,) Pearson's correlations of ``curve`` (K,) with each column of ``others`` (K, R)."""
+    """Return Pearson's correlation (R,) of ``curve`` (K,) with each column of ``others`` (K, R)."""
     a, b = curve - curve.mean(), others - others.mean(axis=0)
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
 
@@ -147,8 +146,8 @@ def spread_tables(
     joints: Sequence[str],
 ) -> dict[str, pd.DataFrame]:
     """Return the tables ``spread_following``, ``spread_comparison``, ``mean_error_comparison`` by
-    name, none without a model. All are compared to the first of ``modelled``; ``following`` holds
-    :func:`following_tests` by model; ``noise`` (takes, M, n) rad, takes ≥ 2.
+    name; no table without a model. Models are compared with the first of ``modelled``.
+    ``following`` has :func:`following_tests` by model; ``noise`` (takes ≥ 2, M, n) is in rad.
     """
     if not modelled:
         return {}
@@ -163,12 +162,12 @@ def spread_comparison(
     modelled: Mapping[str, ModelledNoise], noise: ndarray, joints: Sequence[str]
 ) -> pd.DataFrame:
     """Tabulate the relative error of each model's standard deviation over time in each joint, and
-    its difference to three others, with 95 % intervals of the jackknife over takes: to the first
-    model in the same joint, to no noise at all (NO_NOISE, whose error is 1), and to the same model
-    in the last joint.
+    the difference to three other errors with 95 % intervals of the jackknife over takes. The other
+    errors are the first model's in the same joint, 1 for a prediction without noise (NO_NOISE), and
+    the same model's in the last joint.
 
-    All models have one level: in every set of takes of ``noise`` (takes, M, n) rad a factor on each
-    model's variances makes their sum with the measurement noise equal to that of the takes.
+    All models have one level: in every set of takes of ``noise`` (takes, M, n) in rad, a factor on
+    a model's variances makes modelled plus measurement variance equal to the takes' variance.
     """
     measurement, errors = next(iter(modelled.values())).measurement, {}
     recorded = _variances(jackknife_counts(len(noise)), noise)
@@ -195,8 +194,8 @@ def spread_comparison(
 
 def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:
     """Tabulate the standard deviation over time of the error of each model's mean, ‖mean − recorded
-    mean‖ in rad, and its difference to every other model's with the 95 % interval of the jackknife
-    over takes; ``error`` (takes, M, n) in rad by model, exact mean minus measured pose.
+    mean‖ in rad, and the difference to every other model with the 95 % interval of the jackknife
+    over takes; ``error`` (takes, M, n) in rad by model is exact mean minus measured pose.
     """
     std = {}
     for model, by_take in error.items():
@@ -213,7 +212,7 @@ def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:
 
 
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:
-    """(R, M, n) sample variances of ``noise`` (takes, M, n), takes by ``counts`` (R, takes)."""
+    """Return sample variances (R, M, n) of ``noise`` (takes, M, n) with weights ``counts``."""
     flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
     mean = counts @ flat / takes
     squares = np.maximum(counts @ flat**2 / takes - mean**2, 0)

@@ -1,8 +1,8 @@
-"""Kernel densities with the kernel and bandwidth of MATLAB's ksdensity, which drew the paper's
-force densities; and the energy test of one law (Székely and Rizzo 2004).
+"""Kernel densities with the kernel and bandwidth of MATLAB's ksdensity, as in the paper's figure of
+the force, and the two-sample energy test (Székely and Rizzo 2004).
 
-Permutations need exchangeable samples: a record that is correlated in time is first thinned to
-samples that are nearly independent.
+A permutation test needs exchangeable samples. A record that is correlated in time is therefore
+thinned to nearly independent samples.
 """
 
 import numpy as np
@@ -13,17 +13,17 @@ from pipeline.core.errors import ModelDomainError
 
 REACH = 8.0  # bandwidths; beyond them a Gaussian kernel is below 2e-14 of its peak
 NODES_PER_BANDWIDTH = 3
-BLOCK = 32  # grid points at a time
+BLOCK = 32  # grid points that are evaluated at once
 WINDOW = 5  # autocorrelation times over which correlations are summed (Sokal 1997)
-SPACING = 2  # autocorrelation times between thinned samples: exp(−4) of the correlation is left
-MOST = 300  # samples of a thinned record: the test stores the distances of all pairs
+SPACING = 2  # autocorrelation times between thinned samples, whose correlation is about exp(−4)
+MAX_SAMPLES = 300  # of a thinned record: the test stores the distances of all pairs
 PERMUTATIONS = 1999
 
 
 def normal_reference_bandwidth(samples: ndarray) -> ndarray:
-    """(p,) h_i = (MAD_i/0.6745)·(4/((p+2)N))^{1/(p+4)} of independent ``samples`` (N, p).
+    """Return the bandwidths (p,) h_i = (MAD_i/0.6745)·(4/((p+2)N))^{1/(p+4)} of ``samples`` (N, p).
 
-    Raises ModelDomainError where more than half of a variable's samples are equal.
+    Samples are independent. Raises ModelDomainError if over half of a variable's samples are equal.
     """
     count, p = np.shape(samples)
     scale = np.median(np.abs(samples - np.median(samples, axis=0)), axis=0) / 0.6745
@@ -34,7 +34,7 @@ def normal_reference_bandwidth(samples: ndarray) -> ndarray:
 
 
 def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
-    """(g,) Gaussian kernel density of ``samples`` (N,) at ``x`` (g,), per unit; raises
+    """Return the Gaussian kernel density (g,) of ``samples`` (N,) at ``x`` (g,), per unit; raises
     ModelDomainError like :func:`normal_reference_bandwidth`.
     """
     (bandwidth,) = normal_reference_bandwidth(samples[:, None])
@@ -43,12 +43,12 @@ def marginal_density(samples: ndarray, x: ndarray) -> ndarray:
 
 
 def kernel_density(samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray) -> ndarray:
-    """Product-Gaussian kernel density of ``samples`` (N, 2) at the grid ``x`` (gx,) × ``y`` (gy,),
-    (gx, gy), per squared unit; ``bandwidth`` (2,). Samples out of reach count in N alone.
+    """Return the product-Gaussian kernel density (gx, gy) of ``samples`` (N, 2) on the grid ``x``
+    (gx,) × ``y`` (gy,), per squared unit; ``bandwidth`` (2,).
 
-    A quadratic B-spline distributes every sample to 3 × 3 nodes a third of a bandwidth apart, whose
-    masses a Gaussian narrowed by the spline's variance smooths: no kernel is off by more than 8e-4
-    of its peak.
+    A quadratic B-spline distributes every sample to 3 × 3 nodes, a third of a bandwidth apart. A
+    Gaussian, narrowed by the spline's variance, smooths the nodes' masses. The error of a kernel is
+    below 8e-4 of its peak.
     """
     step = bandwidth / NODES_PER_BANDWIDTH
     width = np.sqrt(bandwidth**2 - step**2 / 4)
@@ -64,17 +64,17 @@ def kernel_density(samples: ndarray, x: ndarray, y: ndarray, bandwidth: ndarray)
 
 @compiled
 def _add_to_nodes(samples, low, step, masses):
-    """Add ``samples`` (N, 2) to ``masses`` on nodes from ``low`` (2,) on, ``step`` (2,) apart."""
+    """Distribute ``samples`` (N, 2) over the ``masses`` of the nodes at ``low`` + k·``step``."""
     rows, columns = masses.shape
     flat = masses.reshape(-1)
     start0, start1, per0, per1 = low[0], low[1], 1 / step[0], 1 / step[1]
     for i in range(samples.shape[0]):
-        # three nodes from the one before the nearest on
+        # three nodes, the second of which is nearest
         row, column = (samples[i, 0] - start0) * per0 - 0.5, (samples[i, 1] - start1) * per1 - 0.5
         if (0.0 <= row) & (row < rows - 2) & (0.0 <= column) & (column < columns - 3):
             first_row, first_column = np.int64(row), np.int64(column)
             place = np.uint64(first_row * columns + first_column)
-            t, s = row - first_row, column - first_column  # beyond the middle of the first two
+            t, s = row - first_row, column - first_column  # from the middle of the first two
             down = 0.5 - t + 0.5 * t * t, 0.5 + t - t * t, 0.5 * t * t
             across = 0.5 - s + 0.5 * s * s, 0.5 + s - s * s, 0.5 * s * s
             for k in range(3):
@@ -84,8 +84,8 @@ def _add_to_nodes(samples, low, step, masses):
 
 
 def _smooth(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> ndarray:
-    """(g, k) sums of ``masses`` (n, k) over the sorted ``nodes`` (n,) in reach, weighted by a
-    Gaussian of deviation ``width`` about each of ``grid`` (g,).
+    """Return the sums (g, k) of ``masses`` (n, k) at the sorted ``nodes`` (n,), weighted by a
+    Gaussian of standard deviation ``width`` about each point of ``grid`` (g,).
     """
     result, reach = np.empty((len(grid), masses.shape[1])), REACH * width
     for start in range(0, len(grid), BLOCK):
@@ -97,16 +97,16 @@ def _smooth(masses: ndarray, grid: ndarray, nodes: ndarray, width: float) -> nda
 
 
 def autocorrelation_time(record: ndarray) -> float:
-    """Integrated autocorrelation time τ = 1 + 2·Σρ_k in samples, at least 1, of the slowest
-    component of ``record`` (N, p): the variance of its mean is that of N/τ independent samples. The
-    sum ends at the first lag beyond five times itself. Raises ModelDomainError for a component that
-    does not vary.
+    """Return the integrated autocorrelation time τ = 1 + 2·Σρ_k ≥ 1, in samples, of the slowest
+    component of ``record`` (N, p). The component's mean varies as a mean of N/τ independent samples
+    does. The sum ends at the first lag k ≥ WINDOW·τ. Raises ModelDomainError for a constant
+    component.
     """
     count = len(record)
     if count < 2 or np.any(np.ptp(record, axis=0) == 0):
         message = "a record whose values are all equal has no autocorrelation time"
         raise ModelDomainError(message, samples=count)
-    # zeros of the record's length keep the circular correlation of the transform from wrapping
+    # zero padding to twice the length avoids the wrap-around of circular correlation
     spectrum = np.abs(np.fft.rfft(record - np.mean(record, axis=0), 2 * count, axis=0)) ** 2
     covariance = np.fft.irfft(spectrum, axis=0)[:count]
     sums = 2 * np.cumsum(covariance / covariance[0], axis=0) - 1
@@ -115,18 +115,18 @@ def autocorrelation_time(record: ndarray) -> float:
 
 
 def thin_record(record: ndarray) -> ndarray:
-    """(K, p) each ⌈2τ⌉-th of ``record`` (N, p), at most MOST; ModelDomainError for one alone."""
-    step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MOST))
+    """Return samples (K, p) of ``record`` (N, p), ⌈2τ⌉ or more apart; ModelDomainError if K = 1."""
+    step = max(int(np.ceil(SPACING * autocorrelation_time(record))), -(-len(record) // MAX_SAMPLES))
     if len(record) <= step:
-        message = "the record is too short beside its autocorrelation time: record for longer"
+        message = "the record is too short for its autocorrelation time: record for longer"
         raise ModelDomainError(message, samples=len(record), step=step)
     return record[::step]
 
 
 def energy_test(a: ndarray, b: ndarray, rng: np.random.Generator) -> tuple[float, float]:
-    """Energy distance 2E‖A − B‖ − E‖A − A′‖ − E‖B − B′‖ of independent samples ``a`` (K, p) and
-    ``b`` (L, p), in their unit, and its p-value: the share of divisions with at least this
-    distance, among PERMUTATIONS random divisions of the pooled samples and the true one.
+    """Return the energy distance 2E‖A − B‖ − E‖A − A′‖ − E‖B − B′‖ of independent samples ``a``
+    (K, p) and ``b`` (L, p), in their unit, and its p-value: the share of divisions with at least
+    this distance, among the true and PERMUTATIONS random divisions of the pooled samples.
     """
     pooled = np.concatenate([a, b])
     distances = np.sqrt(sum(np.subtract.outer(x, x) ** 2 for x in pooled.T))

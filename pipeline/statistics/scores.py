@@ -1,7 +1,7 @@
-"""Log scores (Gneiting & Raftery 2007), calibration and errors of stated laws by take, and their
-paired differences; scores of the filters of the test takes, the training mean among them.
+"""Log scores (Gneiting & Raftery 2007), calibration and errors of predicted laws by take, and
+paired differences of scores. The training mean counts as a filter of the test takes.
 
-The last axis holds the n components of an outcome, the axes before it are cases.
+The last axis has the n components of an outcome; the axes before it are cases.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,21 +27,21 @@ Scores = dict[str, ndarray]  # score → (takes,) values
 
 
 def nees(error: ndarray, covariance: ndarray) -> ndarray:
-    """(...,) normalised estimation error squared eᵀC⁻¹e of ``error`` (..., n) under ``covariance``
-    (..., n, n), χ² with n degrees of freedom under the stated law (Bar-Shalom, Li & Kirubarajan
-    2001, Sec. 5.4.2). Raises ModelDomainError where a covariance is not positive definite.
+    """Return the normalised estimation error squared eᵀC⁻¹e (...,) of ``error`` (..., n) with
+    ``covariance`` (..., n, n); under the predicted law it is χ² with n degrees of freedom (Bar-
+    Shalom et al. 2001, Sec. 5.4.2). Raises ModelDomainError for C that is not positive definite.
     """
     try:
         root = np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
-        message = "a squared error needs a covariance that is positive definite"
+        message = "the normalised squared error needs a positive definite covariance"
         raise ModelDomainError(message) from None
     white = np.linalg.solve(root, error[..., None])[..., 0]
     return np.vecdot(white, white)
 
 
 def normal_log_score(error: ndarray, covariance: ndarray) -> ndarray:
-    """(...,) log density of N(0, ``covariance``) (..., n, n) at ``error`` (..., n); raises
+    """Return the log density (...,) of N(0, ``covariance``) at ``error`` (..., n); raises
     ModelDomainError like :func:`nees`.
     """
     constant = error.shape[-1] * np.log(2 * np.pi)
@@ -51,7 +51,7 @@ def normal_log_score(error: ndarray, covariance: ndarray) -> ndarray:
 def prediction_scores(steps: Mapping[str, ndarray], joints: Sequence[str]) -> Scores:
     """Return each score of the predictions of one step as its mean over the K steps of a take;
     ``steps`` are ``log_density`` and ``nees`` (takes, K) and the error ``z`` (takes, K, n) of
-    :mod:`pipeline.models.prediction`, NaN where a model has none.
+    :mod:`pipeline.models.prediction`, NaN if a model has no such value.
     """
     scores = {"log_score": steps["log_density"], "nees": steps["nees"]}
     for joint, z in zip(joints, np.moveaxis(steps["z"], -1, 0), strict=True):
@@ -63,7 +63,7 @@ def posterior_scores(
     error: ndarray, covariance: ndarray, joints: Sequence[str]
 ) -> tuple[Scores, str | None]:
     """Return the scores of a filter's posterior as a normal law of the measured pose, means over
-    the K steps of a take, and the reason where log score and NEES are missing.
+    the K steps of a take, and the reason if log score and NEES are missing.
 
     ``error`` (takes, K, n) posterior mean minus measured pose in rad, ``covariance`` (takes, K, n,
     n) in rad² of the posterior and the measurement together.
@@ -113,18 +113,18 @@ class Filtered:
 
     @property
     def measured_covariance(self) -> ndarray:
-        """(takes, K, n, n) rad², covariance of the measured pose."""
+        """Covariance of the measured pose (takes, K, n, n) in rad²."""
         return self.covariance + self.measurement
 
     @property
     def bound(self) -> ndarray:
-        """(takes, K, n) rad, standard deviation of the measured pose."""
+        """Standard deviation of the measured pose (takes, K, n) in rad."""
         return np.sqrt(np.diagonal(self.measured_covariance, axis1=-2, axis2=-1))
 
 
 def training_mean(training: ndarray, measured: ndarray) -> Filtered:
-    """Mean and covariance of ``training`` (N, K, n) at each step, measurement noise included, for
-    the test takes ``measured`` (takes, K, n), both in rad.
+    """Return mean and covariance of the ``training`` takes (N, K, n) at each step, measurement
+    noise included, as a filter of the test takes ``measured`` (takes, K, n); poses are in rad.
     """
     mean, covariance = takes_moments(training)
     covariances = np.broadcast_to(covariance, (len(measured), *covariance.shape))
@@ -136,9 +136,9 @@ def filter_tables(
 ) -> tuple[dict[str, pd.DataFrame], list[str]]:
     """Return the tables by name, and messages on posteriors that have no log score.
 
-    ``bound_comparison`` of the models' filters, ``filter_comparison`` of all to the first model's,
-    ``filter_against_none`` to the training mean. ``filters`` by the names of
-    :mod:`pipeline.core.filters`, the training mean among them; ``rng`` resamples the takes.
+    ``bound_comparison`` has the models' filters, ``filter_comparison`` all filters minus the first
+    model's filter, ``filter_against_none`` all filters minus the training mean. ``filters`` have
+    the names of :mod:`pipeline.core.filters`; ``rng`` resamples the takes.
     """
     models, laws, refusals = models_of(filters), {}, []
     bounds = {name: each.bound for name, each in filters.items()}
@@ -184,8 +184,8 @@ def filter_metrics(
     filters: Mapping[str, Filtered], joints: Sequence[str], steady: ndarray
 ) -> dict[str, float]:
     """Return the :func:`bound_scores` of every filter by names with model, joint and unit, and the
-    correlation of bound and error over the ``steady`` steps (K − 1,) alone, where both follow the
-    pose and not the speed.
+    correlation of bound and error over the ``steady`` steps (K − 1,) alone. There the speed is
+    constant and causes no correlation.
     """
     metrics = {}
     for name, each in filters.items():
@@ -200,9 +200,9 @@ def filter_metrics(
 def sensor_scores(
     bias: ndarray, variance: ndarray, takes: int, joints: Sequence[str]
 ) -> dict[str, float]:
-    """Return bias and standard deviation of the depth camera's noise in the joint angles, and their
-    variation over time, of ``bias`` (F, n) in rad, the mean over ``takes``, and ``variance`` (F, n)
-    in rad² of each frame. A bias that is zero, or constant, is about 1 standard error.
+    """Return size and variation over time of the depth camera's noise in the joint angles, from
+    ``bias`` (F, n) in rad, a mean over ``takes``, and ``variance`` (F, n) in rad². A zero bias has
+    a size of about 1 standard error, a constant bias a variation of about 1 standard error.
     """
     scores = {}
     for joint, mean, own in zip(joints, bias.T, variance.T, strict=True):

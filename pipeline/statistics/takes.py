@@ -1,4 +1,4 @@
-"""Moments, correlations and 95 % intervals over takes, which are independent; steps are not."""
+"""Moments, correlations and 95 % intervals over takes. Takes are independent; steps are not."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 from pipeline.core.errors import ModelDomainError
 
 TAILS = (0.025, 0.975)
-NORMAL_QUANTILE = 1.959964  # standard errors from a normal estimate to the end of its interval
+NORMAL_QUANTILE = 1.959964  # 0.975 quantile of the normal law
 REPLICATES = 200  # resamplings of the takes
 
 # model, indices of the takes → value by quantity
@@ -19,7 +19,7 @@ Quantities = Callable[[str, ndarray], dict[str, float]]
 
 
 class Difference(NamedTuple):
-    """Mean difference and the ends of its 95 % interval; NaN where one does not exist."""
+    """Mean difference and the ends of its 95 % interval; ends are NaN if there is no interval."""
 
     difference: float
     low: float = np.nan
@@ -39,15 +39,15 @@ def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def lag_one_correlation(values: ndarray) -> float:
-    """Correlation of neighbouring steps of ``values`` (takes, K) about their mean at each step."""
+    """Return the correlation of neighbouring steps of ``values`` (takes, K) minus step means."""
     centred = values - values.mean(axis=0)
     scale = np.sqrt(np.sum(centred[:, :-1] ** 2) * np.sum(centred[:, 1:] ** 2))
     return float(np.sum(centred[:, :-1] * centred[:, 1:]) / scale) if scale > 0 else 0.0
 
 
 def share_between(noise: ndarray, groups: Sequence[str]) -> float:
-    """Share of the variance of ``noise`` (takes, M, n) over the takes that lies between the means
-    of their ``groups`` (takes,); 0 for a single group and for groups of one take each.
+    """Return the share of the variance of ``noise`` (takes, M, n) over the takes that lies between
+    the means of the ``groups`` (takes,); 0 for a single group and for groups of one take each.
     """
     names = list(dict.fromkeys(groups))
     if len(names) in (1, len(groups)):
@@ -59,15 +59,15 @@ def share_between(noise: ndarray, groups: Sequence[str]) -> float:
 
 
 def percentile_interval(values: ndarray) -> tuple[ndarray, ndarray]:
-    """Ends of the interval of ``values`` (N, ...) over the first axis that holds one further value
-    with a probability of 95 %; least and greatest value for N < 40.
+    """Return the ends of the interval that contains one further value with a probability of 95 %,
+    from ``values`` (N, ...) over the first axis; least and greatest value for N < 40.
     """
     low, high = np.quantile(values, TAILS, axis=0, method="weibull")
     return low, high
 
 
 def _student(difference: float, error: float, degrees: int) -> Difference:
-    """Student's interval of a ``difference`` with the standard ``error``; none without degrees."""
+    """Return a ``difference`` with Student's interval; no interval for ``degrees`` < 1."""
     if degrees < 1:
         return Difference(float(difference))
     half = float(stdtrit(degrees, TAILS[1]) * error)
@@ -75,8 +75,8 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
 
 
 def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
-    """Mean of ``scores`` − ``reference`` (takes,), both of the same takes, with Student's interval
-    over the takes: no interval for a single take, NaN where a score is not finite.
+    """Return the mean of ``scores`` − ``reference`` (takes,), both of the same takes, with
+    Student's interval over the takes: no interval for a single take, NaN if a score is not finite.
     """
     if not (np.all(np.isfinite(scores)) and np.all(np.isfinite(reference))):
         return Difference(np.nan)
@@ -86,13 +86,13 @@ def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
 
 
 def jackknife_counts(takes: int) -> ndarray:
-    """(1 + takes, takes) weights: first of all takes, then of all but one."""
+    """Return weights (1 + takes, takes): the first row has all takes, other rows all but one."""
     return np.vstack([np.ones((1, takes)), 1 - np.eye(takes)])
 
 
 def jackknife_difference(values: ndarray) -> Difference:
-    """First of ``values`` (1 + takes,), one for each row of :func:`jackknife_counts`, with
-    Student's interval from the others; no interval below three takes.
+    """Return the first of ``values`` (1 + takes,), one for each row of :func:`jackknife_counts`,
+    with Student's interval from the other values; no interval below three takes.
     """
     takes = len(values) - 1
     error = np.sqrt((takes - 1) * np.var(values[1:]))
@@ -100,7 +100,7 @@ def jackknife_difference(values: ndarray) -> Difference:
 
 
 def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
-    """Indices of the takes in each of REPLICATES resamplings, without resamplings of one take."""
+    """Return the take indices of REPLICATES resamplings; drops those that repeat a single take."""
     drawn = [rng.integers(takes, size=takes) for _ in range(REPLICATES if takes > 1 else 0)]
     return [indices for indices in drawn if np.ptp(indices) > 0]
 
@@ -127,8 +127,8 @@ def resampled_differences(
 
 
 def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
-    """Mean and greatest error of the tables ``wrench_errors`` and ``wrench_spread`` by number of
-    cables, and the 95 % interval of the greatest error over the repeats.
+    """Return mean and greatest error by number of cables from the tables ``wrench_errors`` and
+    ``wrench_spread``, and the 95 % interval of the greatest error over the repeats.
     """
     summary = errors.groupby("agents")["error"].agg(["mean", "max"])
     maxima = spread.groupby("agents")["maximum"]

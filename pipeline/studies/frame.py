@@ -1,17 +1,17 @@
-"""Run a study: load its options, evaluate it, write tables, figure and page.
+"""Run a study: load the options, evaluate the study, write tables, figure and page.
 
 A study is a folder of ``pipeline/studies`` with
 
 - ``stage.py``: the question as docstring, ``evaluate``, ``facts`` and ``draw``, and
   ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
-- ``params.yaml``: the options of each scale, of equal names and kinds in all scales;
+- ``params.yaml``: the options of each scale, with equal names and kinds in all scales;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
-- ``tables.yaml``: the columns of its tables, in the notation of pipeline/core/tables.yaml;
-- ``page.md``: its page with the figure's caption, and in braces the fields of ``facts``.
+- ``tables.yaml``: the columns of the tables, in the notation of pipeline/core/tables.yaml;
+- ``page.md``: the page with the figure's caption; ``facts`` returns the fields in braces.
 
-The arguments of ``draw`` are tables by name. The study NAME writes ``data/studies/NAME`` (its
-tables, checked), ``reports/studies/NAME`` (the figure, and each table as CSV) and the page
-``reports/studies/NAME.md``: all of them or none.
+Parameters of ``draw`` are named after tables. The study NAME writes the checked tables to
+``data/studies/NAME``, figure and tables as CSV to ``reports/studies/NAME``, and the page
+``reports/studies/NAME.md``: all outputs or none.
 """
 
 import sys
@@ -41,7 +41,7 @@ concatenate = partial(pd.concat, ignore_index=True)
 
 
 class NoAnswerError(PipelineError):
-    """Raised if the dataset lacks the recordings of a study, whose page states the message."""
+    """Raised if the dataset lacks recordings that a study needs; the page prints the message."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def trials(
 
 
 def interval(middle: float, low: float, high: float) -> str:
-    """Return a signed difference with its interval in brackets, if it has one."""
+    """Return a signed difference as text, with its interval in brackets unless ``low`` is NaN."""
     if pd.isna(middle):
         return MISSING
     # an exact zero with a rounding error is written without a sign

@@ -1,8 +1,8 @@
 """Recordings of the laboratory's arm in memory, without cameras or files.
 
-Session and takes are those of the stage `record` with the same seed. Each measured pose gets white
-noise as the recorded poses have at rest, each depth frame the noise of the recorded depth camera at
-an equal share of the motion. Markers have no faults and no offsets; clocks are known.
+Session and takes are equal to the stage `record` with the same seed. A measured pose has white
+noise with the covariance of the recorded poses at rest. A depth frame has noise with the recorded
+moments at an equal share of the motion. Markers have no faults and no offsets; clocks are known.
 """
 
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ from pipeline.laboratory.options import ClockOptions, DynamicsOptions, Trajector
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
-RESTING = 40  # takes from which the noise of the arm alone at rest is estimated
+RESTING = 40  # takes that give the arm's noise at rest, without measurement noise
 
 
 @dataclass(frozen=True)
 class PhysicsFactors:
     """Factors on the disturbances of ``DynamicsOptions`` and on the std of the instruments."""
 
-    disturbances: float = 1.0  # on the size of all of the next eight together
+    disturbances: float = 1.0  # on the sizes of the next eight disturbances together
     sway_std: float = 1.0
     clearance: float = 1.0
     speed_error_std: float = 1.0
@@ -39,19 +39,19 @@ class PhysicsFactors:
     length_std: float = 1.0
     start_std: float = 1.0
     jitter_std: float = 1.0
-    speed_exponent: float = 1.0  # 0: sway and play are the same at any speed
+    speed_exponent: float = 1.0  # 0: sway and play do not depend on the speed
     lasting: float = 1.0  # on the lags of sway and play: duration of a deviation
     motion_capture: float = 1.0
     depth_camera: float = 1.0
 
 
 FACTORS = tuple(each.name for each in fields(PhysicsFactors))
-SIZES = FACTORS[1:9]  # disturbances that have a size
+SIZES = FACTORS[1:9]  # names of the disturbances that have a size
 LAGS = ("sway_time", "clearance_time")
 
 
 def disturb(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
-    """Return ``dynamics`` with each disturbance, and its duration, times its factor."""
+    """Return ``dynamics`` with the sizes and lags of the disturbances times their factors."""
     by = {name: factors.disturbances * getattr(factors, name) for name in SIZES}
     scaled = {name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()}
     lags = {name: getattr(dynamics, name) * factors.lasting for name in LAGS}
@@ -68,7 +68,7 @@ class NoiseLaw:
     covariance: np.ndarray  # (F, n, n) rad²
 
     def sample(self, share: np.ndarray, stream: np.random.Generator) -> np.ndarray:
-        """Draw (K, n) rad, independent at each ``share`` (K,), moments interpolated linearly."""
+        """Draw noise (K, n) in rad, independent at each ``share`` (K,), with linear moments."""
         n = self.bias.shape[-1]
         moments = np.concatenate([self.bias, self.covariance.reshape(-1, n * n)], axis=1)
         at = np.stack([np.interp(share, self.share, column) for column in moments.T], axis=-1)
@@ -93,7 +93,7 @@ class Laboratory:
     def of_run(
         cls, settings: SimpleNamespace, recorded: Recorded, kinect_noise: pd.DataFrame
     ) -> "Laboratory":
-        """Return the laboratory of the run's dataset, its instruments' noise as recorded."""
+        """Return the laboratory of the run's dataset with the recorded noise of the instruments."""
         own, joints = settings.dataset.laboratory, tuple(recorded.joints)
         noise = kinect_noise[kinect_noise["take"] == "none"]
         share = noise["t"].to_numpy() / own["trajectory"].duration
@@ -103,7 +103,7 @@ class Laboratory:
         alone = cls(recorded.chain, joints, *parts, none, law, window)
         takes = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
         at_rest = steps(alone, np.stack([take.poses for take in takes])).measurement
-        # a step holds the noise of two poses; a negative estimate of few takes is zero
+        # a step has the noise of two poses; negative estimates from few takes become zero
         variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
         return replace(alone, pose_noise=(axes * np.maximum(variances, 0.0)) @ axes.T)
 
@@ -113,7 +113,7 @@ class SimulatedTake(NamedTuple):
 
     poses: np.ndarray  # (M+1, n) rad, of the motion capture
     frames: np.ndarray  # (F,) s, exposures of the depth camera on the motion clock
-    seen: np.ndarray  # (F, n) rad, at these
+    seen: np.ndarray  # (F, n) rad, joint angles at these exposures
 
 
 def perform(
@@ -142,7 +142,7 @@ def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
 def measure_poses(
     takes: Sequence[SimulatedTake], covariance: np.ndarray, factor: float, stream
 ) -> np.ndarray:
-    """Return (takes, M+1, n) poses in rad, noise of ``factor`` times the root of ``covariance``."""
+    """Return poses (takes, M+1, n) in rad with noise of covariance ``factor``² · ``covariance``."""
     poses = np.stack([take.poses for take in takes])
     variances, axes = np.linalg.eigh(covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))  # an eigenvalue may round to below zero
@@ -153,7 +153,7 @@ def observe(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
     """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
-    SingularJacobianError, and RecordingError if the test takes are too few for the estimate.
+    SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.
     """
     fitted, kept = (
         perform(laboratory, factors, seed, part, count)

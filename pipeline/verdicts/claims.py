@@ -1,10 +1,10 @@
 """Claims of the paper and of the project in ``reports/claims.yaml``, and the rules of verdicts.
 
-A rule is a function of a table with a row for each case. Columns are NaN where a claim has no such
-number: ``value`` is ours and ``than`` the value compared with; ``low`` and ``high`` bound the
-value, or under an order the difference ``value − than``; ``threshold`` and ``power`` belong to a
-test of the run; ``published``, ``tolerance`` and ``limit`` are stated in the claim; ``yardstick``
-is the published value or the limit; ``distance`` is (published − value)/``standard_error``.
+A rule is a function of a table with a row for each case; a number that the claim lacks is NaN.
+``value`` is the run's number, ``than`` the number compared with. ``low`` and ``high`` bound the
+value, or for an order the difference ``value − than``. ``threshold`` and ``power`` belong to a test
+of the run. The claim states ``published``, ``tolerance`` and ``limit``. ``yardstick`` is the
+published value or the limit; ``distance`` is (published − value)/``standard_error``.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,11 +23,11 @@ from pipeline.statistics.curves import POWER
 from pipeline.verdicts.run import Number, Reference, parse_entries
 
 CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
-NONE = "none"  # a claim that needs no recording
+NONE = "none"  # value of Claim.recording for a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
 COMPARED = ("value", "than", "low", "high", "threshold", "power")
 STATED = (*COMPARED, "published", "limit", "tolerance", "standard_error")
-EVERY = "every"  # joint of a dataset's arm
+EVERY = "every"  # value of ``each`` for all joints of a dataset's arm
 ENDS = {"low", "high"}
 ORDERS = ("less", "greater")  # rules that need an interval of the difference
 Judge = Callable[[pd.DataFrame], pd.Series]
@@ -56,8 +56,8 @@ DECIDES: dict[str, Judge] = dict.fromkeys(HOLDS, lambda r: r.value.notna()) | {
 
 
 class Rule(NamedTuple):
-    """A rule in ``words``, the keys of a claim that it ``needs``, the masks of cases in which it
-    ``holds`` and that it ``decides``: an interval about zero decides no order.
+    """A rule in ``words``, the keys of a claim that it ``needs``, and two masks of cases: the rule
+    ``holds``, and the rule ``decides`` (an interval that contains zero decides no order).
     """
 
     words: str
@@ -74,7 +74,7 @@ RULES = {
 
 @options(frozen=True)
 class Unless:
-    """A measured quantity above whose ``limit`` a dataset gives no evidence, and the ``reason``."""
+    """A measured quantity and its ``limit``: a dataset above the limit gives no evidence."""
 
     file: str
     key: str
@@ -87,13 +87,13 @@ class Claim:
     """One claim with its evidence, rule and tolerance; raises ConfigError with the key.
 
     - ``about``: the recordings that decide the claim: any, a real robot's, or the paper's own;
-    - ``each``: names and lists of their values, or ``joint`` and ``every``: one case per
-      combination, references hold the names as placeholders;
+    - ``each``: lists of values by name, or ``joint: every``; each combination is a case, whose
+      values replace the names in references;
     - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
     - ``standard_error``: one reference, or several that add in squares;
-    - ``by``: the construction of the models forces the claim (no verdict) or their level decides
-      it, for the reason ``because``;
-    - ``why``: reasons for which the claim fails, by name of the dataset.
+    - ``by``: the construction of the models forces the claim (no verdict), or the models' level
+      decides the claim; ``because`` has the reason;
+    - ``why``: reasons for a failure of the claim, by name of the dataset.
     """
 
     id: str
@@ -136,15 +136,15 @@ class Claim:
         stated = {key for key in STATED if getattr(self, key) is not None}
         yardstick = {"published", "limit"} if "yardstick" in needs else set()
         if yardstick and len(stated & yardstick) != 1:
-            message = f"{rule} needs a published value or a limit of ours, not both"
+            message = f"{rule} needs either a published value or a limit, not both"
             raise ConfigError(message, key="limit")
         if self.rule in ORDERS and self.by != CONSTRUCTION:
             needs |= ENDS
         for key in sorted({"limit", "tolerance", "threshold", "power"} - needs - yardstick):
             if key in stated:
-                raise ConfigError(f"{rule} has none", key=key)
+                raise ConfigError(f"{rule} does not use this key; remove it", key=key)
         if missing := sorted(needs - stated - {"yardstick"}):
-            raise ConfigError(f"{rule} needs it", key=missing[0])
+            raise ConfigError(f"{rule} needs this key; add it", key=missing[0])
         self.references()
 
     def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
@@ -165,7 +165,7 @@ class Claim:
 
     @property
     def test(self) -> str:
-        """The rule in words, with its numbers."""
+        """Words of the rule with the claim's numbers."""
         yardstick = "the published value" if self.limit is None else f"{self.limit:g}"
         numbers = {"tolerance": self.tolerance, "limit": self.limit, "yardstick": yardstick}
         return RULES[self.rule].words.format(**numbers)

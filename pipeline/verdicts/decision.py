@@ -1,4 +1,4 @@
-"""Verdicts on claims, which depend on the claims and the numbers of a run alone."""
+"""Verdicts on claims from the claims and the numbers of a run."""
 
 from collections import namedtuple
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 COMMAND = "dvc repro publish"  # writes all evidence into the dataset's reports
-WITHOUT_RECORDING = "no recording"  # column of the claims that need no recording
+WITHOUT_RECORDING = "no recording"  # heading of the column of claims that need no recording
 PRINTED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
 PRINTED += ("quantity", "unit", "test", "reason")
 
@@ -28,7 +28,7 @@ Recordings = Literal["none", "synthetic", "real", "paper"]
 
 class Case(namedtuple("Case", ["case", *COMPARED, "published", "distance", "holds"])):
     """Numbers of one case of a claim in a run, None where missing or infinite; ``distance`` is
-    (published − ours) in standard errors, ``holds`` None if the rule does not decide the case.
+    (published − value) in standard errors, ``holds`` is None if the rule does not decide the case.
     """
 
 
@@ -41,7 +41,7 @@ class Verdict(NamedTuple):
 
 
 class Decided(NamedTuple):
-    """Verdicts of one dataset; with ``recordings`` "none" on the claims that need no recording."""
+    """Verdicts of one dataset; ``recordings`` "none" has the claims that need no recording."""
 
     dataset: str
     recordings: Recordings
@@ -51,7 +51,7 @@ class Decided(NamedTuple):
 def decide_each(
     claims: Sequence[Claim], runs: Sequence[Run], papers_own: Sequence[str]
 ) -> list[Decided]:
-    """Return the verdicts of every run, then those without a recording."""
+    """Return the verdicts of every run, then the verdicts that need no recording."""
     columns = []
     for run in runs:
         whose = "synthetic" if run.synthetic else "real"
@@ -63,8 +63,8 @@ def decide_each(
 def decide(
     claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, arm: ArmNames
 ) -> list[Verdict]:
-    """Return a verdict on every claim from the ``evidence`` of a run on ``recordings`` of ``arm``;
-    a claim that numbers joints has no evidence on an arm whose joints have no numbers.
+    """Return a verdict on every claim from the ``evidence`` of a run on ``recordings`` of ``arm``.
+    A claim on numbered joints has no evidence on an arm without numbered joints.
     """
     return [_decide_claim(claim, evidence, recordings, arm) for claim in claims]
 
@@ -78,7 +78,7 @@ def _decide_claim(
     r = _rule_table(claim, named, evidence, arm)
     keys = sorted({"value"} | (rule.needs & {*COMPARED, "standard_error"}))
     there = r[keys].notna().all(axis=1)
-    # the rule decreasing compares cases with each other: it needs all of them
+    # the rule ``decreasing`` compares the cases with each other and needs all cases
     known = there & (there.all() or claim.rule != "decreasing")
     void = False
     if (unless := claim.unless) is not None:
@@ -112,7 +112,7 @@ def _verdict_word(
     if claim.about != "method" and recordings == "synthetic":
         return SYNTHETIC_CANNOT
     if (decides & ~holds).any():
-        return NOT_REPRODUCED  # one case refutes a claim on all
+        return NOT_REPRODUCED  # one failing case refutes the claim
     return REPRODUCED if decides.all() else NO_EVIDENCE
 
 
@@ -133,7 +133,7 @@ def _rule_table(claim: Claim, cases: list[dict], evidence: Evidence, arm: ArmNam
 
 
 def case_text(case: Case) -> str:
-    """Return name, value, interval and the value or limit compared with; ✗ if the case fails."""
+    """Return a case's name, value, interval and value or limit compared with; ✗ if it fails."""
     if case.value is None:
         return f"{case.case} –".strip()
     text = f"{case.case}: {number(case.value)}" if case.case else number(case.value)

@@ -1,4 +1,4 @@
-"""The model card: recommended model, its formula and numbers, its limits and the evidence."""
+"""Model card: recommended model with formula, numbers, limits and evidence."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,9 +9,9 @@ from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictor
 from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
 
 CARD = TEXTS["card"]
-EACH = "each"  # mean over all held-out motions
-MANY, OFF = 0.5, 4.0  # share of held-out spreads that may be off by more than this factor
-MOVING = 0.1  # share of a joint's greatest recorded spread above which a held-out spread counts
+EACH = "each"  # motion of the rows with the mean over all held-out motions
+MANY, OFF = 0.5, 4.0  # greatest share of held-out std that may be wrong by more than this factor
+MOVING = 0.1  # share of a joint's greatest recorded std above which a held-out std counts
 STILL = 0.1  # share of the greatest joint speed below which a joint counts as standing still
 HEAVY = 4  # kurtosis above which tails are called heavier than normal
 FEW_TAKES = 10  # number of takes below which no interval from resampled takes is printed
@@ -20,7 +20,7 @@ FEW_TAKES = 10  # number of takes below which no interval from resampled takes i
 def recommended(
     scores: pd.DataFrame, spread: pd.DataFrame, motions: pd.DataFrame
 ) -> tuple[str | None, str]:
-    """Return the model for another motion by the card's rule, or None, and the reason."""
+    """Return the model for another motion, or None, and the reason, by the rule on the card."""
     means = scores[scores["motion"] == EACH].set_index("model")["score"].dropna()
     if means.empty:
         return None, "no model has a score on every held-out motion"
@@ -38,7 +38,7 @@ def recommended(
 
 
 def answer(run: Run) -> str:
-    """Return the card's first paragraphs: model, formula, takes and motions, limits and tails."""
+    """Return the first paragraphs of the card: model, formula, takes, motions, limits and tails."""
     t = run.tables
     if "other_motions" not in t:
         return CARD["not_held_out"]
@@ -55,7 +55,7 @@ def answer(run: Run) -> str:
         size = "heavier tails than" if tails["kurtosis"].max() > HEAVY else "tails like"
         share = 100 * tails["three_sigma"].min()
         parts.append(CARD["kurtosis"].format(size=size, low=ends[0], high=ends[1], share=share))
-    return "\n\n".join([*parts, f"To have it: `python -m pipeline export {model}`."])
+    return "\n\n".join([*parts, f"Export: `python -m pipeline export {model}`."])
 
 
 def _formula(model: str, known: pd.DataFrame) -> str:
@@ -74,14 +74,14 @@ def _formula(model: str, known: pd.DataFrame) -> str:
 
 
 def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
-    """Return the greatest recorded |q̇| in rad/s by joint: of all joints, and of still joints."""
+    """Return the greatest recorded |q̇| in rad/s by joint, for all joints and for still joints."""
     speeds = ranges[ranges["quantity"] == "joint speed"].set_index("name")
     fastest = speeds[["least", "greatest"]].abs().max(axis=1)
     return fastest, fastest[fastest < STILL * fastest.max()]
 
 
 def _limits(run: Run, model: str) -> str:
-    """Return the parameters of ``model`` without a number, the poses and speeds not recorded."""
+    """Return the undetermined parameters of ``model``, and the poses and speeds not recorded."""
     rows = run.tables["untold"].query("model == @model")
     text = "".join(
         f" No number for the {parameter} of {', '.join(own['joint'])} ({own['found'].iloc[0]})."
@@ -90,12 +90,12 @@ def _limits(run: Run, model: str) -> str:
     fastest, still = _speeds(run.tables["motion_ranges"])
     text += f" These joints stood still: {', '.join(still.index)}." if len(still) else ""
     seen = ", ".join(f"{joint} {number(float(f'{speed:.3g}'))}" for joint, speed in fastest.items())
-    text += f" Speeds above (rad/s): {seen}; poses outside the ranges below."
-    return f"**What the recordings cannot tell:**{text}"
+    text += f" No evidence on speeds above (rad/s) {seen}, or on poses outside the ranges below."
+    return f"**Limits of the recordings:**{text}"
 
 
 def held_out(run: Run) -> str:
-    """Return log scores by model and held-out motion; for a single motion the mean over takes."""
+    """Return log scores by model and held-out motion; a single motion has the mean over takes."""
     scores, motions = run.tables["other_motions"], run.tables["motions"]
     wide = scores.pivot(index="model", columns="motion", values="score")
     # parts of a single motion's takes are held out in turn
@@ -127,7 +127,7 @@ def held_out_spread(run: Run) -> str:
     wide = wide.loc[measured.index, list(dict.fromkeys(spread["model"]))]
     wide.insert(0, "measured", measured)
     rows = ([*map(str, row[0]), *(f"{1e6 * v:.3g}" for v in row[1:])] for row in wide.itertuples())
-    return f"Rms of a step in µrad.\n\n{table([*place, *map(plain_name, wide.columns)], rows)}"
+    return f"Rms noise of a step, µrad.\n\n{table([*place, *map(plain_name, wide.columns)], rows)}"
 
 
 def held_out_tails(run: Run) -> str:
@@ -145,7 +145,7 @@ def few_takes(run: Run) -> bool:
 
 
 def model_card(run: Run, others: Sequence[Run]) -> str:
-    """Return the card of ``run`` with the first line of the cards of ``others``."""
+    """Return the card of ``run`` with the first line of the card of each of the ``others``."""
     scored = "predictions" in run.tables
     title = f"# Motion model for dataset {run.dataset}, scale {run.scale}"
     if not run.joints:
@@ -153,7 +153,7 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     parts: dict[str, str] = {}
     if "other_motions" in run.tables:
         parts["Why"] = f"{CARD['rule']}\n\n{held_out(run)}"
-        parts["Predicted and measured spread on held-out motions"] = held_out_spread(run)
+        parts["Predicted and measured noise on held-out motions"] = held_out_spread(run)
         parts["Tails and coverage"] = f"{CARD['tails']}\n\n{held_out_tails(run)}"
     if scored:
         parts["Analysed motion"] = f"{CARD['this_motion']}\n\n{predictors(run)}"
@@ -188,7 +188,7 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
 
 
 def _parameters(run: Run) -> str:
-    """Return a row for each known estimate with a standard error, and why others are unknown."""
+    """Return a row for each known estimate with a standard error, and reasons for unknown ones."""
     rows, notes, few = [], [], few_takes(run)
     for model in run.models:
         fitted = run.metrics.get(f"fit_{model}", {})
@@ -205,14 +205,14 @@ def _parameters(run: Run) -> str:
 
 
 def _unknown_estimates(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
-    """Return the estimates among ``fitted`` that the recordings do not determine, and why."""
+    """Return the estimates in ``fitted`` that the recordings do not determine, with reasons."""
     absent = {}
     for name in fitted:
         if fitted.get(f"{name}_unbounded"):
-            absent |= {name: "its search ended at a bound; the level α·u alone is known"}
-            absent |= {"alpha": "known with u alone"} if "alpha" in fitted else {}
+            absent |= {name: "its search ended at a bound; only the level α·u is known"}
+            absent |= {"alpha": "only the level α·u is known"} if "alpha" in fitted else {}
     if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
-        absent["sigma_b"] = "a step has no covariance at the estimate"
+        absent["sigma_b"] = "a step has no covariance at this estimate"
     if "ranges" in run.tables:
         for joint, speed in _speeds(run.tables["ranges"])[1].items():
             if (name := f"std_share_of_the_step_{joint}") in fitted:

@@ -1,8 +1,8 @@
 """Items of the paper (equations, definitions, theorems, algorithms, figures) and its errata.
 
-The code of an item are the public functions, classes and methods whose docstrings cite it:
-equations and figures by label in parentheses, as (NormStd) or (cost)–(const2), other items by kind
-and number, as Theorem 3.
+The code of an item is every public function, class or method whose docstring cites the item.
+Equations and figures are cited by label in parentheses, as (NormStd) or (cost)–(const2), other
+items by kind and number, as Theorem 3.
 """
 
 import ast
@@ -27,19 +27,19 @@ NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algo
 LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
-TESTS_ALONE = "serves tests alone"  # words in the docstring of such a function
+TESTS_ALONE = "serves tests alone"  # words in the docstring of code that only tests use
 MISSING = "(not in this dataset)"
 CLAIMED = ("published", "value", "distance")  # numbers of a claim
 STEPS = 320  # M of the paper's motion
-COLUMNS = ("of the paper", "place", "what it says", "implemented by", "shown by")
+COLUMNS = ("item of the paper", "place", "content", "code", "tests")
 
 
 @options(frozen=True)
 class Item:
     """One item: ``place``, content (``says``), ``tests`` or the reason why it is ``without_code``.
 
-    ``label`` is the paper's, or with a hyphen ours for an equation without one; ``number`` counts
-    the items of a kind as the paper does. Raises ConfigError with the key.
+    ``label`` is the paper's label; a label with a hyphen is ours, for an equation without a label.
+    ``number`` counts the items of a kind as the paper does. Raises ConfigError with the key.
     """
 
     kind: Literal["equation", "figure", "definition", "theorem", "algorithm"]
@@ -52,14 +52,14 @@ class Item:
 
     def __post_init__(self) -> None:
         if bool(self.label) != (self.kind in LABELLED):
-            raise ConfigError("equations and figures alone have a label", key="label")
+            raise ConfigError("an equation or figure needs a label, other items none", key="label")
         if bool(self.tests) == bool(self.without_code):
-            message = "needs tests, or a reason why it is without code, and not both"
+            message = "an item needs either tests or without_code, not both"
             raise ConfigError(message, key="tests")
 
     @property
     def cited_as(self) -> str:
-        """Words by which a docstring cites the item, without the parentheses of a label."""
+        """Words that cite the item in a docstring, without the parentheses of a label."""
         return self.label or f"{NUMBERED[self.kind]} {self.number}"
 
     @property
@@ -87,16 +87,16 @@ def parse_items(entries: object) -> list[Item]:
 
 
 def cited_items(docstring: str, items: Sequence[Item]) -> set[str]:
-    """Return :attr:`Item.cited_as` of the items that ``docstring`` cites; raises ConfigError for a
-    number, or a label behind "Eq." or "Fig.", that the paper does not have.
+    """Return :attr:`Item.cited_as` of the items that ``docstring`` cites; raises ConfigError if the
+    paper lacks a cited number, or a label after "Eq." or "Fig.".
     """
     known = [item.cited_as for item in items]
     names = set(CITED_BY_NUMBER.findall(docstring))
-    for said, first, last in CITED.findall(docstring):
+    for prefix, first, last in CITED.findall(docstring):
         last = last or first
         if first in known and last in known:
             names |= set(known[known.index(first) : known.index(last) + 1])
-        elif said:
+        elif prefix:
             names |= {first, last}
     for name in sorted(names - set(known)):
         raise ConfigError(f"a docstring cites {name}, which the paper does not have", key=name)
@@ -132,7 +132,7 @@ def _documented(tree: ast.Module | ast.ClassDef, owner: str) -> Iterator[tuple[s
 
 
 def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]]) -> str:
-    """Return ``reports/equations.md``: each item with the ``sources`` of :func:`citations`."""
+    """Return ``reports/equations.md``, each item with the ``sources`` of :func:`citations`."""
     rows = []
     for item in items:
         by = [
@@ -149,9 +149,9 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
 
 @options(frozen=True)
 class Erratum:
-    """One erratum: ``place`` and content of the ``paper``, the ``fact``, what is ``done`` here, and
-    ``tests``. ``{name}`` in the prose stands for a number in ``values``: of the run, or of a claim
-    in the files claims/published, value, distance and walk.
+    """One erratum: ``place`` and content of the ``paper``, the ``fact``, the remedy ``done`` here,
+    and ``tests``. ``{name}`` in the prose stands for a number in ``values``: a number of the run,
+    or of a claim in the files claims/published, value, distance and walk.
     """
 
     id: str
@@ -167,7 +167,7 @@ class Erratum:
         try:
             self.prose(dict.fromkeys(self.values, ""))
         except (KeyError, IndexError, ValueError):
-            message = "a placeholder in the prose that is not among the values"
+            message = "the prose has a placeholder that is not among the values; add it"
             raise ConfigError(message, key="values") from None
 
     def prose(self, numbers: dict[str, str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The report, the pages of all datasets and of the recordings, the results in the README."""
+"""Report, pages of all datasets and of the recordings, and results in the README."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,8 +19,9 @@ TEXT = TEXTS["report"]
 ROBOTS: dict[str, str] = TEXT["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
 MARKS: dict[str, str] = TEXT["marks"]
-UNKNOWN = "no evidence"  # value of the table readings
-# name in summary.json → model and its estimate
+COMPARE = "Compare"  # first word of the caption's sentence that the report prints
+UNKNOWN = "no evidence"  # value in the table ``readings``
+# name in summary.json → model and name of its estimate
 SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
 # names of counts of losses
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
@@ -30,7 +31,7 @@ BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL
 def report_page(
     here: Run, runs: Sequence[Run], decided: Sequence[Decided], parts: Mapping[str, str]
 ) -> str:
-    """Return ``report.md`` of ``here`` with the further sections ``parts``; no verdict on smoke."""
+    """Return ``report.md`` of ``here`` with further sections ``parts``; no verdicts if smoke."""
     own = {**parts, "More": TEXT["links"]}
     if here.scale == SMOKE:
         return page([TEXT["trial"].format(here.dataset)], own)
@@ -59,11 +60,11 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
         lines.append(TEXT["dispersion"].format(number(ours), claim.published))
     if "predictions" in here.tables:
         best = plain_name(scores.log_scores(here)["mean"].idxmax())
-        lines.append(f"The {best} predicts the next pose best (highest log score).")
+        lines.append(f"The {best} has the highest log score of the next pose.")
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 
-def held_and_failed(verdicts: Sequence[Verdict]) -> tuple[int, int]:
+def count_claims(verdicts: Sequence[Verdict]) -> tuple[int, int]:
     """Return the numbers of the paper's claims that hold and that fail."""
     verdict = [each.verdict for each in verdicts if each.claim.source != PROJECT]
     return verdict.count(d.REPRODUCED), verdict.count(d.NOT_REPRODUCED)
@@ -71,7 +72,7 @@ def held_and_failed(verdicts: Sequence[Verdict]) -> tuple[int, int]:
 
 def _counts(here: Run, decided: Sequence[Decided]) -> str:
     columns = _columns(here, decided)
-    counts = ("{} / {}".format(*held_and_failed(whose.verdicts)) for whose in columns)
+    counts = ("{} / {}".format(*count_claims(whose.verdicts)) for whose in columns)
     return "; ".join(f"{_robot(w)}: {count}" for w, count in zip(columns, counts, strict=True))
 
 
@@ -80,7 +81,7 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
-        numbers |= zip(("hold", "fail"), held_and_failed(own.verdicts), strict=True)
+        numbers |= zip(("hold", "fail"), count_claims(own.verdicts), strict=True)
     for name, (model, key) in SUMMARY.items():
         if key in here.metrics.get(f"fit_{model}", {}):
             numbers[name] = here.metrics[f"fit_{model}"][key]
@@ -89,7 +90,7 @@ def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
 
 
 def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
-    """Return the verdicts without a recording, of ``here``, then of the other robots."""
+    """Return the verdicts without a recording, then on ``here``, then on the other robots."""
     by_name = {whose.dataset: whose for whose in decided}
     names = dict.fromkeys([d.WITHOUT_RECORDING, here.dataset, *ROBOTS])
     return [by_name[name] for name in names if name in by_name]
@@ -112,7 +113,7 @@ def claims_table(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def statement(claim: Claim) -> str:
-    """Return the statement of ``claim`` with notes on what decides the claim and whose it is."""
+    """Return the statement of ``claim`` with notes on its source and on the reason of a verdict."""
     notes = [TEXT["by"][claim.by]] if claim.by else []
     notes += ["the project's own claim"] if claim.source == PROJECT else []
     notes += ["the paper's own arm"] if claim.about == "specimen" else []
@@ -146,7 +147,7 @@ def failures(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def readings(runs: Sequence[Run]) -> str:
-    """Return the claims that another reading of "LU or QR" (Eq. LUDecom) changes, by run."""
+    """Return by run the claims whose verdict depends on the reading of "LU or QR" (Eq. LUDecom)."""
     rows, notes = [], []
     for run in (run for run in runs if "readings" in run.tables):
         own = run.tables["readings"]
@@ -193,14 +194,14 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
             ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
             others.append([name, printed, " / ".join(ours)])
-    parts = ["No interval: fewer than ten takes." if few else "In brackets 95 % intervals."]
+    parts = ["No interval: fewer than ten takes." if few else "Brackets have 95 % intervals."]
     parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """Return an estimate with its interval, or what is known of it at a bound."""
+    """Return an estimate with its interval, or "unbounded" at the end of the searched interval."""
     name = f"{key}_{estimator}"
     if name not in fitted:
         return "–"
@@ -216,15 +217,15 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
 def figures(
     captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
 ) -> str:
-    """Return the paper's figures in its order with a sentence of each caption, then links to ours;
-    the ``sources`` of an item name its figures.
+    """Return the paper's figures in order, each with one sentence of the caption (the COMPARE
+    sentence, else the first), then links to other figures; ``sources`` name an item's figures.
     """
     ours, lines = dict(captions), []
     for item in (item for item in items if item.kind == "figure"):
         for name in (source.name.rpartition(".")[2] for source in sources[item.cited_as]):
             if caption := ours.pop(name, None):
                 sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption["caption"])
-                look = next((s for s in sentences if s.startswith("To look at")), sentences[0])
+                look = next((s for s in sentences if s.startswith(COMPARE)), sentences[0])
                 lines.append(f"- **{item.title}.** {look}")
                 lines.append(f"  ![{caption['title']}](figures/{name}.png)")
     links = "; ".join(f"[{own['title']}](figures/{name}.png)" for name, own in ours.items())
@@ -239,20 +240,20 @@ def gravest_errata(errata: Sequence[Erratum]) -> str:
 
 
 def datasets_page(decided: Sequence[Decided]) -> str:
-    """Return ``reports/datasets.md``: the sign of every verdict by claim and dataset."""
+    """Return ``reports/datasets.md``, with the sign of every verdict by claim and dataset."""
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in _rows(decided)]
     tally = []
     for name, whose, own in decided:
         forced = sum(verdict.verdict == d.FORCED for verdict in own)
-        tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*held_and_failed(own)), forced])
+        tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*count_claims(own)), forced])
     head = ["# Every claim in every dataset", TEXTS["datasets"]]
     head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
     return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])
 
 
 def recordings_page(run: Run) -> str:
-    """Return ``recordings.md``: recordings kept and left out, nonzero totals of losses."""
+    """Return ``recordings.md``, with recordings kept and left out, and nonzero totals of losses."""
     sections, rows = {}, []
     if "kept" in run.tables:
         kept = run.tables["kept"].astype(object).fillna("").astype(str).to_numpy()

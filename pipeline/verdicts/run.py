@@ -1,4 +1,4 @@
-"""Metrics and tables of a run, and references to single numbers of them."""
+"""Metrics and tables of a run, and references to single numbers in them."""
 
 import io
 import json
@@ -20,7 +20,7 @@ Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
 T = TypeVar("T")
 Number = Annotated[float, Field(strict=True)]  # no text and no truth value
 TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
-NUMBERED = 3  # joints of the paper's arm
+NUMBERED = 3  # number of joints of the paper's arm
 JOINT = re.compile(r"\{joint (\d+)\}")
 PLACEHOLDER = re.compile(r"\{(?!joint \d+\})([^{}]*)\}")
 
@@ -33,7 +33,7 @@ class ArmNames(NamedTuple):
 
     @property
     def numbered(self) -> tuple[str, ...]:
-        """Joints that claims may number: three, of a planar chain whose task is its whole pose."""
+        """Three joints of a planar chain whose task is the whole pose; else no joint."""
         return self.joints if len(self.joints) == NUMBERED and self.task == PLANE else ()
 
     def named(self, text: str) -> str:
@@ -47,8 +47,8 @@ class Reference:
     """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
     columns equal ``rows``; raises ConfigError without key or column.
 
-    ``{joint 2}`` stands for the second of the :attr:`ArmNames.numbered` joints, any other
-    ``{name}`` for a case's value of that name.
+    ``{joint 2}`` stands for the name of the second of the :attr:`ArmNames.numbered` joints, any
+    other ``{name}`` for the value of this name in a case.
     """
 
     file: str
@@ -58,12 +58,12 @@ class Reference:
 
     def __post_init__(self) -> None:
         if bool(self.key) == bool(self.column) or (self.key and self.rows):
-            message = f"{self.file}: needs a key, or a column and the rows it is read from"
+            message = f"{self.file}: needs a key, or a column and the rows of the number"
             raise ConfigError(message, key="key")
 
     @property
     def address(self) -> str:
-        """File in the dataset's reports, and the place within the file."""
+        """File in the dataset's reports, and place in the file."""
         if self.key:
             return f"{self.file}.json: {self.key}"
         rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
@@ -79,14 +79,14 @@ class Reference:
 
         def value(place: re.Match) -> str:
             if place[1] not in case:
-                message = f"a placeholder that is not among {', '.join(case) or 'none'}"
+                message = f"unknown placeholder; the claim has {', '.join(case) or 'none'}"
                 raise ConfigError(message, file=self.file)
             return str(case[place[1]])
 
         return self._with(lambda text: PLACEHOLDER.sub(value, text))
 
     def look_up(self, evidence: Evidence, arm: ArmNames) -> float | None:
-        """Return the number, None if the run has none; raises ConfigError if several rows fit."""
+        """Return the number, None if it is missing; raises ConfigError if several rows fit."""
         if any(number > len(arm.numbered) for number in self.joint_numbers):
             return None
         named, value = self._with(arm.named), None
@@ -108,8 +108,8 @@ class Reference:
 
 
 def parse_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
-    """Return a ``structure`` for each of ``entries``; raises ConfigError with ``kind`` of entry,
-    ``name`` and key, also if two entries have one name.
+    """Return a ``structure`` for each of ``entries``; raises ConfigError with the ``kind`` and
+    ``name`` of the entry and the key for an invalid entry and for two entries of equal name.
     """
     if not isinstance(entries, list):
         raise ConfigError(f"must be a list, got {entries!r:.40}", key=f"{kind}s")
@@ -117,7 +117,7 @@ def parse_entries(structure: type[T], entries: object, kind: str, name: str = "i
     for number, entry in enumerate(entries, 1):
         own = (entry.get(name) if isinstance(entry, dict) else None) or number
         if own in result:
-            raise ConfigError(f"two {kind}s have one {name}", **{kind: own, "key": name})
+            raise ConfigError(f"two {kind}s have the same {name}", **{kind: own, "key": name})
         try:
             result[own] = validated(structure, entry)
         except ConfigError as error:
@@ -127,7 +127,7 @@ def parse_entries(structure: type[T], entries: object, kind: str, name: str = "i
 
 @dataclass(frozen=True)
 class Run:
-    """Results of a run; models are kinds by name, metrics and tables by file stem."""
+    """Results of a run: kinds of the models by name, metrics and tables by file stem."""
 
     dataset: str
     scale: str
@@ -150,7 +150,7 @@ class Run:
         return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
 
     def to_json(self) -> str:
-        """Return JSON of full precision; a table is the list of its CSV lines."""
+        """Return JSON with full precision; a table is a list of CSV lines."""
         values = {**vars(self), "joints": list(self.joints), "task": list(self.task)}
         values["tables"] = {
             stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()
@@ -159,8 +159,8 @@ class Run:
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
-    """Return the runs in ``folder``, the dataset ``first`` before the others in their order; raises
-    ContractError if it is missing or :meth:`Run.to_json` did not write a file.
+    """Return the runs in ``folder``, the dataset ``first`` before the others by file name; raises
+    ContractError if ``first`` is missing or a file is not of :meth:`Run.to_json`.
     """
     runs = {run.dataset: run for run in map(read_run, sorted(folder.glob("*.json")))}
     if first not in runs:
@@ -170,12 +170,12 @@ def read_runs(folder: Path, first: str) -> list[Run]:
 
 
 def read_run(file: Path) -> Run:
-    """Read one run; raises ContractError where ``Run.to_json`` did not write ``file``."""
+    """Read one run; raises ContractError for a ``file`` that is not of :meth:`Run.to_json`."""
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
         for stem, lines in values["tables"].items():
             values["tables"][stem] = pd.read_csv(io.StringIO("\n".join(lines)))
         return Run(**values)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        message = f"no evidence of a run ({error}); run the stage score with that dataset"
+        message = f"cannot read the evidence of a run ({error}); run the stage score again"
         raise ContractError(message, file=file) from None

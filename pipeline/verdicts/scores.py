@@ -10,7 +10,7 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, interval, join_names, number, plain_name, table
 
 MATRIX_KINDS = ("wishart", "gaussian")
-ALL = "all"  # group of all steps
+ALL = "all"  # name of the group of all steps
 FILTERS = "filter_against_none"
 BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
 LABELS = {NONE: "training mean", MEMORY: "autoregressive, linear filter"}
@@ -18,7 +18,7 @@ TEXT = TEXTS["scores"]
 
 
 def log_scores(run: Run) -> pd.DataFrame:
-    """Return the rows of the log score over all steps by model, without models that have none."""
+    """Return the rows of the log score over all steps by model, without models without a score."""
     rows = run.tables["predictions"].query("steps == @ALL and score == 'log_score'")
     return rows[rows["mean"].notna()].set_index("model")
 
@@ -35,38 +35,39 @@ def result(run: Run) -> list[str]:
         text = TEXT["best"].format(number(means[best]), name)
         if others:
             pair = pairs.set_index(["model", "rival"]).loc[(best, others[0])]
-            text += f", {_away(pair)} the best {'baseline' if kinds[best] else 'matrix model'}'s"
+            text += f", {_offset(pair)} the highest of a "
+            text += "baseline" if kinds[best] else "matrix model"
         sentences.append(f"{text}.")
     if FILTERS in run.tables:
         rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
         rows = rows.set_index("model").sort_values("difference", ascending=False)
         particle = rows.index.difference([NONE, MEMORY], sort=False)
-        parts = [TEXT["particle"].format(_away(rows.loc[particle[0]]))] if len(particle) else []
-        parts += [TEXT["linear"].format(_away(rows.loc[MEMORY]))] if MEMORY in rows.index else []
-        sentences += [f"{', '.join(parts)}."] if len(particle) else []
+        parts = [TEXT["particle"].format(_offset(rows.loc[particle[0]]))] if len(particle) else []
+        parts += [TEXT["linear"].format(_offset(rows.loc[MEMORY]))] if MEMORY in rows.index else []
+        sentences += [f"{'; '.join(parts)}."] if len(particle) else []
     return sentences
 
 
-def _away(row: pd.Series) -> str:
-    """Return a difference as a distance with its interval and its direction."""
+def _offset(row: pd.Series) -> str:
+    """Return the size of a difference with its interval, and "above" or "below"."""
     if row["difference"] > 0:
         return f"{number(row['difference'])} {interval(row['low'], row['high'])} above"
     return f"{number(-row['difference'])} {interval(-row['high'], -row['low'])} below"
 
 
 def spread_note(run: Run) -> str:
-    """Return the note for recordings without evidence on the standard deviation, else nothing."""
+    """Return a note if the recordings give no evidence on the standard deviation, else ""."""
     return TEXT["no_spread"] if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT else ""
 
 
 def choice(run: Run) -> str:
-    """Return the matrix model with a log score above all baselines, or none, and the best model."""
+    """Return sentences: matrix model with a log score above all baselines; highest log score."""
     means = log_scores(run)["mean"]
     matrix = [name for name, kind in run.models.items() if kind in MATRIX_KINDS and name in means]
     above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
     if passing := [name for name in matrix if not above[name]]:
         name = plain_name(means[passing].idxmax())
-        parts = [f"**{name}**: its log score is above every baseline's."]
+        parts = [f"The log score of the **{name}** is above every baseline's."]
     else:
         plain = {plain_name(n): join_names(map(plain_name, names)) for n, names in above.items()}
         rivals = "; ".join(f"{name} not above {names}" for name, names in plain.items())
@@ -82,7 +83,7 @@ def choice(run: Run) -> str:
 
 
 def _not_below(run: Run, model: str, rivals: Sequence[str]) -> list[str]:
-    """Return the ``rivals`` that the interval of the difference does not put below ``model``."""
+    """Return the ``rivals`` whose log score is not significantly below the score of ``model``."""
     low = run.tables["prediction_pairs"].query("steps == @ALL and model == @model")
     low = low.set_index("rival")["low"]
     return [name for name in rivals if name != model and not low[name] > 0]
@@ -118,7 +119,7 @@ def coverage(run: Run) -> str:
 
 
 def filters(run: Run) -> str:
-    """Return a row for each filter, training mean first; nothing without a depth camera."""
+    """Return a row for each filter, training mean first; "" without a depth camera."""
     if not (verdict := filter_verdict(run)):
         return ""
     rows = run.tables[FILTERS].set_index(["model", "score"])
@@ -140,7 +141,7 @@ def filters(run: Run) -> str:
 
 
 def filter_verdict(run: Run) -> str:
-    """Return the filters of higher log score or lower rms errors than the training mean (95 %)."""
+    """Return the filters with a higher log score or lower rms errors than the training mean."""
     if FILTERS not in run.tables:
         return ""
     rows, above = run.tables[FILTERS].set_index(["model", "score"]), TEXT["higher"]

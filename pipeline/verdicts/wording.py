@@ -13,12 +13,12 @@ TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 
 
 def plain_name(model: str) -> str:
-    """Return the name of ``model`` in the pages."""
+    """Return the name of ``model`` on the pages."""
     return TEXTS["names"].get(model, model)
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return ``value`` with significant ``digits``, whole numbers in full, NaN as a dash."""
+    """Return ``value`` with significant ``digits``; whole numbers in full, NaN as a dash."""
     if pd.isna(value):
         return MISSING
     if np.isinf(value):
@@ -49,6 +49,6 @@ def join_names(names: Iterable[str]) -> str:
 
 
 def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
-    """Return the paragraphs ``parts``, then the ``sections`` by heading, without empty ones."""
+    """Return the paragraphs ``parts``, then the ``sections`` by heading; empty ones are dropped."""
     headed = [f"## {heading}\n\n{text}" for heading, text in (sections or {}).items() if text]
     return "\n\n".join([*filter(None, parts), *headed]) + "\n"

@@ -1,8 +1,8 @@
-"""Measured wrench against the matrix model of one configuration: moments, densities, one test.
+"""Moments, densities and a test of the measured wrench against the matrix model.
 
-Rows of a wrench are named as in the table ``force``; ``wrenches`` map a source to its samples (N,
-n) in N of the ``rows``, moments over a characteristic length. Functions named after a table return
-its rows of one ``configuration``.
+``wrenches`` maps a source (measured or modelled) to samples (N, n) in N of the wrench ``rows``,
+named as in the table ``force``; moments are divided by a characteristic length. A function named
+after a table returns the rows of one ``configuration`` in the table.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,25 +17,25 @@ from pipeline.wrench.models import CableSystem, matrix_model, sample_wrenches
 
 # rows of forces and of moments in the plane and in space
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
-GRID_REACH = 4.0  # standard deviations of the wider source that the grid extends beyond the means
-DRAWS = 10  # of the model for every tested sample: they add a tenth to the record's scatter
+GRID_REACH = 4.0  # extent of the grid beyond the means, in standard deviations of the wider source
+DRAWS = 10  # model samples for every tested sample, which add a tenth to the sampling variance
 Wrenches = Mapping[str, ndarray]
 
 
 def rows_of(system: CableSystem) -> tuple[str, ...]:
-    """Names of the n rows of the wrench: forces, then moments where the cables have attachments."""
+    """Return the names of the n wrench rows: forces, then moments if cables have attachments."""
     forces, moments = ROWS[system.dimension]
     return forces if system.attachment is None else forces + moments
 
 
 def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) -> ndarray:
-    """(N, n) N, the rows of ``record`` that ``system`` has; moments over ``length`` in m."""
+    """Return the rows (N, n) in N of ``record`` that ``system`` has; moments over ``length`` m."""
     rows = rows_of(system)
     return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
 
 
 def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -> pd.DataFrame:
-    """Table ``force_moments``."""
+    """Return the table ``force_moments``."""
     table = []
     for source, sample in wrenches.items():
         covariance, row = np.cov(sample, rowvar=False), {"configuration": configuration}
@@ -46,8 +46,8 @@ def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -
 
 
 def common_grid(samples: Sequence[ndarray], points: int) -> ndarray:
-    """(points, n) values of each row, from 4 standard deviations of the widest of ``samples``
-    (N, n) below the least mean to as many above the greatest.
+    """Return a grid (points, n) of the rows of ``samples`` (N, n), from GRID_REACH of the greatest
+    standard deviation below the least mean to as much above the greatest mean.
     """
     centres = np.array([sample.mean(axis=0) for sample in samples])
     reach = GRID_REACH * np.max([sample.std(axis=0) for sample in samples], axis=0)
@@ -55,7 +55,7 @@ def common_grid(samples: Sequence[ndarray], points: int) -> ndarray:
 
 
 def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.DataFrame:
-    """Table ``force_density`` of samples (N, 2): every source on ``points`` × ``points``."""
+    """Return the table ``force_density`` of samples (N, 2) on a grid ``points`` × ``points``."""
     x, y = common_grid([*wrenches.values()], points).T
     fx, fy = (axis.ravel() for axis in np.meshgrid(x, y, indexing="ij"))
     tables = []
@@ -70,7 +70,7 @@ def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.Dat
 def wrench_planes(
     configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
 ) -> pd.DataFrame:
-    """Table ``wrench_planes``: :func:`force_density` in each plane of two forces or moments."""
+    """Return the table ``wrench_planes``: :func:`force_density` for any two forces or moments."""
     tables = []
     for i, j in combinations(range(len(rows)), 2):
         if rows[i][0] == rows[j][0]:
@@ -83,7 +83,7 @@ def wrench_planes(
 def wrench_marginals(
     configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
 ) -> pd.DataFrame:
-    """Table ``wrench_marginals``: density of each row, every source at the same ``points``."""
+    """Return the table ``wrench_marginals``: density of each row at ``points`` common values."""
     tables, grid = [], common_grid([*wrenches.values()], points)
     for i, row in enumerate(rows):
         for source, sample in wrenches.items():
@@ -96,12 +96,12 @@ def wrench_marginals(
 def force_test(
     measured: ndarray, system: CableSystem, sigma_s: ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
-    """Test the record ``measured`` (N, n) in N for the law of the matrix model at the nominal
-    ``system`` (m,) with ``sigma_s`` (n, n).
+    """Test whether the record ``measured`` (N, n) in N has the law of the matrix model at the
+    nominal ``system`` (m,) with ``sigma_s`` (n, n).
 
-    Returns energy distance (N) and permutation p-value of the record, thinned to independent
-    samples, against ten times as many of the model; effective samples N/τ, τ the autocorrelation
-    time; and the shares of the variances that Σ_S causes, on which the power of the test depends.
+    Return the energy distance (N) and its permutation p-value, between the record, thinned to
+    independent samples, and DRAWS times as many model samples; the effective samples N/τ, τ the
+    autocorrelation time; and the share of each variance that Σ_S causes, which limits the power.
     """
     model = matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))

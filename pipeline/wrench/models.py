@@ -1,16 +1,16 @@
-"""The two models of the wrench of cable systems, which are drawn within bounds or stated.
+"""Parametric and random-matrix model of the wrench of a cable system, stated or drawn in bounds.
 
 The parametric model: tensions are normal, cable directions von Mises–Fisher, all independent.
 Cable i pulls with fᵢ = Tᵢ·eᵢ at rᵢ, Tᵢ ~ N(T̲ᵢ, σ_Tᵢ²), eᵢ ~ vMF(e̲ᵢ, κᵢ) on the unit sphere of
 R^p, of density ∝ exp(κ·eᵀe̲) (Mardia & Jupp, Directional Statistics, 2000, ch. 9); for p = 2 the
 von Mises law of an angle. The wrench is W = Σᵢ Gᵢfᵢ, Gᵢ = [I; (rᵢ)×]: n = 3 rows in the plane (p =
 2), and six in space (p = 3). Cables that meet in one point have no moment: G = I, n = p. The
-concentration κ is the paper's σ_θ; directions of a greater κ lie closer together.
+concentration κ is the paper's σ_θ; a greater κ means less variance of the directions.
 
 The random-matrix model: W = S·T with a matrix-variate normal static Jacobian S ~ N(S̲, Σ_S ⊗ Ψ_S)
 and an independent normal actuation T ~ N(T̲, Σ_T). Wrenches alone do not determine Ψ_S: it enters
-their covariance only by the factor tr{(Σ_T + T̲T̲ᵀ)Ψ_S} of Σ_S. Recorded S determine both but for a
-factor, and so do wrenches at several known T.
+their covariance only by the factor tr{(Σ_T + T̲T̲ᵀ)Ψ_S} of Σ_S. Recorded S, or wrenches at several
+known T, determine Σ_S and Ψ_S up to one factor.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ LIMITS["elevation"] = (-np.pi / 2, np.pi / 2)
 class CableSystem:
     """One cable system of m cables, or an array of them; p = 2 in the plane, 3 in space.
 
-    Its wrench is Eq. (WrenchStatEq), its directions have the law of Eq. (vMis). Raises
+    The wrench is Eq. (WrenchStatEq); the directions have the law of Eq. (vMis). Raises
     ModelDomainError for a negative σ_T and for κ ≤ 0.
     """
 
@@ -43,7 +43,7 @@ class CableSystem:
     direction: ndarray  # e̲ (..., m, p), unit vectors from the platform along the cable
     tension_sd: ndarray  # σ_T (..., m), N
     concentration: ndarray  # κ (..., m), dimensionless
-    # r (..., m, p), m, from the point of the moments, in the directions' axes; None: r = 0
+    # r (..., m, p), m, from the moments' reference point, axes as of ``direction``; None: r = 0
     attachment: ndarray | None = None
 
     def __post_init__(self) -> None:
@@ -55,28 +55,28 @@ class CableSystem:
 
     @property
     def dimension(self) -> int:
-        """p."""
+        """Dimension p of the space, 2 or 3."""
         return self.direction.shape[-1]
 
     def in_units_of(self, length: float) -> "CableSystem":
-        """Return the system with attachments over ``length`` in m: moments are then in N."""
+        """Return the system with attachments divided by ``length`` in m; moments are then in N."""
         place = self.attachment
         return self if place is None else replace(self, attachment=place / length)
 
     def maps(self) -> ndarray:
-        """Gᵢ (..., m, n, p), which maps the force of a cable to its wrench."""
+        """Return Gᵢ (..., m, n, p), which maps a cable's force to the cable's wrench."""
         if self.attachment is None:
             return np.broadcast_to(np.eye(self.dimension), (*self.direction.shape, self.dimension))
         return wrench_map(self.attachment)
 
     def jacobian(self) -> ndarray:
-        """S̲ (..., n, m), its columns Gᵢe̲ᵢ: Eq. (static-jacobian) at the means."""
+        """Return S̲ (..., n, m) with columns Gᵢe̲ᵢ, Eq. (static-jacobian) at the mean directions."""
         return np.einsum("...mnp,...mp->...nm", self.maps(), self.direction)
 
 
 def mean_resultant_length(concentration: ndarray, dimension: int) -> ndarray:
-    """A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], any shape; ``dimension`` p: I₁/I₀ in the plane,
-    coth κ − 1/κ in space. Exponentially scaled, as I₀ overflows beyond κ = 713; up to κ = 1e9.
+    """Return A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], ``dimension`` p: I₁/I₀ in the plane, coth κ −
+    1/κ in space. Exponential scaling avoids the overflow of I₀ beyond κ = 713; valid to κ = 1e9.
     """
     return ive(dimension / 2, concentration) / ive(dimension / 2 - 1, concentration)
 
@@ -85,7 +85,7 @@ def sample_directions(
     mean: ndarray, concentration: ndarray, samples: int, rng: Generator
 ) -> ndarray:
     """Draw unit vectors (samples, m, p) of cables with the ``mean`` directions e̲ (m, p) and
-    ``concentration`` κ (m,): Eq. (vMis), and its counterpart in space.
+    ``concentration`` κ (m,): Eq. (vMis) in the plane, von Mises–Fisher in space.
     """
     from scipy.stats import vonmises_fisher
 
@@ -94,7 +94,7 @@ def sample_directions(
 
 
 def wrench_map(attachment: ndarray) -> ndarray:
-    """G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p)."""
+    """Return G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p) in m."""
     p = attachment.shape[-1]
     place = attachment if p == 3 else np.insert(attachment, 2, 0.0, axis=-1)
     moment = np.swapaxes(np.cross(place[..., None, :], np.eye(3)), -1, -2)
@@ -103,17 +103,17 @@ def wrench_map(attachment: ndarray) -> ndarray:
 
 
 def wrench_mean(system: CableSystem) -> ndarray:
-    """E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ, (..., n) in N and N·m: shorter than the nominal S̲T̲."""
+    """Return E[W] = Σᵢ A(κᵢ)·T̲ᵢ·Gᵢe̲ᵢ (..., n) in N and N·m, shorter than the nominal S̲T̲."""
     pull = mean_resultant_length(system.concentration, system.dimension) * system.tension
     return np.einsum("...nm,...m->...n", system.jacobian(), pull)
 
 
 def wrench_covariance(system: CableSystem) -> ndarray:
-    """Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ, (..., n, n) in N², N²·m and N²·m².
+    """Return Cov(W) = Σᵢ Gᵢ Cov(fᵢ) Gᵢᵀ (..., n, n) in N², N²·m and N²·m².
 
     Cov(fᵢ) = (T̲² + σ_T²)·E[eeᵀ] − T̲²A²·e̲e̲ᵀ, E[eeᵀ] = (A/κ)·I + (1 − pA/κ)·e̲e̲ᵀ (Mardia & Jupp
-    2000, ch. 9). For p = 2 and G = I its diagonal is Eqs. (kapF11) and (kapF22); the paper leaves
-    its off-diagonal entry out.
+    2000, ch. 9). For p = 2 and G = I the diagonal is Eqs. (kapF11) and (kapF22); the paper omits
+    the off-diagonal entry.
     """
     p = system.dimension
     length = mean_resultant_length(system.concentration, p)
@@ -127,16 +127,16 @@ def wrench_covariance(system: CableSystem) -> ndarray:
 
 @dataclass(frozen=True)
 class Bounds:
-    """(low, high) of the values of a cable, uniform and independent: planar without an
-    ``elevation``, in space uniform on the sphere; the cables meet in one point without an
-    ``attachment``. Raises ConfigError for bounds in the wrong order or beyond LIMITS.
+    """Bounds (low, high) of a cable's values, which are uniform and independent. Without an
+    ``elevation`` cables are planar, else uniform on the sphere; without an ``attachment`` they meet
+    in one point. Raises ConfigError for bounds in the wrong order or beyond LIMITS.
     """
 
     tension: Sequence[float]  # T̲, N
     direction: Sequence[float]  # θ̲, rad, in the plane of the first two axes
     tension_sd: Sequence[float]  # σ_T, N
     concentration: Sequence[float]  # κ (the paper's σ_θ)
-    elevation: Sequence[float] | None = None  # rad, of a cable above that plane
+    elevation: Sequence[float] | None = None  # rad, angle of a cable above that plane
     attachment: Sequence[float] | None = None  # m, each coordinate of r
 
     def __post_init__(self) -> None:
@@ -148,16 +148,16 @@ class Bounds:
 
     @property
     def dimension(self) -> int:
-        """p: 2 in the plane, 3 in space."""
+        """Dimension p: 2 in the plane, 3 in space."""
         return 2 if self.elevation is None else 3
 
     @property
     def coordinates(self) -> int:
-        """Number of values of a cable."""
+        """Number of random values of a cable."""
         return self.dimension + 2 + (0 if self.attachment is None else self.dimension)
 
     def directions(self, angle: ndarray, height: ndarray | None = None) -> ndarray:
-        """Unit vectors (..., p) at the shares ``angle`` and, in space, ``height`` of the bounds."""
+        """Return unit vectors (..., p) at shares ``angle`` and, in space, ``height`` of bounds."""
         theta = interpolate(self.direction, angle)
         plane = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
         if self.elevation is None:
@@ -167,14 +167,14 @@ class Bounds:
 
 
 def interpolate(bounds: Sequence[float], share: ndarray) -> ndarray:
-    """Values at ``share`` of the range ``bounds``, any shape."""
+    """Return the values at ``share`` (any shape) of the range ``bounds``."""
     low, high = bounds
     return low + (high - low) * share
 
 
 def systems_at(bounds: Bounds, points: ndarray) -> CableSystem:
-    """Systems at ``points`` (coordinates, ..., m) of the unit cube: T̲, θ̲, σ_T, κ, in space the
-    height, and the p coordinates of the attachment as shares of their ranges.
+    """Return the systems at ``points`` (coordinates, ..., m) of the unit cube: shares of the ranges
+    of T̲, θ̲, σ_T, κ, in space the height, and the p coordinates of the attachment.
     """
     tension, angle, tension_sd, concentration, *rest = points
     height = rest.pop(0) if bounds.elevation else None
@@ -193,21 +193,21 @@ def draw_systems(bounds: Bounds, systems: int, agents: int, rng: Generator) -> C
 
 
 def study_bounds(options: Wrench) -> Bounds:
-    """Bounds of the paper's numerical study."""
+    """Return the bounds of the paper's numerical study."""
     return Bounds(options.tension, options.direction, options.tension_std, options.kappa)
 
 
 def configuration_bounds(force: Force, robots: Arrangement) -> Bounds:
-    """Bounds of a configuration of ``robots``; attachments over the characteristic length."""
+    """Return the bounds of a configuration; attachments over the characteristic length."""
     place = robots.attachment_bounds and [end / force.length for end in robots.attachment_bounds]
     tensions = force.tension_bounds, robots.direction_bounds, force.tension_std_bounds
     return Bounds(*tensions, force.kappa_bounds, robots.elevation_bounds, place)
 
 
 def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
-    """The system of a configuration of ``robots`` at its means, attachments over the characteristic
-    length; its concentration does not enter the matrix model. Raises ConfigError where robots have
-    no standard deviation of their tension.
+    """Return the system of ``robots`` at the mean values, attachments over the characteristic
+    length; the matrix model does not use the concentration. Raises ConfigError if a robot has no
+    standard deviation of its tension.
     """
     agents, azimuth = len(robots.tension), np.array(robots.direction)
     if len(force.tension_std) < agents:
@@ -223,8 +223,8 @@ def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
 
 @dataclass(frozen=True)
 class MatrixModel:
-    """The model without Σ_S, for one system or an array of them: n rows of the wrench, m actuators.
-    Rows of moments are in N·m, or in N where a characteristic length divides them.
+    """Matrix model without Σ_S of one system or an array of systems: n wrench rows, m actuators.
+    Moments are in N·m, or in N if divided by a characteristic length.
     """
 
     jacobian: ndarray  # S̲ (..., n, m)
@@ -233,30 +233,30 @@ class MatrixModel:
     psi: ndarray  # Ψ_S (..., m, m)
 
     def sigma_s_factor(self) -> ndarray:
-        """tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N², (...): the factor of Σ_S in Cov(W), Theorem 5 in
-        Eq. (TorqCovRHS1), with E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
+        """Return the factor of Σ_S in Cov(W), tr{(Σ_T + T̲T̲ᵀ)Ψ_S} = E[TᵀΨ_ST] in N² (...), by
+        Theorem 5, Eq. (TorqCovRHS1) and E[TTᵀ] = Σ_T + T̲T̲ᵀ of Eq. (MeanOfDynParTrns).
         """
         noise = np.einsum("...ij,...ji->...", self.actuation_cov, self.psi)
         return noise + np.einsum("...i,...ij,...j->...", self.actuation, self.psi, self.actuation)
 
     def actuation_part(self) -> ndarray:
-        """S̲Σ_TS̲ᵀ, (..., n, n): the covariance that the actuation alone causes."""
+        """Return S̲Σ_TS̲ᵀ (..., n, n), the covariance that the actuation alone causes."""
         return self.jacobian @ self.actuation_cov @ np.swapaxes(self.jacobian, -1, -2)
 
     def mean(self) -> ndarray:
-        """E[W] = S̲T̲, (..., n)."""
+        """Return E[W] = S̲T̲ (..., n)."""
         return np.einsum("...nm,...m->...n", self.jacobian, self.actuation)
 
     def covariance(self, sigma_s: ndarray) -> ndarray:
-        """Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ, (..., n, n): Eqs. (TorqCov)–(CovWNonPar);
-        ``sigma_s`` Σ_S (..., n, n).
+        """Return Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ (..., n, n) for ``sigma_s`` Σ_S
+        (..., n, n): Eqs. (TorqCov)–(CovWNonPar).
         """
         return self.sigma_s_factor()[..., None, None] * sigma_s + self.actuation_part()
 
 
 def matrix_model(system: CableSystem) -> MatrixModel:
-    """The model of a cable system, as in the paper with S̲ at e̲, not at E[S] = A(κ)·S̲, and Ψ_S =
-    I, as the directions are independent; :func:`moment_fit` estimates Ψ_S.
+    """Return the matrix model of a cable system with S̲ at the mean directions e̲ and Ψ_S = I, as in
+    the paper. The mean of S is A(κ)·S̲; :func:`moment_fit` estimates Ψ_S.
     """
     identity = np.eye(system.tension.shape[-1])
     covariance = system.tension_sd[..., None] ** 2 * identity
@@ -264,23 +264,23 @@ def matrix_model(system: CableSystem) -> MatrixModel:
 
 
 def unbounded_sigma_s(system: CableSystem) -> ndarray:
-    """M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S}, (..., n, n): the Σ_S with which the models of a
-    cable system have equal covariances. Eigenvalues may be negative, as S̲Σ_TS̲ᵀ overstates the
-    variance that the tensions cause along a cable.
+    """Return M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S} (..., n, n), the Σ_S for which both models
+    have equal covariances. Eigenvalues may be negative, because S̲Σ_TS̲ᵀ overstates the variance
+    that the tensions cause along a cable.
     """
     model, covariance = matrix_model(system), wrench_covariance(system)
     return (covariance - model.actuation_part()) / model.sigma_s_factor()[..., None, None]
 
 
 def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
-    """Return the optimal Σ_S ≥ 0 (..., n, n), and the number of its eigenvalues that the bound sets
-    to 0 (...); ``unbounded`` M (..., n, n).
+    """Return the optimal Σ_S ≥ 0 (..., n, n), and the number (...) of eigenvalues that the bound
+    sets to 0; ``unbounded`` is M (..., n, n).
 
     ``form`` "diagonal" is Eq. (SigSOptim), ‖diag Cov(W) − Var(F)‖ = c·‖diag Σ_S − diag M‖, c =
     tr{(Σ_T + T̲T̲ᵀ)Ψ_S}: each entry is max(0, Mᵢᵢ). "full" is the paper's modification, ‖Cov(W) −
-    Cov(F)‖_F = c·‖Σ_S − M‖_F: the projection of M on the cone of positive semidefinite matrices,
-    negative eigenvalues become 0 (Higham 1988). Where the bound is active, "full" depends on the
-    characteristic length.
+    Cov(F)‖_F = c·‖Σ_S − M‖_F: the projection of M on the positive semidefinite matrices, which sets
+    negative eigenvalues to 0 (Higham 1988). If it does, "full" depends on the characteristic
+    length.
     """
     target = unbounded if form == "full" else unbounded * np.eye(unbounded.shape[-1])
     values, vectors = np.linalg.eigh(target)
@@ -290,8 +290,8 @@ def optimal_sigma_s(unbounded: ndarray, form: str) -> tuple[ndarray, ndarray]:
 
 
 def sample_wrenches(model: MatrixModel, sigma_s: ndarray, samples: int, rng: Generator) -> ndarray:
-    """Draw ``samples`` independent wrenches W = S·T, Eq. (wrench), of one system, (samples, n), by
-    S·T given T: N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n), positive semidefinite.
+    """Draw independent wrenches W = S·T (samples, n) of one system, Eq. (wrench). Given T, S·T is
+    N(S̲T, (TᵀΨ_ST)·Σ_S); ``sigma_s`` Σ_S (n, n) is positive semidefinite.
     """
     normal = rng.multivariate_normal
     actuation = normal(model.actuation, model.actuation_cov, samples, method="eigh")

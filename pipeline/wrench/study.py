@@ -1,5 +1,6 @@
-"""The numerical study: Σ_S when only bounds on the cable system are known, averaged over drawn
-systems and as its expectation, and its error on fresh systems.
+"""Numerical study: Σ_S from bounds on the cable system, and the error of Σ_S on fresh systems.
+
+Σ_S is an average over drawn systems, and is compared with its expectation.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,24 +32,24 @@ from pipeline.wrench.models import (
 )
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
-SHARE_TOLERANCE = 1e-9  # of the outer integral, which lies between 0 and 1
+SHARE_TOLERANCE = 1e-9  # absolute tolerance of the integral h, which lies between 0 and 1
 SCRAMBLES = 16
-LOG2_POINTS = 12  # of each scramble of the Sobol sequence
+LOG2_POINTS = 12  # binary logarithm of the points in each scramble of the Sobol sequence
 
 
 class SigmaS(NamedTuple):
     """Σ_S averaged over drawn systems, or its expectation over the systems within bounds."""
 
     mean: ndarray  # (n, n)
-    standard_error: ndarray  # (n, n) of the mean; of an expectation from its scrambles
+    standard_error: ndarray  # (n, n) of the mean, or of the expectation over the scrambles
     deviation: ndarray  # (n, n) standard deviation of each entry over the systems
     systems: int = 0
-    clipped: int = 0  # eigenvalues of single systems' Σ_S that the bound Σ_S ≥ 0 sets to 0
+    clipped: int = 0  # number of eigenvalues that the bound Σ_S ≥ 0 sets to 0
 
 
 def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
     """Return the mean of the optimal Σ_S of ``systems`` (s, m) by form; raises ConfigError for
-    fewer than two.
+    fewer than two systems.
     """
     if (count := len(systems.tension)) < 2:
         raise ConfigError("the average of Σ_S needs at least 2 systems", systems=count)
@@ -62,12 +63,12 @@ def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
 
 
 def _uniform_mean(function: Callable, bounds: Sequence[float]) -> ndarray:
-    """E[f(X)] of X uniform within ``bounds`` by Gauss–Legendre quadrature over the last axis."""
+    """Return E[f(X)], X uniform within ``bounds``, by Gauss–Legendre quadrature (last axis)."""
     return function(interpolate(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
 
 def _at_attachments(matrix: ndarray, bounds: Bounds) -> ndarray:
-    """E[GXGᵀ], (n, n), of X = ``matrix`` (p, p): G is affine in the independent coordinates."""
+    """Return E[GXGᵀ] (n, n) for X = ``matrix`` (p, p); G is affine in the attachment."""
     if bounds.attachment is None:
         return matrix
     low, high = bounds.attachment
@@ -78,12 +79,12 @@ def _at_attachments(matrix: ndarray, bounds: Bounds) -> ndarray:
 
 
 def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> ndarray:
-    """E[M], (n, n), of the unbounded Σ_S of ``agents`` cables with values within ``bounds``.
+    """Return E[M] (n, n), M the unbounded Σ_S of ``agents`` cables with values in ``bounds``.
 
     M = Σᵢ(T̲ᵢ²Uᵢ + σ_Tᵢ²Vᵢ)/D, D = Σᵢ(T̲ᵢ² + σ_Tᵢ²), V = G{(A/κ)(I − p·e̲e̲ᵀ)}Gᵀ and U = V +
-    (1 − A²)·Ge̲e̲ᵀGᵀ independent of the tensions. So E[M] = E[U]·h + E[V]·(1 − h), where by 1/D =
-    ∫exp(−sD)ds h = E[ΣT̲ᵢ²/D] = ∫m·E[T̲²e^(−sT̲²)]·E[e^(−sT̲²)]^(m−1)·E[e^(−sσ_T²)]^m ds. Raises
-    SolverError where that integral does not converge.
+    (1 − A²)·Ge̲e̲ᵀGᵀ independent of the tensions. So E[M] = E[U]·h + E[V]·(1 − h), and from 1/D =
+    ∫exp(−sD)ds, h = E[ΣT̲ᵢ²/D] = ∫m·E[T̲²e^(−sT̲²)]·E[e^(−sT̲²)]^(m−1)·E[e^(−sσ_T²)]^m ds. Raises
+    SolverError if the integral h does not converge.
     """
     from scipy.integrate import quad
 
@@ -114,8 +115,8 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> ndarray:
 
 
 def expected_sigma_s(bounds: Bounds, agents: int, rng: Generator) -> dict[str, SigmaS]:
-    """E[Σ_S] by form of systems of ``agents`` cables with values uniform within ``bounds``: E[M],
-    exact to quadrature, plus the small E[Σ_S − M] by scrambled Sobol sequences.
+    """Return E[Σ_S] by form for ``agents`` cables with values uniform within ``bounds``: E[M] by
+    quadrature plus the small E[Σ_S − M] by scrambled Sobol sequences.
     """
     from scipy.stats import qmc
 
@@ -140,13 +141,13 @@ def expected_sigma_s(bounds: Bounds, agents: int, rng: Generator) -> dict[str, S
 
 
 def variance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
-    """‖diag Cov(W) − Var‖/‖Var‖, (...): the paper's error of the ``modelled`` covariance."""
+    """Return the paper's error ‖diag Cov(W) − Var‖/‖Var‖ (...) of the ``modelled`` covariance."""
     true, model = (np.diagonal(each, axis1=-2, axis2=-1) for each in (covariance, modelled))
     return np.linalg.norm(model - true, axis=-1) / np.linalg.norm(true, axis=-1)
 
 
 def covariance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
-    """‖Cov(W) − Cov‖_F/‖Cov‖_F, (...), of the whole covariance (..., n, n)."""
+    """Return the error ‖Cov(W) − Cov‖_F/‖Cov‖_F (...) of the whole covariance (..., n, n)."""
     difference = np.linalg.norm(modelled - covariance, axis=(-2, -1))
     return difference / np.linalg.norm(covariance, axis=(-2, -1))
 
@@ -154,12 +155,12 @@ def covariance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
 def sigma_s_rows(
     system_class: str, agents: int, estimates: dict[str, SigmaS], expected: dict[str, SigmaS]
 ) -> list[dict[str, object]]:
-    """Rows of the table ``sigma_s`` of one class of systems, one for each form of Σ_S."""
+    """Return a row of the table ``sigma_s`` for each form of Σ_S of one class of systems."""
     rows = []
     for form, average in estimates.items():
         row, limit = {"system_class": system_class, "agents": agents, "form": form}, expected[form]
         columns = {"s": average.mean, "se": average.standard_error, "e": limit.mean}
-        # the last is the limit of the standard error
+        # ``de``: limit of the average's standard error
         columns |= {"ee": limit.standard_error, "de": limit.deviation / np.sqrt(average.systems)}
         for name, values in columns.items():
             entries = zip(*np.triu_indices(len(values)), strict=True)
@@ -172,10 +173,10 @@ def run_study(
     options: Wrench, rng: Generator, run: Callable = map
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Return the tables ``sigma_s`` and ``wrench_errors`` of the first repeat and ``wrench_spread``
-    of all ``repeats``, over which ``run`` maps a function: Fig. (ErrWrnRMT).
+    of all ``repeats``, Fig. (ErrWrnRMT); ``run`` maps a function over the repeats.
 
-    For each number of cables in ``agents`` Σ_S is from ``systems`` systems, and its errors on
-    ``test_systems`` fresh ones: the paper's, of the diagonal Σ_S, and of the whole covariance.
+    For each number of cables in ``agents``, Σ_S is averaged over ``systems`` systems and tested on
+    ``test_systems`` others: the paper's error with the diagonal Σ_S, and the covariance error.
     """
     repeats = list(enumerate(rng.spawn(options.repeats)))
     parts = zip(*run(partial(_repeat, options), repeats), strict=True)
@@ -184,7 +185,7 @@ def run_study(
 
 
 def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, list]:
-    """Rows or tables of one repeat, with its number and stream."""
+    """Return the rows of the three tables of one ``trial`` (number of the repeat, stream)."""
     (repeat, rng), tests, bounds = trial, options.test_systems, study_bounds(options)
     sigma_rows, errors, maxima = [], [], []
     for m, m_rng in zip(options.agents, rng.spawn(len(options.agents)), strict=True):

@@ -154,7 +154,7 @@ def test_claims_without_their_keys_names_or_cases_are_refused():
     without_rule = {key: value for key, value in CLAIM.items() if key != "rule"}
     for entries, words in (
         ([without_rule], "no value for rule"),
-        ([CLAIM, CLAIM], "two claims have one id"),
+        ([CLAIM, CLAIM], "two claims have the same id"),
         ([CLAIM | {"each": {"joint": "every"}}], "placeholder"),
     ):
         with pytest.raises(ConfigError, match=words):

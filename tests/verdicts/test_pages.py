@@ -79,7 +79,7 @@ def test_the_results_of_the_readme_are_between_its_marks(decided):
 def test_a_trial_run_prints_no_verdict():
     runs = [a_run("youbot", 0.75, scale="smoke")]
     page = report_page.report_page(runs[0], runs, decide_each(CLAIMS, runs, []), {})
-    assert page.startswith("# A trial run on the scale smoke, whose numbers decide nothing")
+    assert page.startswith("# Trial run of dataset youbot on the scale smoke")
     assert not {"✓", "✗", "Claims", "hold"} & {*page.replace(":", " ").split()}
 
 
@@ -151,9 +151,10 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
     run.tables["prediction_pairs"] = pd.DataFrame([pair | {"low": 1.5, "high": 2.5}])
     assert result(run) == [
         "The highest log score of a predictor is 12 nats a step (autoregressive baseline), "
-        "2 [1.5, 2.5] above the best matrix model's.",
-        "The best particle filter has a log score 0.75 [0.65, 0.85] below the training mean's, "
-        "the linear autoregressive filter's is 0.5 [0.4, 0.6] above it.",
+        "2 [1.5, 2.5] above the highest of a matrix model.",
+        "The highest log score of a particle filter is 0.75 [0.65, 0.85] below the training "
+        "mean's; the linear autoregressive filter's log score is 0.5 [0.4, 0.6] above the "
+        "training mean's.",
     ]
 
 
@@ -235,7 +236,7 @@ def test_the_card_opens_with_the_model_its_formula_unknowns_and_tails():
     assert "Δq_j + √(a_j² + b_j²·Δq_j²)·e_j" in first and "Fitted to 8 takes of 2 mot" in first
     assert "| a | 2 µrad | 2.1 % | 4.5 |" in first and "| b | 3 µrad | not known | – |" in first
     assert "No number for the gain of b (0 steps" in first and "stood still: b." in first
-    assert "(kurtosis 11.5 to 44, normal 3)" in first and "at least 98.5 %" in first
+    assert "(kurtosis 11.5 to 44; 3 for normal noise)" in first and "At least 98.5 %" in first
     # then the evidence, the refused model with its reason
     assert "| speed-scaled, Student's t | 60 | 60 | 60 |" in page
     assert "- Wishart matrix model: no score on motion 1: the Jacobian is singular" in page
@@ -245,9 +246,9 @@ def test_the_card_opens_with_the_model_its_formula_unknowns_and_tails():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"motions": 1}, "the recordings hold one motion"),
-        ({"predicted": 4.2e-4}, "predicts 100 % of the held-out spreads"),
-        ({"predicted": 2e-5}, "predicts 100 % of the held-out spreads"),
+        ({"motions": 1}, "the recordings have one motion"),
+        ({"predicted": 4.2e-4}, "misses 100 % of the held-out standard deviations"),
+        ({"predicted": 2e-5}, "misses 100 % of the held-out standard deviations"),
     ],
 )
 def test_no_model_is_an_answer_with_its_reason(changes, reason):
@@ -261,7 +262,7 @@ def test_a_matrix_model_is_recommended_for_this_motion_by_its_intervals_alone(sc
     text = choice(predicted(half, wishart=score))  # below, or above within the interval
     assert text.startswith("On lab **no matrix model** has a log score above every baseline:")
     assert " Wishart matrix model not above autoregressive baseline." in text
-    assert choice(predicted(wishart=12.0, other=11.5)).startswith("**Wishart matrix model**: its")
+    assert choice(predicted(wishart=12.0, other=11.5)).startswith("The log score of the **Wishart")
 
 
 def test_the_card_holds_parameters_ranges_takes_and_other_datasets():

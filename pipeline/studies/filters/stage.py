@@ -1,4 +1,4 @@
-"""filters: scores of the run's filters between the training mean and the best linear filter."""
+"""filters: scores of the run's filters against the training mean and the best linear filter."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -43,10 +43,10 @@ from pipeline.verdicts.wording import join_names, table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
-YARDSTICK = "yardstick"  # best linear filter, which knows the law of the arm's deviations
+YARDSTICK = "yardstick"  # best linear filter, which uses the law of the arm's deviations
 RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
-LASTS = float(np.exp(-1))  # correlation after a frame above which a deviation outlasts the frame
+LASTS = float(np.exp(-1))  # autocorrelation after a frame above which a deviation outlasts a frame
 PLAY = -1  # index of the joint that has play
 COLUMNS = ["filter", "score", "joint", "mean", "difference", "low", "high"]
 
@@ -54,7 +54,7 @@ COLUMNS = ["filter", "score", "joint", "mean", "difference", "low", "high"]
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
     if settings.dataset.laboratory is None:
-        raise NoAnswerError("it has no synthetic laboratory whose law a yardstick could know")
+        raise NoAnswerError("it has no synthetic laboratory whose law the yardstick uses")
     if not contracts.exists("angles", ARTICULATE):
         raise NoAnswerError("it has no depth camera")
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
@@ -148,8 +148,8 @@ def linear_filters(
 ) -> dict[str, Filtered]:
     """Return the training mean, the linear filter of the takes' autocorrelation and the yardstick.
 
-    ``training`` (N, M+1, n) and ``test`` (T, M+1, n) are poses in rad at steps of ``dt`` s, the
-    ``frames`` those of the test takes; ``law`` is the result of :func:`deviations`.
+    ``training`` (N, M+1, n) and ``test`` (T, M+1, n) are poses in rad at steps of ``dt`` s;
+    ``frames`` belong to the test takes; ``law`` is the result of :func:`deviations`.
     """
     pose, arguments = recorded.measurement / 2, (frames, dt, recorded.chain)
     mean, covariance, _ = autocorrelated_filter(training, pose, *arguments)
@@ -164,7 +164,7 @@ def linear_filters(
 def duration_rows(
     factor: float, laboratory: Laboratory, settings: SimpleNamespace, options: SimpleNamespace
 ) -> pd.DataFrame:
-    """Return rows of ``filters_lasting`` with lags of sway and play ``factor`` times as long."""
+    """Return rows of ``filters_lasting`` with lags of sway and play times ``factor``."""
     factors, motion = PhysicsFactors(lasting=factor), laboratory.motion
     dynamics = disturb(laboratory.dynamics, factors)
     takes, camera = observe(laboratory, factors, settings.seed, options.training, options.test)
@@ -218,14 +218,14 @@ def label(name: str) -> str:
 
 
 def better_or_worse(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the rms errors and log scores, with flags where the 95 % interval excludes zero."""
+    """Return rms errors and log scores with the flags ``better`` and ``worse`` (95 % interval)."""
     proper = rows[rows["score"].isin((RMS, LOG)) & (rows["filter"] != NONE)]
     falls, rises, log = proper["high"] < 0, proper["low"] > 0, proper["score"] == LOG
     return proper.assign(better=rises.where(log, falls), worse=falls.where(log, rises))
 
 
 def error_ratio(rows: pd.DataFrame) -> pd.Series:
-    """Return each row's score over the training mean's score."""
+    """Return the ratio of each row's score to the training mean's score."""
     return rows["mean"] / (rows["mean"] - rows["difference"].fillna(0.0))
 
 

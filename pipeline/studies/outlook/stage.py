@@ -1,4 +1,4 @@
-"""outlook: the models on the extensions of the paper, a hexapod and cables that tow a load."""
+"""outlook: the paper's models on two extensions, a hexapod and cables that tow a load."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -38,8 +38,8 @@ from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_
 
 LEGS = 6
 DECOMPOSITIONS = ("qr_transposed", "qr")  # the order of the task's rows does not change them
-# Least singular value of J⁻¹ that is trusted, over its greatest possible entry: below it, a leg
-# that is off by a thousandth of the robot's size moves the platform by the whole size.
+# Least accepted singular value of J⁻¹ over the greatest possible entry: below this value, an error
+# of a leg of a thousandth of the robot's size moves the platform by the whole size.
 LEAST_SINGULAR = 1e-3
 PARTS = {"forces": slice(3), "moments": slice(3, 6)}
 # form of Σ_S, and distance from the parametric model
@@ -47,7 +47,7 @@ ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", cova
 
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the study's tables. Raises ConfigError for a robot or motion that cannot exist."""
+    """Return the study's tables; raises ConfigError for an impossible robot or motion."""
     motion, study = motion_of(options), settings.wrench
     models = equal_models(motion, options.noise, options.bound)
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
@@ -75,7 +75,7 @@ class Hexapod:
 
     ``base`` and ``platform`` (6, 3) in m are the legs' ends, each in its own frame; ``length`` in m
     multiplies the angular rows. A pose (12,) is position (3, m) and rotation (9, row by row) of the
-    platform in the base's frame; the task's rows are velocity and angular velocity in its axes.
+    platform in the base frame; task rows are velocity and angular velocity in base axes.
     """
 
     base: np.ndarray
@@ -107,7 +107,7 @@ class PlatformMotion(Mechanism):
     inverse: np.ndarray
 
     def singular(self, q: np.ndarray) -> np.ndarray:
-        """Return the mask (K,), false: :func:`motion_of` refuses a motion to a singular pose."""
+        """Return the mask (K,), all False, because :func:`motion_of` refuses singular poses."""
         return np.zeros(np.shape(q)[:-1], dtype=bool)
 
     def inverse_jacobian(self, q: np.ndarray, *, what: str = "pose") -> np.ndarray:
@@ -135,8 +135,8 @@ def pose_of(position: np.ndarray, turn: np.ndarray) -> np.ndarray:
 def motion_of(options: SimpleNamespace) -> PlatformMotion:
     """Return the hexapod's motion between two poses at constant velocity and angular velocity.
 
-    Raises ConfigError if a leg is beyond its limits or J⁻¹ is singular on the way, so that the legs
-    do not hold the platform (Gosselin and Angeles 1990).
+    Raises ConfigError if a leg exceeds its limits, or if J⁻¹ is singular during the motion, so that
+    the legs do not hold the platform (Gosselin and Angeles 1990).
     """
     robot = Hexapod(np.array(options.base), np.array(options.platform), options.length)
     start, end = map(pose_of, np.array(options.position), np.array(options.turn))
@@ -154,7 +154,7 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
     least = np.linalg.svd(inverse, compute_uv=False)[:, -1].min()
     signs = np.sign(np.linalg.det(inverse))
     if least < LEAST_SINGULAR * max(1.0, radius / robot.length) or np.ptp(signs):
-        message = "the motion comes to a pose at which the legs do not hold the platform; choose a "
+        message = "the motion has a pose at which the legs do not hold the platform; choose a "
         message += "smaller turn, or joints of base and platform that are not similar figures"
         raise ConfigError(message, key="turn")
     way = np.concatenate([shift, robot.length * turn])
@@ -175,7 +175,8 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
         place = (motion, motion.q, motion.v, trace)
         return {name: model.with_trace(*place) for name, model in models.items()}
     except ModelDomainError as error:
-        raise ConfigError(f"no Wishart model has {noise:g} of the step", key="noise") from error
+        message = f"no Wishart model has rms noise of {noise:g} times the step; choose less"
+        raise ConfigError(message, key="noise") from error
 
 
 def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""planning: noise on the motion that a model plans as the least uncertain, beside other motions."""
+"""planning: noise on the motion that a model plans as least uncertain, against other motions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -42,20 +42,20 @@ from pipeline.studies.simulated import PhysicsFactors, disturb
 from pipeline.verdicts.wording import join_names, table
 
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
-SURE = 0.975  # share of the resamplings
+SURE = 0.975  # least share of the resamplings of a reliable result
 DIGITS = 9  # significant digits of a prediction that are compared
-TOGETHER = 50  # takes that are simulated at once, which bounds the memory
+BATCH = 50  # takes that are simulated at once, which bounds the memory
 KEYS = ["arm", "physics"]
 Motions = Mapping[str, np.ndarray]  # by name: (M+1, n) rad, or (choices,) sums of their noise
 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """An arm, its motion and its task; ``takes`` are performed in the physics ``dynamics``."""
+    """An arm with motion and task; ``takes`` is the number of takes in the physics ``dynamics``."""
 
     joints: tuple[str, ...]  # names, base to tip
-    built: Chain  # nominal, of the task whose rows sway
-    chain: Chain  # of the task that is planned, the same or fewer rows
+    built: Chain  # nominal chain, with the task rows that sway
+    chain: Chain  # nominal chain, with the task rows that are planned
     trajectory: TrajectoryOptions  # of the dataset, at the pace of the study
     dynamics: DynamicsOptions
     takes: int
@@ -79,7 +79,7 @@ class Bench:
 
     @cached_property
     def recorded(self) -> np.ndarray:
-        """(M+1, n) rad, the motion of the dataset."""
+        """Motion of the dataset (M+1, n) in rad."""
         return desired_path(self.built, self.trajectory)
 
     def command(self, path: np.ndarray) -> np.ndarray:
@@ -91,15 +91,15 @@ class Bench:
         """Return poses (takes, M+1, n) in rad of the takes ``name`` that perform ``path`` (M+1, n),
         without measurement noise and with equal random numbers for every path.
 
-        Raises ConfigError if the arm cannot follow, SingularJacobianError if the sway has no law.
+        Raises ConfigError if the arm cannot follow, SingularJacobianError at a singular pose.
         """
         motion, built, dynamics = JointPath(path, self.trajectory.rate), self.built, self.dynamics
         motion.require_followable(built)
         session = open_session(built, dynamics, rng.stream(self.seed, "planning.session"))
         grid, poses = np.arange(len(path)) / motion.rate, []
         streams = [rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes)]
-        for first in range(0, self.takes, TOGETHER):
-            own = streams[first : first + TOGETHER]
+        for first in range(0, self.takes, BATCH):
+            own = streams[first : first + BATCH]
             drawn = [draw_chance(built, motion, dynamics, stream) for stream in own]
             chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
             t, q, _ = swing(session.chain, session.encoder, motion, dynamics, chance)
@@ -130,7 +130,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def problem_of(bench: Bench, options: SimpleNamespace, smoothness: float) -> Problem:
-    """Return the task path of the recorded motion, with the study's margin, as a problem."""
+    """Return the planning problem: task path of the recorded motion and the study's margin."""
     least = np.linalg.svd(bench.chain.jacobian(bench.recorded), compute_uv=False)[:, -1].min()
     path = bench.chain.pose(bench.recorded)
     rate, margin = bench.trajectory.rate, options.margin * float(least)
@@ -149,13 +149,13 @@ def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
 
 def plan_motion(bench: Bench, model: MotionModel, options: SimpleNamespace) -> np.ndarray:
     """Return the motion (M+1, n) in rad of least Σ tr Cov under ``model``; raises InfeasibleError,
-    and ModelDomainError for a model without a covariance or with the same one at every step.
+    and ModelDomainError for a model without a covariance or with the same covariance at every step.
     """
     cost, path = uncertainty(model, bench.chain, "trace"), bench.recorded
     problem = problem_of(bench, options, 0.0)
     each = cost(path[:-1], problem.steps)
     if np.ptp(each) == 0:
-        raise ModelDomainError("the covariance is the same at every step, so no motion has less")
+        raise ModelDomainError("the covariance is the same at every step, so all motions are equal")
     weight = options.smoothness * each.sum() / np.sum(np.diff(path, axis=0) ** 2)
     return least_uncertain(replace(problem, smoothness=float(weight)), cost).joints
 
@@ -167,7 +167,7 @@ def tables_of(
     options: SimpleNamespace,
     models: Mapping[str, object],
 ) -> Tables:
-    """Return the tables of one arm in one physics, ``case``; ``fixed`` motions need no model."""
+    """Return the tables of a ``case`` (arm, physics); ``fixed`` are the motions without a model."""
     (arm, physics), laws = case, {}
     dynamics = disturb(benches[arm].dynamics, PhysicsFactors(**options.physics[physics]))
     bench, motions = replace(benches[arm], dynamics=dynamics), dict(fixed[arm])
@@ -206,7 +206,7 @@ def realised_sums(bench: Bench, motions: Motions, choices: Sequence[np.ndarray])
             print(f"planning: {name} cannot be performed: {error.message}")
             continue
         centred = (noise - noise.mean(axis=0)).reshape(len(noise), -1)
-        # equal bytes with any linear algebra library
+        # einsum: equal bytes with any linear algebra library
         product = np.einsum("ik,jk->ij", centred, centred)
         mean = np.einsum("ci,ij,cj->c", times, product, times) / count
         sums[name] = (np.einsum("ci,ii->c", times, product) - mean) / (count - 1)

@@ -34,7 +34,7 @@ Pair = tuple[dict[str, float], dict[str, float]]
 
 
 class KnownLaw(NamedTuple):
-    """A law with known parameters, and the estimators by name that are tried on its data."""
+    """A law with known parameters, and the estimators by name that are tested on its data."""
 
     model: str
     truth: Truth
@@ -71,7 +71,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLaw]:
-    """Yield the laws that data are drawn from, with the recorded variance or a stated σ_B."""
+    """Yield the laws of the data, with the recorded variance or a stated σ_B."""
     for name, model in config.model_options(options.estimators).items():
         names = options.estimators[name]
         estimators = {each: replace(model, estimator=each) for each in names} or {"–": model}
@@ -81,7 +81,7 @@ def known_laws(recorded: Recorded, options: SimpleNamespace) -> Iterator[KnownLa
 
 def draw_data(truth: MotionModel, recorded: Recorded, rng: np.random.Generator) -> Recorded:
     """Return ``recorded`` with the noise ω of every step drawn from ``truth`` plus N(0, Σ_m), the
-    law that the likelihoods assume; raises SingularJacobianError, ModelDomainError without Σ_m.
+    law that the likelihoods assume. Raises SingularJacobianError, and ModelDomainError without Σ_m.
     """
     q, v = recorded.q, recorded.v
     step, _ = draw_steps(truth, recorded.chain, q, v, rng)

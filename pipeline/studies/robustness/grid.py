@@ -1,4 +1,4 @@
-"""Cases of the grid: another decision on what the paper leaves open, another laboratory."""
+"""Cases of the grid: decisions that the paper leaves open, and conditions of the laboratory."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ from pipeline.verdicts.run import ArmNames, Evidence
 from pipeline.wrench.study import run_study
 
 CHANCE = "random numbers"
-# the estimator of each of the paper's models that returns known parameters
+# consistent estimator of each of the paper's models
 CONSISTENT = {"additive": "shrinkage", "wishart": "likelihood", "gaussian": "likelihood"}
 BASE = ""  # decision and level of the base case
 NamedCase = tuple[str, str, Choices]  # decision, level, case
@@ -34,11 +34,11 @@ CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest st
 def decision_cases(
     base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: int
 ) -> list[NamedCase]:
-    """Return the base case, then every case in which one decision changes its options.
+    """Return the base case, then every case in which one decision changes the options.
 
-    An error in angle weighs like one in position at the distance ``lever`` in m, in the given
-    decomposition diag(lever, lever, 1) of x, z, φ. ``others`` is the number of cases with other
-    random numbers, and of cases with other test takes.
+    The given decomposition diag(lever, lever, 1) of x, z, φ weighs an angle like the displacement
+    at the distance ``lever`` in m. ``others`` is the number of cases with other random numbers, and
+    the number of cases with other test takes.
     """
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
@@ -87,10 +87,10 @@ def cameras(
     periods: tuple[float, float],
     window: int,
 ) -> Mapping[str, Camera]:
-    """Return the depth camera with times and noise on each of the CLOCKS.
+    """Return the depth camera with times and noise for each of the CLOCKS.
 
-    ``angles`` has times by the estimated ``offsets`` in s of the takes' clocks; ``periods`` in s
-    are those of a frame and of a step.
+    Times of ``angles`` are corrected by the estimated ``offsets`` in s of the takes' clocks;
+    ``periods`` in s are the periods of a frame and of a step.
     """
     (frame, step), t = periods, angles["t"]
     times = (t, t - angles["take"].map(offsets), t + frame, t - frame, np.rint(t / step) * step)
@@ -101,7 +101,7 @@ def cameras(
 
 
 class Condition(NamedTuple):
-    """Levels of factors by name; factors without a level are as in the base condition."""
+    """Levels of factors by name; other factors have the level of the base condition."""
 
     study: str  # motion or wrench
     seed: int
@@ -115,7 +115,7 @@ class Condition(NamedTuple):
 def conditions(
     factors: Mapping[str, Sequence], seeds: Sequence[int], study: str, combined: Sequence[str] = ()
 ) -> list[Condition]:
-    """Return base condition, each level alone and combinations of ``combined``, by seed."""
+    """Return the base condition, each level alone and all combinations of ``combined``, by seed."""
     points = [(), *(((name, level),) for name, levels in factors.items() for level in levels)]
     for levels in product(*([1.0, *factors[name]] for name in combined)):
         point = tuple((name, x) for name, x in zip(combined, levels, strict=True) if x != 1.0)
@@ -142,7 +142,7 @@ def verdicts(
 def motion_evidence(
     condition: Condition, laboratory: Laboratory, case: Choices, options: SimpleNamespace
 ) -> Evidence:
-    """Return the evidence of a condition of the motion; none if it comes to a singular pose."""
+    """Return the evidence of a condition of the motion; {} if the motion has a singular pose."""
     way, motion = (
         options.trajectories.get(str(condition.level("trajectory")), {}),
         laboratory.motion,
@@ -160,7 +160,7 @@ def motion_evidence(
     except (SingularJacobianError, RecordingError, ModelDomainError):
         return {}
     sizes = (laboratory.motion.rate, options.test_takes, options.realizations)
-    # equal random numbers in every condition of a seed: a difference is due to the condition
+    # a seed has equal random numbers in every condition, so that only the condition differs
     stream = (condition.seed, "robustness")
     recordings = Recordings(takes, {case.clock: camera}, *sizes, stream)
     count = max(1, round(float(condition.level("particles")) * case.filter.particles))

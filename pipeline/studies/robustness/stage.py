@@ -37,7 +37,7 @@ from pipeline.verdicts.wording import table
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
-BESIDE = "scaled_full"  # model that is scored beside the paper's models in the laboratory
+BESIDE = "scaled_full"  # model that is scored in the laboratory in addition to the paper's models
 BOTH = "both"
 NAMES = {
     "lasting": "duration of deviations",
@@ -50,10 +50,10 @@ Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of cl
 
 
 def evaluate_grid(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the table ``robustness``: verdicts by level; ConfigError for an unknown factor."""
+    """Return the table ``robustness``, verdicts by level; ConfigError for an unknown factor."""
     known = [*FACTORS, "particles"]
     if unknown := sorted(set(options.factors) - set(known)):
-        message = f"no factor {', '.join(unknown)}; there are {', '.join(known)}"
+        message = f"no factor {', '.join(unknown)}; known factors are {', '.join(known)}"
         raise ConfigError(message, key="factors", file=HERE / "params.yaml")
     claims = read_claims(HERE / "conclusions.yaml")
     parts = list(decision_verdicts(settings, options, claims))
@@ -89,7 +89,7 @@ def decision_verdicts(
         periods = (1 / dataset.depth.rate, 1 / dataset.motion.rate)
         seen = cameras(angles, q, offsets, periods, settings.articulation.noise_window)
     else:
-        print("robustness: no depth camera; no decision on camera and filter is varied")
+        print("robustness: no depth camera; decisions on camera and filter are not varied")
         cases = [named for named in cases if without_camera(named[2], base)]
     sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
     recordings = Recordings(takes, seen, *sizes, (settings.seed, "robustness"))
@@ -104,7 +104,7 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory; a killed run's are read again."""
+    """Yield the verdicts in every condition of the laboratory; reuses results of a killed run."""
     grid, common = laboratory_conditions(settings, options, claims)
     folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
     resumed = Memory(folder, verbose=0).cache(verdicts)
@@ -136,7 +136,7 @@ def laboratory_conditions(
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
-    """Return by grid, factor and claim the ``base`` verdict, and True if a level changes it."""
+    """Return the ``base`` verdict by grid, factor and claim, and True if a level changes it."""
     words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
     some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
     rows = robustness.assign(verdict=[words[pair] for pair in some])

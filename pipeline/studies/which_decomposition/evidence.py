@@ -1,12 +1,12 @@
-"""Likelihood of every decomposition given the paper's printed numbers, over random paths.
+"""Likelihoods of the decompositions given the paper's printed numbers, over random paths.
 
 A Wishart step J₂⁺B⁻¹a, a = J₁⁻¹v, r = ‖a‖, has the covariance
 r²·J₂⁺R·diag(Var z, (E z²/(d−m))·I)·RᵀJ₂⁺ᵀ, R orthonormal with first column a/r, d = (m+1)/σ_B².
 On a path the models at the printed parameters give ratios of standard deviations (root of the mean
 variance over all steps):
 
-- Σ_ω and σ_B: Wishart model over printed value in joint j = 1, 2, as the matrix models do not
-  capture the excess of joint 3 (:data:`SIZES` has the alternatives);
+- Σ_ω and σ_B: Wishart model over printed value in joint j = 1, 2, because the matrix models do not
+  capture the excess of joint 3 (:data:`SIZES` has alternatives);
 - (α, u): Gaussian model over printed value, variances summed over the joints;
 - small difference: Wishart model over Gaussian model, variances summed over the joints.
 
@@ -38,14 +38,14 @@ SIZES = {
     "all joints": ("joint 1", "joint 2", "joint 3"),
     "trace": ("trace",),
 }
-SETS = {  # beside one of SIZES
+SETS = {  # quantities in addition to one of SIZES
     "sigma_b": (),
     "alpha_u": ("gaussian",),
     "small_difference": ("gaussian", "difference"),
 }
-SPAN = 9  # tolerances of an integral over them
-INTEGRATED = 0.0  # tolerance of the rows that hold the integral
-BLOCK = 50  # paths whose steps are evaluated at once: buffers that the cache holds
+SPAN = 9  # number of tolerances in an integral over the tolerance
+INTEGRATED = 0.0  # value of the tolerance in rows with the integral
+BLOCK = 50  # paths that are evaluated at once, so that the buffers fit into the cache
 
 
 def wishart_parts(
@@ -85,7 +85,7 @@ def wishart_parts(
 
 
 def wishart_variance(parts: tuple[np.ndarray, np.ndarray], m: int, sigma_b: float) -> np.ndarray:
-    """Return the (n, ...) variances of a step's joints in rad² from :func:`wishart_parts`."""
+    """Return the joints' variances (n, ...) of a step in rad² from :func:`wishart_parts`."""
     along, across = step_variances((m + 1) / sigma_b**2, m)
     total, nominal = parts
     return across * (total - nominal) + along * nominal
@@ -94,7 +94,7 @@ def wishart_variance(parts: tuple[np.ndarray, np.ndarray], m: int, sigma_b: floa
 def gaussian_variance(
     norm: np.ndarray, v: np.ndarray, alpha: float, u: float, n: int
 ) -> np.ndarray:
-    """Return the (...) variance in rad² of a joint's step, α²(u² − ‖J⁺‖_F²)‖v‖²/(nm)."""
+    """Return the variance (...) of a joint's step in rad², α²(u² − ‖J⁺‖_F²)‖v‖²/(nm)."""
     return alpha**2 * (u**2 - norm**2) * (v * v).sum(axis=0) / (n * len(v))
 
 
@@ -108,7 +108,7 @@ class Published(NamedTuple):
 
     @property
     def std(self) -> np.ndarray:
-        """(n,) standard deviation of a step in rad, the root of the mean variance."""
+        """Standard deviation (n,) of a step in rad, the root of the mean variance."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -118,7 +118,7 @@ class Published(NamedTuple):
 
 
 def published_values(claims: Sequence[Claim]) -> Published:
-    """Return the published values of ``claims``; raises ConfigError where one is missing."""
+    """Return the published values of ``claims``; raises ConfigError for a missing value."""
     stated = {claim.id: claim for claim in claims}
     if absent := {"sigma-b", "alpha", "u", "sigma-omega"} - set(stated):
         raise ConfigError("no claim with a published value", claim=", ".join(sorted(absent)))
@@ -132,14 +132,14 @@ def published_values(claims: Sequence[Claim]) -> Published:
 class Widths(NamedTuple):
     """Root mean square standard deviation of a step on each of P paths, in rad."""
 
-    kind: np.ndarray  # (P,) of path
+    kind: np.ndarray  # (P,) kind of the path
     norm: np.ndarray  # (P,) greatest ‖J⁻¹‖_F on the path
-    gaussian: np.ndarray  # (P,) of every joint alike
-    wishart: np.ndarray  # (P, R, n) of each of the readings
+    gaussian: np.ndarray  # (P,) Gaussian model, equal in all joints
+    wishart: np.ndarray  # (P, R, n) Wishart model by reading
 
     @property
     def difference(self) -> np.ndarray:
-        """(R, P) standard deviation of the Wishart model over the Gaussian model's."""
+        """Standard deviation (R, P) of the Wishart model over the Gaussian model's."""
         total, n = np.linalg.norm(self.wishart, axis=-1).T, self.wishart.shape[-1]
         return total / (np.sqrt(n) * self.gaussian)
 
@@ -176,7 +176,7 @@ def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") 
 
 
 def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
-    """Return the (R, P) or (P,) logarithm of each quantity; 0 agrees with the printed numbers."""
+    """Return the logarithm (R, P) or (P,) of each quantity; 0 equals the printed numbers."""
     n = len(stated.covariance)
     joints = np.moveaxis(drawn.wishart / stated.std, -1, 0)
     quantities = {f"joint {j + 1}": ratio.T for j, ratio in enumerate(joints)} | {
@@ -190,7 +190,7 @@ def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
 def densities(
     quantities: Mapping[str, np.ndarray], names: Sequence[str], tolerance: float
 ) -> np.ndarray:
-    """Return the (R, P) density of the printed numbers within a factor ``tolerance`` f > 1."""
+    """Return the density (R, P) of the printed numbers for the ``tolerance`` f > 1."""
     deviation = np.log(tolerance)
     squares = sum((quantities[name] / deviation) ** 2 for name in names)
     return np.exp(-squares / 2) / (np.sqrt(2 * np.pi) * deviation) ** len(names)
@@ -199,8 +199,8 @@ def densities(
 def evidence_rows(
     drawn: Widths, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
 ) -> pd.DataFrame:
-    """Return rows of ``evidence`` for the prior of the paths ``drawn``: by tolerance f, and for the
-    integral over f in ``span``, uniform in ln ln f.
+    """Return rows of ``evidence`` for the prior of the paths ``drawn``, for each tolerance f and
+    for the integral over f in ``span``, uniform in ln ln f.
     """
     quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
     grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []
@@ -238,7 +238,7 @@ def width_rows(drawn: Widths, stated: Published) -> pd.DataFrame:
 
 
 def unsquared_rows(drawn: Widths, stated: Published, tolerances: Sequence[float]) -> pd.DataFrame:
-    """Return the table ``unsquared``: Σ_k = α(u² − ‖J⁻¹‖²)/n², over pivoted LU with α²."""
+    """Return the table ``unsquared``, with Σ_k = α(u² − ‖J⁻¹‖²)/n², over pivoted LU with α²."""
     names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
     own, shift = log_quantities(drawn, stated), -np.log(stated.alpha) / 2
     wider = own | {"gaussian": own["gaussian"] + shift, "difference": own["difference"] - shift}

@@ -1,10 +1,10 @@
 """Random paths of the paper's arm: the prior of the study.
 
-Three kinds have equal weight: straight lines in the joints and in the task (x, z, φ), each one way
-or there and back with equal probability, and ellipses through the start in the joints or the task.
+Three kinds have equal weight: lines in the joints, lines in the task (x, z, φ), and ellipses in the
+joints or the task through the start. A line is one way or there and back with equal probability.
 The start is uniform within the joint limits, the direction isotropic in the joints' speeds; the
-fastest joint has the drawn peak speed. A path is feasible if every pose keeps the joint limits and
-‖J⁻¹‖_F < û. Neither collisions nor the models of the noise select paths.
+fastest joint has the drawn peak speed. A path is feasible if every pose is within the joint limits
+and has ‖J⁻¹‖_F < û. Neither collisions nor the models of the noise select paths.
 """
 
 from dataclasses import dataclass
@@ -26,8 +26,8 @@ SPEED_TOLERANCE = 0.02  # relative, of the peak speed of a path of the task
 class TimeLaw:
     """Timing of a motion: rest, linear ramp, constant speed, linear ramp, rest; ranges are uniform.
 
-    A motion there and back takes half the time each way. ``once`` is the share of the duration that
-    the motion takes: below 1 the motion is faster and repeated, with equal means over the steps.
+    A motion there and back takes half the time each way. ``once`` is the motion's share of the
+    duration: below 1 the motion is faster and is repeated, with equal means over the steps.
     """
 
     steps: int
@@ -38,7 +38,7 @@ class TimeLaw:
     once: tuple[float, float] = (1.0, 1.0)
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return the share (P, steps+1) of each path done; ``back`` (P,) marks return paths."""
+        """Return the completed share (P, steps+1) of each path; ``back`` (P,) marks returns."""
         count = (len(back), 1)
         duration = self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
@@ -75,7 +75,7 @@ def draw_paths(
 def _feasible_paths(
     chain: PlanarChain, law: TimeLaw, kind: str, bound: float, rng: np.random.Generator
 ) -> Paths:
-    """Return the feasible ones of BATCH paths start + size·shape, in the joints or in the task."""
+    """Draw BATCH paths start + size·shape, in the joints or the task; return feasible ones."""
     q = rng.uniform(chain.lower, chain.upper, (BATCH, 3))
     q = q[~chain.singular(q)]
     q = q[frobenius(chain.inverse_jacobian(q)) < bound]

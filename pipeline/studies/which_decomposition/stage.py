@@ -1,4 +1,4 @@
-"""which_decomposition: decompositions of the Jacobian that the paper's printed numbers allow."""
+"""which_decomposition: decompositions of the Jacobian that agree with the paper's numbers."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -25,7 +25,7 @@ from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
-PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # for any dataset
+PAPER_ARM, SPACE_ARM = "youbot", "ur5"  # independent of the run's dataset
 GENERAL = (laws.PIVOTED, laws.QR, laws.QR_TRANSPOSED)  # readings for a task of any size
 NAMES = {
     laws.PIVOTED: "LU, pivoted",
@@ -73,7 +73,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 def widths_of_chunk(
     chunk: int, chain: PlanarChain, options: SimpleNamespace, stated: Published, seed: int
 ) -> dict[str, Widths]:
-    """Return by time law the widths on paths of the arm with a last link of random length."""
+    """Return the widths by time law, on paths of the arm with a last link of random length."""
     stream, parts = rng.stream(seed, "which_decomposition", chunk), {}
     links, still = chain.links.copy(), (0.0, 0.0)
     links[-1] *= stream.uniform(*options.tool) / chain.lengths[-1]
@@ -160,7 +160,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
 
 
 def rows_of_first(rows: pd.DataFrame, column: str) -> pd.DataFrame:
-    """Return the rows whose ``column`` equals the first row's."""
+    """Return the rows with the first row's value of ``column``."""
     return rows[rows[column] == rows[column].iloc[0]]
 
 
