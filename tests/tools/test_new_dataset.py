@@ -6,6 +6,7 @@ import builtins
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,8 @@ from pipeline.formats.depth.index import write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
+from pipeline.recordings.motions import FoundMotion
+from pipeline.tools.new_dataset import command
 
 
 def run(*words: object) -> None:
@@ -250,6 +253,20 @@ def test_an_option_or_name_that_does_not_fit_writes_nothing(root, logs, words, s
     with pytest.raises(ConfigError, match=said):
         run(*words, "--from", logs)
     assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
+
+
+def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypatch):
+    twice = [("a", 0), ("a", 9)]
+    offered = [
+        FoundMotion(np.zeros(2), np.ones(2), number, None, places, [], least)
+        for number, (places, least) in enumerate([(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)])
+    ]
+    monkeypatch.setattr(command, "find_motions", lambda *_: offered)
+    for name in ("JointLogSection", "validated"):
+        monkeypatch.setattr(command, name, lambda *_, **__: SimpleNamespace(movements=""))
+    monkeypatch.setattr(command, "named_takes", lambda *_, **__: {})
+    values = {"joint_log": {}, "robot": {"urdf": "a"}, "motion": {"rate": 1}, "recordings": ""}
+    assert [motion.steps for motion in command.motions_in_logs(values)] == [2, 0, 1]
 
 
 def test_nothing_is_overwritten(root, logs):

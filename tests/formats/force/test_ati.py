@@ -154,6 +154,8 @@ def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(t
     for counts, value in ((False, 7), (True, 7e-6)):
         force = read_netft(file, ForceLogOptions(counts=counts)).force
         np.testing.assert_allclose(force, value)
+    file.write_bytes(b"7,0".join(file.read_bytes().rsplit(b"7.0", 1)))
+    assert "'7,0', not a finite number" in refusal(read_netft, file).message
 
 
 MATRIX = np.random.default_rng(3).normal(size=(6, 6)).round(5)
