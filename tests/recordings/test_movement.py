@@ -159,6 +159,12 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     if unit == "rad":
         with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
             movement.read_log(tmp_path / "run.npz", LogOptions(**options))
+    # nor are 2π m beside the command a whole turn
+    rows = {"actual": np.c_[slide + 2 * np.pi, turn], "target": np.c_[slide, turn]}
+    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
+    log = made(Log, joints=["slide", "turn"], signals={n: [n] for n in rows}, time="time")
+    with pytest.raises(RecordingError, match="slide misses its command"):
+        read_logged_movement("run", tmp_path / "run.npz", log, 100.0, str(tmp_path / "rail.urdf"))
 
 
 NAMES = ["shoulder", "elbow"]

@@ -208,6 +208,9 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
     assert contains(log, expected)
     assert log["signals"] == {"actual": labels[1:3], "target": labels[3:]}
     assert "joint_log" not in written("others")[0]
+    # a given answer replaces what the labels state
+    run("given", "--from", tmp_path / "runs", "--set", "joint_log.time_unit=ms")
+    assert written("given")[0]["joint_log"]["time_unit"] == "ms"
 
 
 def urdf() -> str:

@@ -119,7 +119,7 @@ def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
 
 
 @pytest.mark.slow
-def test_outputs_are_deleted_before_the_run(tmp_path, monkeypatch, capsys):
+def test_outputs_are_deleted_before_the_run(tmp_path, monkeypatch, capfd):
     """Also those that DVC would leave to the stage (persist)."""
     project = tmp_path / "project"
     project.mkdir()
@@ -137,7 +137,7 @@ def test_outputs_are_deleted_before_the_run(tmp_path, monkeypatch, capsys):
         succeeds(*words, cwd=project)
     monkeypatch.chdir(project)
     audit(tmp_path / "audit")
-    assert "audit: 1 stages run again, every file equal" in capsys.readouterr().out
+    assert "audit: 1 stages run again, every file equal" in capfd.readouterr().out
 
 
 @pytest.mark.slow
