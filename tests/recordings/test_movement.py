@@ -205,6 +205,11 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
     np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
     assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
+    # a step that the joint cannot make
+    spoilt = {"target": 0 * q, "actual": q + 0.1 * (np.arange(40) > 20)[:, None] * [0, 1]}
+    write_joint_table(folder / "logs/test_a.csv", CLOCK, spoilt, NAMES)
+    with pytest.raises(RecordingError, match=r"elbow \(actual\) steps by .* allows 2 rad/s"):
+        encoder_rows(folder, encoder_dataset())
 
 
 @pytest.mark.parametrize(

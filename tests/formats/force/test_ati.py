@@ -52,6 +52,8 @@ def test_a_real_log_of_a_decimal_comma_culture_is_read_and_rewritten_to_its_own_
     write_daqft(tmp_path / "log.csv", result, decimal=",")
     rows = [file.read_bytes().splitlines()[1:] for file in (tmp_path / "log.csv", source)]
     assert rows[0] == rows[1]
+    # its frequency has a decimal comma too
+    assert read_daqft(tmp_path / "log.csv").rate == result.rate
 
 
 HEADERS = [
