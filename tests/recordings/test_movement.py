@@ -210,6 +210,14 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     write_joint_table(folder / "logs/test_a.csv", CLOCK, spoilt, NAMES)
     with pytest.raises(RecordingError, match=r"elbow \(actual\) steps by .* allows 2 rad/s"):
         encoder_rows(folder, encoder_dataset())
+    # metres are no angles
+    sliding = ELBOW.replace("revolute", "prismatic").replace('velocity="2"', 'velocity="900"')
+    (folder / "arm.urdf").write_text(sliding)
+    write_joint_table(
+        folder / "logs/test_a.csv", CLOCK, spoilt | {"actual": 35 * spoilt["actual"]}, NAMES
+    )
+    rows, _ = encoder_rows(folder, encoder_dataset())[1]
+    np.testing.assert_allclose(rows["q:elbow"], 35 * spoilt["actual"][:, 1], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -291,3 +299,6 @@ def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refus
     require_encoders(tracked, readings, JOINTS, "a")
     with pytest.raises(RecordingError, match=words):
         require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")
+    with pytest.raises(RecordingError, match="joint_2 is off by"):  # metres have no turns
+        beside = readings.add([0.0, 2 * np.pi, 0.0, 0.0])
+        require_encoders(tracked, beside, JOINTS, "a", circular=np.array([False, True, True]))

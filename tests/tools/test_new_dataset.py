@@ -267,9 +267,12 @@ def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypat
     monkeypatch.setattr(command, "find_motions", lambda *_: offered)
     for name in ("JointLogSection", "validated"):
         monkeypatch.setattr(command, name, lambda *_, **__: SimpleNamespace(movements=""))
-    monkeypatch.setattr(command, "named_takes", lambda *_, **__: {})
+    monkeypatch.setattr(command, "named_takes", lambda *_, **__: {"run": None})
+    urdfs = []
+    monkeypatch.setattr(command, "read_logged_movement", lambda *read: urdfs.append(read[4]))
     values = {"joint_log": {}, "robot": {"urdf": "a"}, "motion": {"rate": 1}, "recordings": ""}
     assert [motion.steps for motion in command.motions_in_logs(values)] == [2, 0, 1]
+    assert urdfs == ["a"]  # which tells joints that slide
 
 
 def test_nothing_is_overwritten(root, logs):
