@@ -21,7 +21,11 @@ def from_python(function: Callable) -> Callable:
 
 
 def chosen_by(scheme: str, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,)."""
-    chosen, scratch = np.full(len(weights), -1), np.full((2, len(weights)), np.nan)
-    from_python(resample)(SCHEMES.index(scheme), weights, chosen, scratch, rng)
-    return chosen
+    """(P,) indices that a resampling ``scheme`` chooses under ``weights`` (P,), with a longer
+    buffer that an earlier use has filled; nothing is written behind the indices.
+    """
+    count = len(weights)
+    chosen, scratch = np.full(count + 200, -1), np.ones((2, count + 200))
+    from_python(resample)(SCHEMES.index(scheme), weights, chosen[:count], scratch, rng)
+    assert np.all(chosen[count:] == -1)
+    return chosen[:count]

@@ -104,8 +104,8 @@ def test_a_links_frame_lies_where_pinocchio_has_it(robot, links):
         ),
         # a fixed joint whose description says that it follows another
         ([("hand", "fixed", "l1", "l2", MIMIC)], {"joints": ["j1"], "task": ["x"]}, "l2"),
-        # a tool whose name a joint has too
-        ([("l2", "revolute", "l1", "l2")], {"joints": ["j1", "l2"], "tool": "l2"}, "l2"),
+        # a tool whose name the next joint has too
+        ([("l1", "revolute", "l1", "l2")], {"joints": ["j1"], "tool": "l1", "task": ["ry"]}, "l1"),
         # a continuous joint that is held
         (
             [("turn", "continuous", "l1", "l2"), ("j2", "revolute", "l2", "l3")],

@@ -15,7 +15,7 @@ from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Compute, Filter
 from pipeline.core.options.dataset import Robot
-from pipeline.core.validation import options
+from pipeline.core.validation import options, validated
 from pipeline.models.kinds import kinds, options_type
 
 PARTS = "robot motion trajectory mocap depth force laboratory".split()
@@ -96,6 +96,8 @@ def test_all_faults_are_in_one_message(compose):
     with pytest.raises(ConfigError, match="2 faults") as refused:
         compose(overrides="{filter: {particles: 0}, wrench: {grd: 3}}")
     assert "filter.particles: " in str(refused.value) and "did you mean grid" in str(refused.value)
+    with pytest.raises(ConfigError, match=r"filter\.9: keys should be strings, got 9"):
+        validated(Filter, {9: 4}, "filter")
 
 
 def test_an_override_changes_its_value_and_nothing_else(compose):

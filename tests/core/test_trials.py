@@ -14,11 +14,13 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from distributed import Client, LocalCluster
 
+from pipeline.core.compute import cluster
 from pipeline.core.compute import trials as module
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ComputeError, ConfigError
@@ -202,10 +204,38 @@ def test_a_scheduler_that_is_lost_or_silent_is_named(tmp_path, end):
         assert time.monotonic() - before < 18
 
 
-def test_what_is_no_address_of_a_scheduler_is_refused():
+def test_what_is_no_address_of_a_scheduler_is_refused_and_its_client_closed(monkeypatch):
+    closed, close = [], Client.close
+    monkeypatch.setattr(Client, "close", lambda client: (closed.append(client), close(client)))
     for address in ("tcp://127.0.0.1:9", "nowhere"):
         with pytest.raises(ComputeError, match="no Dask scheduler answers"):
             results(operator.neg, [1], on(address, 1.0))
+    # at once, not by garbage collection in the midst of another client's start
+    assert len(closed) == 2
+
+
+def test_a_client_that_does_not_begin_is_refused(monkeypatch):
+    def begin(*_: object, **__: object) -> None:
+        raise AssertionError("of Dask, whose thread has not begun")
+
+    monkeypatch.setattr(Client, "start", begin)
+    with pytest.raises(ComputeError, match=r"answers within 1 s \(.*not begun"):
+        results(operator.neg, [1], on("tcp://127.0.0.1:9", 1.0))
+
+
+def test_a_result_that_does_not_arrive_in_time_is_waited_for_while_there_are_workers(monkeypatch):
+    answers = iter([TimeoutError, TimeoutError])
+
+    def result(timeout: float) -> None:
+        raise next(answers)
+
+    def lost(*_: object) -> None:
+        raise ComputeError("lost")
+
+    monkeypatch.setattr(cluster, "workers_of", lost)
+    with pytest.raises(ComputeError, match="lost"):
+        cluster.result_of(SimpleNamespace(status="finished", result=result), None, "", 1.0)
+    assert [*answers] == [TimeoutError]
 
 
 @pytest.mark.slow

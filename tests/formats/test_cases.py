@@ -149,7 +149,7 @@ ONE_EACH = {  # case, file: what inspect says of it
     ("12", "inches.csv"): "'Inches' by Length Units",
     ("12", "euler_keys_stripped.csv"): "export the take with quaternions",
     ("14", "control.pcd"): "points 20; organised 5 × 4",
-    ("14", "kinect_by_pcl.pcd"): "turned by 180° about 1 0 0, not applied",
+    ("14", "kinect_by_pcl.pcd"): "at 0 0 0, turned by 180° about 1 0 0, not applied",
     ("16", "no_line_end.pcd"): "points 3",
 }
 

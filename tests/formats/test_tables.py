@@ -47,6 +47,7 @@ TABLES = {
     "dates": (beside("clock", 1, "2024-03-05 10:15:%d.5"), {"clock": "dates or times"}),
     "another quantity": (beside("actual_main_voltage", 2, "48.%d"), {}),
     "numbers of the rows": (beside("", 0, "%d"), {}),
+    "a unit beside the time": (beside("row (ms)", 0, "%d"), {}),
     "a header beyond 16 KiB": (beside("x" * 30_000, 5, "1.5"), {}),
     "footer": (table() + "\nSummary: 60 rows\nEnd\n", {}),
 }
@@ -61,6 +62,7 @@ def test_a_table_is_recognised_labelled_and_read_whatever_is_above_and_beside_it
     (finding,) = inspect(tmp_path / "run.csv")
     assert (finding.format, finding.stops) == ("table of numbers", [])
     assert finding.facts["signals"] == SIGNALS and finding.facts["time"] == "time"
+    assert (finding.facts["step_of_time"], finding.suggested["time_unit"]) == (0.008, "s")
     assert finding.facts.get("columns_without_numbers", {}) == left_out
     log = read_joint_table(tmp_path / "run.csv", LogOptions("time", joints=2, signals=SIGNALS))
     np.testing.assert_allclose(log.time, TIME, atol=1e-6)

@@ -98,8 +98,10 @@ def test_a_scene_that_cannot_be_seen_is_refused():
         prism(BOX[[0, 2, 1, 3]], -1.0, 1.0)
     with pytest.raises(ConfigError, match="is inside a solid"):
         cast(prism(BOX, -0.07, 0.07), np.zeros(1), np.zeros(1))
-    with pytest.raises(ConfigError, match="wholly in the image"):
-        DepthCamera(ARM, KinectOptions(distance=0.3), UNBIASED).render(EXTENDED)
+    # too near, and with the arm behind the camera
+    for pose in ({"distance": 0.3}, {"yaw": np.pi / 2, "aim": (4.0, 0.17)}):
+        with pytest.raises(ConfigError, match="wholly in the image"):
+            DepthCamera(ARM, KinectOptions(**pose), UNBIASED).render(EXTENDED)
 
 
 CLEAN = KinectOptions(axial=(0.0, 0.0, 0.0, 0.0), lateral=(0.0, 0.0), edge_lost=0.0, edge_mixed=0.0)

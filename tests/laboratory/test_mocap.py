@@ -9,8 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from space_arms import LWR4, link_poses
 
-from pipeline.arm.model import link_chains
-from pipeline.laboratory.mocap import MarkerCluster, capture, capture_bodies, in_body, place_markers
+from pipeline.arm.model import chain_of, link_chains
+from pipeline.laboratory.mocap import (
+    MarkerCluster,
+    as_built,
+    capture,
+    capture_bodies,
+    in_body,
+    place_markers,
+)
 from pipeline.laboratory.options import MocapOptions
 
 TEMPLATE = np.array([[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]) * [
@@ -129,3 +136,11 @@ def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
         turn = WORLD @ rotation @ Rotation.from_euler("xyz", mount[1]).as_matrix()
         np.testing.assert_allclose(where, at, atol=1e-12)
         np.testing.assert_allclose(Rotation.from_quat(quaternion).as_matrix(), turn, atol=1e-12)
+
+
+def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
+    nominal, (link,) = chain_of(LWR4), link_chains(LWR4, ["link_5"], "key").values()
+    longer, joints = 1.1 * nominal.placements, len(link.lower)
+    built = as_built(link, replace(nominal, placements=longer))
+    expected = [*longer[:joints], link.placements[joints]]  # the link's frame is the drawing's
+    np.testing.assert_array_equal(built.placements, expected)

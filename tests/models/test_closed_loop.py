@@ -98,6 +98,10 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5 < 1e-4 < np.max(np.ptp(noise, axis=0))
     assert not closed.v[:, :5].any() and closed.v[:, 5:].all()
     np.testing.assert_allclose(closed.measurement, (1 + 0.6**2) / 2 * np.eye(3))
+    # takes share the commands of an open loop alone
+    takes = np.array([3, 3, 0])
+    assert recorded.subset(takes).v is recorded.v
+    np.testing.assert_array_equal(closed.subset(takes).v, closed.v[takes])
 
 
 def takes_of(kind: str, path: MeanPath, share: float, seed: int) -> Recorded:
@@ -209,6 +213,18 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     likelihoods = take_log_likelihoods(space, deviation, shares)
     expected = np.stack([log_likelihoods(share) for share in shares])
     np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
+
+
+def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_theirs():
+    """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
+    one = np.ones((1, 1, 1))
+    space = StateSpace(one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool))
+    deviation, shares = np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1)), [1.0, 0.1]
+    with np.errstate(all="raise"):
+        likelihoods = take_log_likelihoods(space, deviation, np.array(shares))
+        alone = take_log_likelihoods(space, deviation, np.array(shares[:1]))
+    assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
+    assert np.all(likelihoods[1] == -np.inf)
 
 
 def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):

@@ -165,6 +165,15 @@ def test_wishart_steps_have_the_moments_of_the_closed_form_whatever_the_size(n, 
         assert standardised(drawn, mean, step_covariance(a, back, 1.1 * SIGMA_B))[1] > 0.1
 
 
+def test_the_first_steps_of_a_serial_arm_do_not_depend_on_the_number_of_poses():
+    chain, q, command = arm_and_command(7, 6)
+    many, model = q + 0.1 * RNG(6).standard_normal((300, 7)), MODELS["wishart qr"]
+    moved, _ = draw_steps(model, chain, many, command, RNG(4))
+    for number in (64, 128, 256):  # whole sets of variates
+        few, _ = draw_steps(model, chain, many[:number], command, RNG(4))
+        assert np.array_equal(few, moved[:number])
+
+
 @pytest.mark.parametrize("n, m", SIZES)
 def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
     chain, q, command = arm_and_command(n, m)

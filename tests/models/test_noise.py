@@ -157,6 +157,16 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
 
 
+def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, poses, rng):
+    q, v = takes(poses, 3, 4), np.zeros((4, 3))
+    straight = q[0, 0] + [0.0, chain.straight - q[0, 0, 1], 0.0]
+    v[0] = chain.jacobian(q[0, 0]) @ (straight - q[0, 0])  # the others arrive elsewhere
+    single, run = (realize(SILENT, chain, q, v, mode, rng) for mode in MODES)
+    assert (single[2], run[2]) == (0, 1) and np.isfinite(single[0]).all()
+    lost = np.isnan(run[0]).any(axis=-1)
+    assert lost.tolist() == [[False] * 2 + [True] * 3, [False] * 5, [False] * 5]
+
+
 @pytest.mark.parametrize(("mode", "growth"), [("one_step", 0.0), ("free_running", 0.5)])
 def test_the_spread_stays_step_by_step_and_grows_with_the_root_of_time_running_freely(
     mode, growth, chain, poses, rng

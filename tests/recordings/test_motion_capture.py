@@ -133,6 +133,8 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     (tmp_path / "test_1.csv").rename(tmp_path / "t\udce9.csv")
     with pytest.raises(RecordingError, match="is not UTF-8"):
         find_takes(tmp_path, dataset(training="t*.csv").mocap)
+    (tmp_path / "link_1.csv").symlink_to("nowhere")  # its reader names it
+    assert len(find_takes(tmp_path, dataset(training="link_*").mocap)) == 1
 
 
 GRID = 30

@@ -158,6 +158,12 @@ def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path,
     if unit == "rad":
         with pytest.raises(RecordingError, match=r"joint 1 .* jumps by"):
             movement.read_log(tmp_path / "run.npz", LogOptions(**options))
+    # nor are 2π m beside the command a whole turn
+    rows = {"actual": np.c_[slide + 2 * np.pi, turn], "target": np.c_[slide, turn]}
+    np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, **rows)
+    log = made(Log, joints=["slide", "turn"], signals={n: [n] for n in rows}, time="time")
+    with pytest.raises(RecordingError, match="slide misses its command"):
+        read_logged_movement("run", tmp_path / "run.npz", log, 100.0, str(tmp_path / "rail.urdf"))
 
 
 NAMES = ["shoulder", "elbow"]
@@ -198,6 +204,19 @@ def test_every_log_of_a_take_is_read_at_its_own_rate(raw):
     np.testing.assert_allclose(rows["t"], 0.1 + np.arange(40) / 250, atol=1e-9)
     np.testing.assert_allclose(rows[["q:shoulder", "q:elbow"]], q, atol=1e-9)
     assert {row["quantity"]: row["value"] for row in quality}["rows"] == 40
+    # a step that the joint cannot make
+    spoilt = {"target": 0 * q, "actual": q + 0.1 * (np.arange(40) > 20)[:, None] * [0, 1]}
+    write_joint_table(folder / "logs/test_a.csv", CLOCK, spoilt, NAMES)
+    with pytest.raises(RecordingError, match=r"elbow \(actual\) steps by .* allows 2 rad/s"):
+        encoder_rows(folder, encoder_dataset())
+    # metres are no angles
+    sliding = ELBOW.replace("revolute", "prismatic").replace('velocity="2"', 'velocity="900"')
+    (folder / "arm.urdf").write_text(sliding)
+    write_joint_table(
+        folder / "logs/test_a.csv", CLOCK, spoilt | {"actual": 35 * spoilt["actual"]}, NAMES
+    )
+    rows, _ = encoder_rows(folder, encoder_dataset())[1]
+    np.testing.assert_allclose(rows["q:elbow"], 35 * spoilt["actual"][:, 1], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -279,3 +298,6 @@ def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refus
     require_encoders(tracked, readings, JOINTS, "a")
     with pytest.raises(RecordingError, match=words):
         require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")
+    with pytest.raises(RecordingError, match="joint_2 is off by"):  # metres have no turns
+        beside = readings.add([0.0, 2 * np.pi, 0.0, 0.0])
+        require_encoders(tracked, beside, JOINTS, "a", circular=np.array([False, True, True]))

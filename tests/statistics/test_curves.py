@@ -20,6 +20,8 @@ from pipeline.statistics.curves import (
     spread_comparison,
 )
 from pipeline.statistics.takes import (
+    REPLICATES,
+    drawn_takes,
     jackknife_counts,
     jackknife_difference,
     lag_one_correlation,
@@ -207,6 +209,9 @@ def test_an_interval_that_does_not_exist_is_a_gap():
     assert rows["low"].isna().all() and rows.loc["b", "difference"] == -1
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
+    # a resampling of one take alone has no variance
+    drawn = drawn_takes(2, np.random.default_rng(4))
+    assert 0 < len(drawn) < REPLICATES and all(len({*indices}) == 2 for indices in drawn)
 
 
 def test_the_lag_one_correlation_is_that_of_its_law_whatever_the_mean_at_each_step():

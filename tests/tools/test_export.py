@@ -15,6 +15,7 @@ import pytest
 from exported_models import PARAMETERS, write_model
 from source_code import ROOT
 
+from pipeline.core.errors import ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.models import load
 from pipeline.models.exported import FORMAT, chain_record
@@ -124,6 +125,13 @@ def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain
     scaled = load(write_model(folder / "scaled.json", "scaled", chain))
     known = 1e-7 * np.eye(3) + np.diag(0.09 * dq**2)
     np.testing.assert_allclose(scaled.covariance_of_joint_step(dq), known)
+
+
+def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
+    recorded, parameters = SimpleNamespace(chain=chain), PARAMETERS["wishart"] | {"kind": "wishart"}
+    command.require_known("wishart", parameters | {"sigma_b": 0.81}, recorded)
+    with pytest.raises(ModelDomainError, match=r"0\.82 is not below 0\.816"):  # √(4/6)
+        command.require_known("wishart", parameters | {"sigma_b": 0.82}, recorded)
 
 
 PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")

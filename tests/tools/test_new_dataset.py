@@ -6,6 +6,7 @@ import builtins
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +22,8 @@ from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
+from pipeline.recordings.motions import FoundMotion
+from pipeline.tools.new_dataset import command
 
 
 def run(*words: object) -> None:
@@ -204,6 +207,9 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
     assert contains(log, expected)
     assert log["signals"] == {"actual": labels[1:3], "target": labels[3:]}
     assert "joint_log" not in written("others")[0]
+    # a given answer replaces what the labels state
+    run("given", "--from", tmp_path / "runs", "--set", "joint_log.time_unit=ms")
+    assert written("given")[0]["joint_log"]["time_unit"] == "ms"
 
 
 def urdf() -> str:
@@ -249,6 +255,23 @@ def test_an_option_or_name_that_does_not_fit_writes_nothing(root, logs, words, s
     with pytest.raises(ConfigError, match=said):
         run(*words, "--from", logs)
     assert [file for file in root.rglob("*") if file.is_file()] == [root / "params.yaml"]
+
+
+def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypatch):
+    twice = [("a", 0), ("a", 9)]
+    offered = [
+        FoundMotion(np.zeros(2), np.ones(2), number, None, places, [], least)
+        for number, (places, least) in enumerate([(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)])
+    ]
+    monkeypatch.setattr(command, "find_motions", lambda *_: offered)
+    for name in ("JointLogSection", "validated"):
+        monkeypatch.setattr(command, name, lambda *_, **__: SimpleNamespace(movements=""))
+    monkeypatch.setattr(command, "named_takes", lambda *_, **__: {"run": None})
+    urdfs = []
+    monkeypatch.setattr(command, "read_logged_movement", lambda *read: urdfs.append(read[4]))
+    values = {"joint_log": {}, "robot": {"urdf": "a"}, "motion": {"rate": 1}, "recordings": ""}
+    assert [motion.steps for motion in command.motions_in_logs(values)] == [2, 0, 1]
+    assert urdfs == ["a"]  # which tells joints that slide
 
 
 def test_nothing_is_overwritten(root, logs):

@@ -260,7 +260,10 @@ def powers(powers, thresholds) -> dict[str, float]:
     ],
 )
 def test_a_verdict_follows_from_rule_numbers_and_recordings(recordings, changes, more, expected):
-    assert verdict(recordings, more=more, **changes).verdict == expected
+    result = verdict(recordings, more=more, **changes)
+    assert result.verdict == expected
+    if more.get("share", 0) > 0.5:  # then no case holds or fails either
+        assert {case.holds for case in result.cases} == {None}
 
 
 def test_standard_errors_add_in_squares():

@@ -101,7 +101,11 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(de
     text = report_page.published_and_ours(RUNS[0], decided)
     assert "| σ̂_B | 0.25 | 0.2877 | 0.227 [0.22, 0.235] | – |" in text
     assert "| û | – | 18 | unbounded | – |" in text
-    assert "| error | 0.25 | 0.2 |" in text
+    assert "| error | 0.25 | 0.2 |" in text and "no covariance" not in text
+    beyond = {"fit_wishart": FIT | {"sigma_b_limit_of_the_covariance": 0.25}}
+    run = replace(RUNS[0], metrics=RUNS[0].metrics | beyond)
+    text = report_page.published_and_ours(run, decided)
+    assert "| 0.2877, no covariance | 0.227 [0.22, 0.235] | – |" in text
 
 
 def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():

@@ -23,6 +23,7 @@ from project_copy import (
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.tools.audit.command import clone_commit
+from pipeline.tools.audit.command import run as audit
 
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 KINDS = {"model": "models", "figure": "figures", "format": "formats", "study": "studies"}
@@ -115,6 +116,28 @@ def test_recordings_beside_the_project_lie_beside_the_clone(tmp_path):
     succeeds(*GIT, "add", ".", cwd=project)
     succeeds(*GIT, "commit", "-qm", "lock", cwd=project)
     assert (clone_commit(project, tmp_path / "audit") / "../logs/arm").is_dir()
+
+
+@pytest.mark.slow
+def test_outputs_are_deleted_before_the_run(tmp_path, monkeypatch, capfd):
+    """Also those that DVC would leave to the stage (persist)."""
+    project = tmp_path / "project"
+    project.mkdir()
+    stage = (
+        "cmd: test ! -e n.txt && echo 1 > n.txt\n    outs: [n.txt: {cache: false, persist: true}]"
+    )
+    (project / "dvc.yaml").write_text(f"stages:\n  count:\n    {stage}\n")
+    for words in (
+        [*GIT, "init", "-q"],
+        ["dvc", "init", "-q"],
+        ["dvc", "repro", "-q"],
+        [*GIT, "add", "."],
+        [*GIT, "commit", "-qm", "counted"],
+    ):
+        succeeds(*words, cwd=project)
+    monkeypatch.chdir(project)
+    audit(tmp_path / "audit")
+    assert "audit: 1 stages run again, every file equal" in capfd.readouterr().out
 
 
 @pytest.mark.slow

@@ -67,6 +67,7 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     assert 0 < fits["wishart"]["sigma_b"] < 1 and {"u", "alpha"} <= {*fits["gaussian"]}
     assert {f"{model}_greatest_mean_error_rad" for model in MODELS} <= {*numbers["motion"]}
     assert {f"study_m{m}_mean_error" for m in (3, 5, 10, 15, 20)} <= {*numbers["wrench"]}
+    assert {f"C{n}_sigma_s_clipped" for n in (1, 2, 3)} <= {*numbers["wrench"]}
     moments = (reproduced / "reports/youbot/tables/force_moments.csv").read_text()
     assert "C1,measured" in moments and "C3,modelled" in moments
     # the closed form of the convex problem against the solver, on the problems as printed

@@ -52,6 +52,8 @@ def test_a_real_log_of_a_decimal_comma_culture_is_read_and_rewritten_to_its_own_
     write_daqft(tmp_path / "log.csv", result, decimal=",")
     rows = [file.read_bytes().splitlines()[1:] for file in (tmp_path / "log.csv", source)]
     assert rows[0] == rows[1]
+    # its frequency has a decimal comma too
+    assert read_daqft(tmp_path / "log.csv").rate == result.rate
 
 
 HEADERS = [
@@ -154,6 +156,8 @@ def test_counts_are_divided_as_the_header_says_and_what_may_be_counts_is_asked(t
     for counts, value in ((False, 7), (True, 7e-6)):
         force = read_netft(file, ForceLogOptions(counts=counts)).force
         np.testing.assert_allclose(force, value)
+    file.write_bytes(b"7,0".join(file.read_bytes().rsplit(b"7.0", 1)))
+    assert "'7,0', not a finite number" in refusal(read_netft, file).message
 
 
 MATRIX = np.random.default_rng(3).normal(size=(6, 6)).round(5)

@@ -275,9 +275,9 @@ def test_along_its_own_direction_the_perturbation_stops_at_the_bound():
 
 
 def test_a_minimum_that_was_not_reached_and_an_all_but_singular_arm_are_refused(monkeypatch):
-    """Rounding would decide the fit there; a thousand times as far from singular it is solved."""
+    """Rounding would decide the fit there; a hundred times as far from singular it is solved."""
     e, noise = np.array([[0.6, 0.8]]), np.array([[1.0, 2.0]])
-    matrices = {far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-8, 1e-15)}
+    matrices = {far: np.array([[[1.0, 1.0], [1.0, 1.0 + far]]]) for far in (1e-5, 1e-7, 1e-15)}
     assert fit(noise, e, matrices.pop(1e-5), 0.03, 0.2).objective[0] > 0
     for matrix in matrices.values():
         with pytest.raises(SolverError, match="not solved to optimality"):
