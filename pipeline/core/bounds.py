@@ -1,4 +1,4 @@
-"""Bounds on size, time and memory of files of recordings, and a process in which they hold."""
+"""Bounds on size, time and memory for reading recordings, and a process with these bounds."""
 
 import pickle
 import resource
@@ -21,7 +21,7 @@ MIB = 1 << 20
 
 @options(frozen=True)
 class Reading:
-    """Greatest size, time and memory of one file of recordings; a refusal names the bound."""
+    """Greatest size, reading time and memory of one recording file; errors name the bound."""
 
     file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
     part_mib: Bound = 64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
@@ -51,9 +51,9 @@ def within(reading: Reading, function: Callable, *arguments: object) -> Any:
 def require(bound: str, amount: float, what: str, file: Path) -> None:
     """Raise RecordingError where the ``amount`` of ``what`` in ``file`` is above the ``bound``."""
     if amount > (most := getattr(bounds(), bound)):
-        found = f"{amount:.6g} {what} are more than the {most} that are read"
+        found = f"found {amount:.6g} {what}, at most {most} are allowed"
         option = f"dataset.reading.{bound}"
-        raise RecordingError(f"{found}: damaged, or raise the bound", file=file, bound=option)
+        raise RecordingError(f"{found}: damaged file, or raise the bound", file=file, bound=option)
 
 
 def read_whole(file: Path) -> bytes:
@@ -65,7 +65,7 @@ def read_whole(file: Path) -> bytes:
 
 
 def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
-    """Return ``function(*arguments)`` of a :class:`Sandbox`; a refusal names the ``file``."""
+    """Return ``function(*arguments)`` called in a :class:`Sandbox`; errors name the ``file``."""
     with Sandbox() as sandbox:
         try:
             return sandbox.call(function, *arguments)
@@ -74,7 +74,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
 
 
 class Sandbox:
-    """Context manager that calls functions in a forked process, and in a new one if that ends."""
+    """Context manager that calls functions in a forked process, or in a new one if it has ended."""
 
     def __init__(self) -> None:
         self._process = self._connection = None
@@ -122,7 +122,7 @@ class Sandbox:
 
 
 def _serve(connection: Connection, other: Connection) -> None:
-    """Answer calls until the caller ends, in an address space that ``memory_mib`` bounds."""
+    """Run calls until the caller ends, with an address space of at most ``memory_mib`` more."""
     other.close()  # else the end of the caller would not be noticed
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -134,7 +134,7 @@ def _serve(connection: Connection, other: Connection) -> None:
             function, arguments = pickle.loads(connection.recv_bytes())
         except EOFError:
             return
-        # a sandbox within this one ends earlier, as its caller has the more exact message
+        # a nested sandbox ends earlier, because its caller has the more exact message
         half = replace(bounds(), seconds=bounds().seconds / 2)
         outcome = within(half, _outcome, _call_pickled, (function, *arguments))
         connection.send_bytes(outcome if isinstance(outcome, bytes) else pickle.dumps(outcome))

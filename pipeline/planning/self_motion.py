@@ -20,22 +20,22 @@ from numpy import ndarray
 
 from pipeline.planning.problem import TOLERANCE, Cost, InfeasibleError, Problem, length_of, settle
 
-STARTS, MORE_STARTS = 32, 256  # Newton starts of a step; if these find nothing
+STARTS, MORE_STARTS = 32, 256  # Newton starts of a step; starts if no solution was found
 NEWTON_STEPS, CURVE_STEPS = 40, 6  # Newton steps from a start, and along a curve
-STAGE_SPACINGS = 1.5  # that the slowest joint can move between two stages of the search
+STAGE_SPACINGS = 1.5  # spacings that the slowest joint can move between two stages of the search
 COARSE_SPACING = 0.25  # rad, spacing at which the length of the curves is measured
 SAME_POSE = 1e-4  # rad, greatest distance of equal solutions
 LONGEST_CURVE, PILOT_STEPS = 4000, 5  # points of a curve; steps at which the length is measured
 BATCH_CURVES = 32  # curves that are followed in one batch
 BARRIER_WEIGHTS = (1e-1, 1e-2, 1e-3)  # of the mean barrier, by round
-GREATEST_ROUNDS = 12  # rounds; those after the first of each weight only until the limits are kept
+GREATEST_ROUNDS = 12  # rounds; after the first three only until the limits are kept
 RELAXATION = 1e-3  # slack below which the barrier is a parabola
-STEPS_PER_KNOT = 8  # of the path
+STEPS_PER_KNOT = 8  # steps of the path per knot of the spline
 DIFFERENCE = 1e-5  # rad, for finite differences
 MOTION_STEPS = 8  # Newton steps of a refined motion
-STEP_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a round's displacement, if the whole breaks a limit
-ROUND_ITERATIONS = 60  # of a round
-LOST_OBJECTIVE = 1e6  # of a motion off the path or without cost; others are of the order of 1
+STEP_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a round's displacement, tried until the limits are kept
+ROUND_ITERATIONS = 60  # of L-BFGS-B in a round
+LOST_OBJECTIVE = 1e6  # of a motion off the path or of infinite cost; usual objectives are about 1
 
 
 def stages(problem: Problem, spacing: float) -> ndarray:
@@ -96,7 +96,7 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
 
 def _solutions(problem: Problem, steps: ndarray, count: int) -> tuple[ndarray, ndarray]:
     """(S, count, n) results of Newton's method at each of ``steps`` (S,) from poses within the
-    limits (half a turn, without limits), and (S, count) True of a solution.
+    limits (±π without limits), and (S, count) True for a solution.
     """
     from scipy.stats.qmc import Halton
 
@@ -142,8 +142,8 @@ def _follow(problem: Problem, begun: ndarray, targets: ndarray, spacing: float) 
 
 
 def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
-    """Return a motion (M+1, n) in rad whose objective is at most the one of ``joints`` (M+1, n) and
-    which keeps the limits if the rounds find one that does. Raises the errors of ``cost``.
+    """Return a motion (M+1, n) in rad with an objective not above the objective of ``joints`` (M+1,
+    n), within the limits if the rounds find such a motion. Raises the errors of ``cost``.
     """
     from scipy.optimize import minimize
 
@@ -211,7 +211,7 @@ class _Tube:
         return q, None
 
     def value_and_gradient(self, coefficients: ndarray) -> tuple[float, ndarray]:
-        """Objective over its scale, with the barriers, and its gradient."""
+        """Objective divided by its scale plus barriers, and the gradient."""
         problem, (q, inverse) = self.problem, self.motion(coefficients)
         if inverse is None or not np.isfinite((here := self._by_pose(q))[0]).all():
             return LOST_OBJECTIVE, np.zeros_like(coefficients)
@@ -232,7 +232,7 @@ class _Tube:
         return float(value), self.spline.T @ slopes
 
     def _by_pose(self, q: ndarray) -> tuple[ndarray, ndarray]:
-        """(..., M+1) cost over the scale plus barriers of angles and margin at each of the poses
+        """(..., M+1) cost divided by the scale plus barriers of angles and margin at the poses
         ``q`` (..., M+1, n), and (..., M, n) nominal steps.
         """
         problem, chain = self.problem, self.problem.chain

@@ -27,7 +27,7 @@ from pipeline.laboratory.kinect import DepthCamera, draw_bias
 
 RAW = Path("data/raw")
 # start of a capture in Motive's spelling; fixed, so that recordings do not depend on the time
-STARTED = "2017-05-02 10.00.00.000 AM"
+CAPTURE_START = "2017-05-02 10.00.00.000 AM"
 
 
 def run(name: str) -> None:
@@ -43,7 +43,7 @@ def run(name: str) -> None:
             place.mkdir(exist_ok=True)
         return
     if laboratory is None:
-        message = f"{name} has no laboratory that would record it"
+        message = f"{name} has no synthetic laboratory to record it"
         raise ConfigError(message, key="dataset.laboratory")
     with contracts.replacing(places[0]) as folder, contracts.replacing(places[1]) as truth:
         if dataset.robot is not None:
@@ -57,7 +57,7 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     dataset, scale = settings.dataset, settings.scale
     takes = [("train", i) for i in range(scale.training_takes)]
     takes += [("test", i) for i in range(scale.test_takes)]
-    # the arm moves with all rows of the task, whichever are analysed
+    # the arm moves with all task rows, even if only some are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
     opened = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
@@ -81,7 +81,7 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
 
 
 def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
-    """Return a planar arm, the drawn places of its markers, and the depth camera's bias."""
+    """Return a planar arm, random places of its markers, and the depth camera's bias."""
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
     markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
     bias = draw_bias(dataset.laboratory["kinect"], stream)
@@ -89,7 +89,7 @@ def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.nda
 
 
 def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
-    """Return by name the rigid bodies on the links of an arm, with drawn places of markers."""
+    """Return by name the rigid bodies on the links of an arm, with random places of markers."""
     o, clusters = dataset.mocap, {}
     if {*o.bodies} != {*o.markers}:
         message = "the laboratory follows rigid bodies: every link of markers needs its body"
@@ -138,7 +138,7 @@ def _record_take(
         write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)
     k, rate = np.arange(len(motion.truth)), dataset.motion.rate
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})
-    write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=STARTED)
+    write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=CAPTURE_START)
     step = {"take": name, "part": part, "k": k, "t": k / rate}
     return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth))
 
@@ -154,4 +154,4 @@ def _record_forces(folder: Path, settings) -> None:
         felt = record_force(cables, robots, transducer, force.tare, seconds, stream)
         wrench, rate = (felt.time, felt.force, felt.torque), transducer.rate
         (file := folder / c.file).parent.mkdir(parents=True, exist_ok=True)
-        write_daqft(file, ForceRecord(*wrench, rate, "FT00001", STARTED, {}))
+        write_daqft(file, ForceRecord(*wrench, rate, "FT00001", CAPTURE_START, {}))

@@ -70,7 +70,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("filter.particles", "0", "greater than or equal to 1, got 0"),
         ("filter.scheme", "systemtic", "'systematic', .* did you mean systematic"),
         ("dataset.motion", "null", "without a robot and its motion"),
-        ("dataset", NOTHING, "a dataset has a robot or a force transducer"),
+        ("dataset", NOTHING, "a dataset needs a robot or a force transducer"),
         ("dataset.robot.task", "[x, phi]", "by commanded x and z; keep both rows"),
         ("dataset.mocap.markers", "{link1: {a: [x, 0, 0]}}", "valid number.*got 'x'"),
         ("dataset.force.configurations.C9", "{file: C9.csv}", "no value for dataset.force"),

@@ -1,4 +1,4 @@
-"""Options of a dataset: robot, motion and the instruments that recorded it; null for none."""
+"""Options of a dataset: robot, motion and recording instruments; null: not in the dataset."""
 
 from dataclasses import field
 from enum import StrEnum
@@ -86,10 +86,10 @@ class Depth:
     scale_key: str | None = None  # name of a factor in the description of each TIFF
     disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
     rate: Positive  # 1/s
-    start: float | None = None  # s on its clock as the motion capture starts; null: first frame
+    start: float | None = None  # s, camera's clock when motion capture starts; null: first frame
     # s, motion capture's clock minus the camera's clock since its start; null: estimated
     clock_offset: float | None = None
-    camera: Pose  # of x right, y down, z forward, or of the clouds' frame, in the arm's base frame
+    camera: Pose  # pose of the frame x right, y down, z forward (or clouds' frame) in the base
     workspace: Workspace
     search: NotNegative  # s, bound of the estimated offset of the clocks
 
@@ -98,7 +98,7 @@ class Depth:
         if self.index is not None and self.frames is not None:
             raise Fault("frames", "index and frames exclude each other: both give the times")
         if (self.disparity is not None) != (self.encoding == "disparity"):
-            message = "the encoding disparity, and no other, needs [a, b] of depth = a/(b − δ)"
+            message = "[a, b] of depth = a/(b − δ) is for the encoding disparity only, and required"
             raise Fault("disparity", message)
         return self
 
@@ -118,20 +118,20 @@ class JointLogSection:
     # signals that show a disturbance (currents, torques …) → file in each folder, or columns
     others: dict[str, str | list[Column]] = field(default_factory=dict)
     time: Column | None = 0  # null: rows at dataset.motion.rate
-    # of a log with uneven times: rows at the rate, or measured at their times; null: an error
+    # for uneven times: rows are at the rate, or at their logged times; null: an error
     clock: Literal["rows", "times"] | None = None
     separator: str | None = None  # comma, semicolon, tab, or a blank for any number; null: detected
     decimal: str | None = None  # point or comma; null: detected
     angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
     time_unit: TimeUnit = TimeUnit.s
-    # factor on commanded angles and speeds beside the unit: one, or one for each logged joint
+    # factor on commanded angles and speeds after their unit: a number, or one per logged joint
     target_factor: FiniteFloat | list[FiniteFloat] = 1.0
-    # s by which the command is early on the measured angles' clock: one, or one for each movement
+    # s, lead of the command on the measured angles' clock: a number, or a number per movement
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
     mismatch: Positive = 0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, commanded angles of robot.joints after the motion
-    rest: Whole  # steps of motion.steps at rest on either side; 0: the motion starts in passing
+    rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
     rest_speed: float = 1e-4  # rad/s, greatest commanded speed at rest
     tolerance: float  # rad, greatest difference of repeated commands
     disturbed: Literal["leave_out", "refuse"] = "leave_out"  # treatment of disturbed repetitions
@@ -182,9 +182,9 @@ class ForceLog:
     rate: Positive | None = None  # Hz
     counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
     topic: str | None = None  # of a bag with more than one WrenchStamped
-    calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
+    calibration: str | None = None  # transducer's .cal file, relative to the recordings' folder
     full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
-    frozen_after: Positive = 0.5  # s, identical samples for longer are frozen
+    frozen_after: Positive = 0.5  # s, identical samples for longer count as frozen
     # greatest share of saturated samples, and of frozen ones, in a record
     max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
 
@@ -206,7 +206,7 @@ class Arrangement:
     # rad, mean elevation of each cable above the x-y plane; null: all cables are in the plane
     elevation: list[float] | None = None
     elevation_bounds: Bounds | None = None  # rad
-    # m, end of each cable from the point of the moments; null: all there, only forces are modelled
+    # m, end of each cable from the point of the moments; null: at this point, only forces modelled
     attachment: list[list[float]] | None = None
     attachment_bounds: Bounds | None = None  # m, of each coordinate
 
@@ -217,7 +217,7 @@ class Arrangement:
             raise Fault("tension", f"must hold {cables} values, one a cable as direction")
         for name, rows in (("elevation", self.elevation), ("attachment", self.attachment)):
             if (rows is None) != (getattr(self, f"{name}_bounds") is None):
-                raise Fault(name, f"{name} and {name}_bounds go together")
+                raise Fault(name, f"give both {name} and {name}_bounds, or neither")
             if rows is not None and len(rows) != cables:
                 raise Fault(name, f"must hold one {name} for each of {cables} cables")
         if any(len(place) != axes for place in self.attachment or []):
@@ -228,7 +228,7 @@ class Arrangement:
 @options(kw_only=True)
 class Force:
     tare: NotNegative  # s, unloaded at the start of each record
-    tension_std: list[float]  # N, of each robot; a configuration of fewer has the first of them
+    tension_std: list[float]  # N, of each robot; a configuration with k robots uses the first k
     kappa_bounds: Bounds  # 1, the paper's σ_θ
     tension_std_bounds: Bounds  # N
     tension_bounds: Bounds  # N
@@ -246,7 +246,7 @@ class Robot:
     joints: Annotated[list[str], Field(min_length=1)]
     tool: str | None = None  # URDF frame of the tip; null: the only last link beyond the joints
     base: str | None = None  # URDF link in whose axes the task is; null: the root
-    # rad or m: joints that are held still; 0 where not named
+    # rad or m: fixed positions of other joints; 0 if absent
     locked: dict[str, float] = field(default_factory=dict)
     plane: bool = False  # whether the task is in the plane of parallel joints, else in space
     # rows of x, z, phi in a plane, else of x, y, z, rx, ry, rz; null: all
@@ -295,7 +295,7 @@ class About:
 
     subject: str  # robot, instruments, motion
     source: str  # who recorded it, and where it comes from
-    licence: str  # terms on which others may use it
+    licence: str  # terms of use
 
 
 @options()
@@ -324,7 +324,7 @@ class Dataset:
             if there := [name for name in parts if getattr(self, name) is not None]:
                 raise Fault(there[0], f"without a robot and its motion there is no {there[0]}")
             if self.force is None:
-                raise Fault("robot", "a dataset has a robot or a force transducer")
+                raise Fault("robot", "a dataset needs a robot or a force transducer")
             return self
         longest = self.limits.longest_gap or 0
         if self.mocap is not None and longest > (most := self.mocap.max_gap):
