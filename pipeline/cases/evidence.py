@@ -66,13 +66,13 @@ def evaluate(
     cameras, count = recordings.cameras, recordings.filtered
     takes = list(next(iter(cameras.values())).takes) if cameras else []
 
-    def mapped(function: Callable, trials: Mapping[str, object]) -> dict:
+    def map_trials(function: Callable, trials: Mapping[str, object]) -> dict:
         results = run(partial(function, recordings=recordings), list(trials.values()))
         return dict(zip(trials, results, strict=True))
 
     # options are not hashable; equal options have equal representations
     models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
-    outcomes = mapped(_outcome, models)
+    outcomes = map_trials(_outcome, models)
     loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
     trials: dict[str, Trial] = {}
     wanted: list[tuple[int, str, str, str]] = []  # number of the case, filter, take, key of a trial
@@ -85,7 +85,7 @@ def evaluate(
                     measured = cameras[case.clock].takes[take]
                     trials[key := f"{take} {part!r}"] = (takes.index(take), part, loop, measured)
                     wanted.append((number, names.closed(name) if closed else name, take, key))
-    posteriors = mapped(_posterior, trials)
+    posteriors = map_trials(_posterior, trials)
     filtered = [{} for _ in cases]
     for number, name, take, key in wanted:
         filtered[number].setdefault(name, {})[take] = posteriors[key]
@@ -308,15 +308,15 @@ def filter_evidence(
     ``posteriors`` are by filter, one per take; ``linear`` is the autocorrelated filter, if any.
     Bounds and scores include ``poses`` (2, n, n) rad², result of :func:`pose_covariances`.
     """
-    opened, joints = names.models_of(posteriors), takes.training.joints
-    if not opened:
+    open_models, joints = names.models_of(posteriors), takes.training.joints
+    if not open_models:
         return {}
     filters = {names.NONE: scoring.training_mean(takes.poses, truth)}
     filters |= {names.MEMORY: linear} if linear else {}
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth
         covariance = np.stack([posterior.covariance for posterior in by_take])
-        filters[name] = Filtered(error, covariance, poses[0 if name in opened else 1])
+        filters[name] = Filtered(error, covariance, poses[0 if name in open_models else 1])
     stream = rng.stream(RESAMPLING_SEED, "cases.resampling")
     tables, _ = scoring.filter_tables(filters, joints, stream)
     scores = scoring.filter_metrics(filters, joints, constant_speed(truth))

@@ -108,7 +108,7 @@ class Sandbox:
             self._connection.send_bytes(pickle.dumps((function, arguments)))
             if not self._connection.poll(bounds().seconds):
                 self.__exit__()
-                raise _refusal(f"it is not read within {bounds().seconds:g} s", "seconds")
+                raise _refusal(f"the file is not read within {bounds().seconds:g} s", "seconds")
             try:
                 outcome = pickle.loads(self._connection.recv_bytes())
             except (EOFError, ConnectionResetError):
@@ -151,9 +151,9 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
     except PipelineError as error:
         return error
     except MemoryError:
-        return _refusal(f"it takes more than {bounds().memory_mib} MiB of memory", "memory_mib")
+        return _refusal(f"it needs more than {bounds().memory_mib} MiB of memory", "memory_mib")
     except RecursionError:
-        return RecordingError("it nests too deeply to be read")
+        return RecordingError("the file nests too deeply to be read")
     except Exception as error:
         words = " ".join(str(error).split())[:200]
         return RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
@@ -161,4 +161,4 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
 
 def _refusal(message: str, bound: str) -> RecordingError:
     option = f"dataset.reading.{bound}"
-    return RecordingError(f"{message}: damaged, or larger than any recording", bound=option)
+    return RecordingError(f"{message}: the file is damaged or too large", bound=option)

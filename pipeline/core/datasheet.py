@@ -66,7 +66,7 @@ def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path
 
 def _require_none(keys: list[str], file: Path) -> None:
     if keys:
-        message = f"fill in {', '.join(keys)}: there is ??? for a value"
+        message = f"fill in {', '.join(keys)}: the value is ???"
         raise ConfigError(message, key=keys[0], file=file)
 
 

@@ -78,7 +78,7 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
     """
     targets = problem.path[steps]
     solutions, waiting = _solutions(problem, steps, count)
-    passed = [solutions[s, :0] for s in range(len(steps))]
+    curve_points = [solutions[s, :0] for s in range(len(steps))]
     while waiting.any():
         several = max(BATCH_CURVES // int(waiting.any(axis=1).sum()), 1)
         lanes, starts = np.nonzero(waiting & (np.cumsum(waiting, axis=1) <= several))
@@ -86,11 +86,11 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
         for lane, start, points in zip(lanes, starts, followed, strict=True):
             if not waiting[lane, start]:  # an earlier curve passes this start
                 continue
-            passed[lane] = np.concatenate([passed[lane], points])
+            curve_points[lane] = np.concatenate([curve_points[lane], points])
             left = np.flatnonzero(waiting[lane])
             apart = problem.less_turns(solutions[lane, left, None] - points)
             waiting[lane, left] = length_of(apart).min(axis=1) > max(1.5 * spacing, SAME_POSE)
-    found = [problem.nearest_turns(points) for points in passed]
+    found = [problem.nearest_turns(points) for points in curve_points]
     return [q[problem.chain.within_limits(q) & problem.clear(q)] for q in found]
 
 
@@ -110,12 +110,12 @@ def _solutions(problem: Problem, steps: ndarray, count: int) -> tuple[ndarray, n
     return solutions.reshape(len(steps), count, -1), reached.reshape(len(steps), count)
 
 
-def _follow(problem: Problem, begun: ndarray, targets: ndarray, spacing: float) -> list[ndarray]:
-    """Points (·, n) of the curves through the poses ``begun`` (L, n), the tip at ``targets``."""
-    points, chain = [[q] for q in begun], problem.chain
-    closed = np.zeros(len(begun), dtype=bool)
+def _follow(problem: Problem, starts: ndarray, targets: ndarray, spacing: float) -> list[ndarray]:
+    """Points (·, n) of the curves through the poses ``starts`` (L, n), the tip at ``targets``."""
+    points, chain = [[q] for q in starts], problem.chain
+    closed = np.zeros(len(starts), dtype=bool)
     for way in (1.0, -1.0) if problem.spare > 0 else ():
-        q, tangent = begun.copy(), way * np.linalg.svd(chain.jacobian(begun))[2][:, -1]
+        q, tangent = starts.copy(), way * np.linalg.svd(chain.jacobian(starts))[2][:, -1]
         lanes = np.flatnonzero(~closed)
         for count in range(LONGEST_CURVE):
             if len(lanes) == 0:
@@ -130,7 +130,7 @@ def _follow(problem: Problem, begun: ndarray, targets: ndarray, spacing: float) 
             length = length_of(along)
             # a larger change of direction or a longer step leads to another curve
             same = (length > 0.5) & (length_of(new - q[lanes]) < 2 * spacing)
-            away = length_of(problem.less_turns(new - begun[lanes]))
+            away = length_of(problem.less_turns(new - starts[lanes]))
             back = (count > 1) & (away < 0.75 * spacing)
             closed[lanes[same & back]] = True
             on = same & ~back
@@ -241,11 +241,11 @@ class _Tube:
         barrier = _barrier(chain.least_singular_value(q) / problem.margin - 1)[0]
         if bounded.any():
             barrier = barrier + _barrier(sides)[0].mean(axis=-1).sum(axis=0)
-        result, begun = self.weight * barrier / q.shape[-2], q[..., :-1, :]
-        v = np.broadcast_to(problem.steps, (*begun.shape[:-1], problem.steps.shape[1]))
-        each = self.cost(begun.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
-        result[..., :-1] += each.reshape(begun.shape[:-1]) / self.scale
-        return result, problem.nominal(begun)
+        result, before = self.weight * barrier / q.shape[-2], q[..., :-1, :]
+        v = np.broadcast_to(problem.steps, (*before.shape[:-1], problem.steps.shape[1]))
+        each = self.cost(before.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
+        result[..., :-1] += each.reshape(before.shape[:-1]) / self.scale
+        return result, problem.nominal(before)
 
 
 def _barrier(slack: ndarray) -> tuple[ndarray, ndarray]:

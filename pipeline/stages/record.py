@@ -60,11 +60,11 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     # the arm moves with all task rows, even if only some are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
-    opened = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
+    session = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
     for place in ("optitrack", "kinect" if dataset.robot.plane else "joints"):
         (folder / place).mkdir()
-    instruments = (_in_plane if dataset.robot.plane else _in_space)(opened, dataset, stream)
-    fixed = {"opened": opened, "instruments": instruments, "settings": settings, "folder": folder}
+    instruments = (_in_plane if dataset.robot.plane else _in_space)(session, dataset, stream)
+    fixed = {"session": session, "instruments": instruments, "settings": settings, "folder": folder}
     record = partial(_record_take, **fixed)
     options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
     path = desired_path(nominal, options)
@@ -80,15 +80,15 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
-def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
+def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
     """Return a planar arm, random places of its markers, and the depth camera's bias."""
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
     markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
     bias = draw_bias(dataset.laboratory["kinect"], stream)
-    return replace(arm_of(dataset.robot), chain=opened.chain), markers, bias
+    return replace(arm_of(dataset.robot), chain=session.chain), markers, bias
 
 
-def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
+def _in_space(session: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
     """Return by name the rigid bodies on the links of an arm, with random places of markers."""
     o, clusters = dataset.mocap, {}
     if {*o.bodies} != {*o.markers}:
@@ -98,7 +98,7 @@ def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster
     for link, body in o.bodies.items():
         drawn = np.array(list(o.markers[link].values()))
         clusters[body.name] = mocap.MarkerCluster(
-            chain=mocap.as_built(chains[link], opened.chain),
+            chain=mocap.as_built(chains[link], session.chain),
             places=mocap.place_markers(drawn, dataset.laboratory["mocap"], stream),
             shape=mocap.in_body(drawn, body.mount.position, body.mount.rpy),
         )
@@ -106,14 +106,14 @@ def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster
 
 
 def _record_take(
-    take: tuple[str, int], opened: Session, instruments, settings, folder: Path
+    take: tuple[str, int], session: Session, instruments, settings, folder: Path
 ) -> pd.DataFrame:
     """Write the files of one take; return its true joint angles."""
     (kind, number), dataset, laboratory = take, settings.dataset, settings.dataset.laboratory
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
     trajectory, options, base = laboratory["trajectory"], laboratory["mocap"], dataset.mocap.base
-    motion = dynamics.perform(opened, trajectory, laboratory["dynamics"], stream)
+    motion = dynamics.perform(session, trajectory, laboratory["dynamics"], stream)
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
     markers, bodies = {}, {}
     if dataset.robot.plane:

@@ -53,7 +53,7 @@ def test_every_option_composes(compose, number):
         ({"seed": None}, "no value for seed"),
         ({"seed": "???"}, "seed"),
         ({"sede": "1"}, "unknown key 'sede'; there are dataset, .*; did you mean seed"),
-        ({"overrides": "3"}, "overrides: must hold keys and values"),
+        ({"overrides": "3"}, "overrides: must contain keys and values"),
     ],
 )
 def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, words):

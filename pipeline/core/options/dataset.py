@@ -144,9 +144,9 @@ class JointLogSection:
         if len(set(self.joints)) != count:
             raise Fault("joints", "must name each logged joint once")
         if len(self.start) != len(self.end):
-            raise Fault("end", f"must hold {len(self.start)} values as start, got {len(self.end)}")
+            raise Fault("end", f"must have {len(self.start)} values as start, got {len(self.end)}")
         if isinstance(self.target_factor, list) and len(self.target_factor) != count:
-            raise Fault("target_factor", f"must be a number or a list of {count}, one a joint")
+            raise Fault("target_factor", f"must be a number or a list of {count}, one per joint")
         for name, columns in self.signals.items():
             if len(columns) not in (1, count):
                 raise Fault(f"signals.{name}", f"must name {count} columns or one array")
@@ -180,7 +180,7 @@ class ForceLog:
     torque_unit: str | None = None
     time_unit: str | None = None
     rate: Positive | None = None  # Hz
-    counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
+    counts: bool | None = None  # whether a Net F/T log has counts (true) or units (false)
     topic: str | None = None  # of a bag with more than one WrenchStamped
     calibration: str | None = None  # transducer's .cal file, relative to the recordings' folder
     full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
@@ -214,12 +214,12 @@ class Arrangement:
     def _one_value_a_cable(self) -> Self:
         cables, axes = len(self.direction), 2 if self.elevation is None else 3
         if len(self.tension) != cables:
-            raise Fault("tension", f"must hold {cables} values, one a cable as direction")
+            raise Fault("tension", f"must have {cables} values, one per cable as direction")
         for name, rows in (("elevation", self.elevation), ("attachment", self.attachment)):
             if (rows is None) != (getattr(self, f"{name}_bounds") is None):
                 raise Fault(name, f"give both {name} and {name}_bounds, or neither")
             if rows is not None and len(rows) != cables:
-                raise Fault(name, f"must hold one {name} for each of {cables} cables")
+                raise Fault(name, f"must have one {name} for each of {cables} cables")
         if any(len(place) != axes for place in self.attachment or []):
             raise Fault("attachment", f"each attachment must have {axes} coordinates")
         return self
@@ -339,8 +339,8 @@ class Dataset:
         arm, log = self.robot.joints, self.joint_log
         if absent := [name for name in arm if name not in log.joints]:
             found = f"{', '.join(absent)} of robot.joints is not logged"
-            raise Fault("joint_log.joints", f"{found}; the log holds {', '.join(log.joints)}")
+            raise Fault("joint_log.joints", f"{found}; the log has {', '.join(log.joints)}")
         if len(log.start) != len(arm):
-            found = f"must hold {len(arm)} values, one for each of robot.joints"
+            found = f"must have {len(arm)} values, one for each of robot.joints"
             raise Fault("joint_log.start", f"{found}, got {len(log.start)}")
         return self
