@@ -186,7 +186,7 @@ def _layout(robot: Robot) -> Layout:
 
 
 def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
-    """Rotation (3, 3) and origin (3,) in m of the plane in which the tip of ``layout`` moves: y is
+    """Rotation (3, 3) and origin (3,) in m of the plane in which the tip of ``layout`` moves. y is
     parallel to the axis of the first revolute joint, O1 lies in y = 0, and z is the projection of
     the frame's z axis (y axis if the plane is horizontal). Raises ConfigError without a common
     plane.

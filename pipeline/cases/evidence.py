@@ -45,7 +45,7 @@ PAPER = "{}_paper"  # names of the estimates of the paper's estimator
 
 @dataclass
 class Outcome:
-    """Fit, realisations and scores of a model; ``refusals`` say why some are missing."""
+    """Fit, realisations and scores of a model; ``refusals`` are the reasons for missing ones."""
 
     model: MotionModel | None = None
     closed: ClosedLoopFit | None = None  # the model in a closed loop

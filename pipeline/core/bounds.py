@@ -27,7 +27,7 @@ class Reading:
     part_mib: Bound = 64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
     markers: Bound = 2000  # of a take
     seconds: Annotated[float, Field(gt=0)] = 60.0  # of a call in a separate process
-    memory_mib: Bound = 2048  # of a call in a separate process, beside the program's memory
+    memory_mib: Bound = 2048  # of a call in a separate process, in addition to the program's
 
 
 DEFAULT = Reading()

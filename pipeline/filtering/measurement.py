@@ -1,6 +1,6 @@
-"""Measurements of an arm during one take, with a bias and a covariance per frame: of the joints,
-y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at
-q(t_j) is N(0, R_j); and the measurements of a dataset's test takes.
+"""Measurements of an arm during one take, with a bias and a covariance per frame, and the
+measurements of a dataset's test takes. Joint angles are y_j = q(t_j) + b_j + N(0, R_j). The
+displacement of a measured tip pose from the pose at q(t_j) is N(0, R_j).
 
 The paper does not state how frames at 30 Hz are compared with steps at 100 Hz. The velocity of a
 motion model is constant within a step. So a frame is compared with the pose interpolated at its

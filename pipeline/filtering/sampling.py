@@ -215,7 +215,7 @@ def keep_inside(domain, before, q, log_weights, outside):
     """Set the weight of particles ``q`` (n, P) outside D_q to zero, move them back to ``before``,
     and return the number of them that had weight. ``outside`` (P,) is scratch. ``domain`` is the
     joint limits, the singular angle of a planar chain's second joint (rad, modulo π) and the least
-    distance from it: 0 for a serial chain, whose steps from singular poses are NaN.
+    distance from it. The distance is 0 for a serial chain, whose steps from singular poses are NaN.
     """
     lower, upper, straight, clearance = domain
     second, lost = q[1 if len(q) > 1 else 0], 0

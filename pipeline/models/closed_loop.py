@@ -12,9 +12,9 @@ To first order the deviation from the mean path follows
     e_{k+1} = F_k e_k + w_k,   F_k = D_k − κG_k,   y_k = e_k + b + n_k,   n ~ N(0, Σ_m/2),
 
 with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's mean. Cov
-w_k is the model's covariance at the measured poses and commands, averaged over the takes; with the
-paper's estimators it includes measurement noise. κ is not a regression of a step's noise on the
-deviation before the step: both contain the noise of the same measured pose.
+w_k is the model's covariance at the measured poses and commands, averaged over the takes. With the
+paper's estimators it includes measurement noise. Regression of a step's noise on the deviation
+before it does not give κ: both contain the noise of the same pose.
 """
 
 import json

@@ -61,7 +61,7 @@ def realize(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, rng: Generator
 ) -> tuple[ndarray, int, int]:
     """Realise the motion once for each take of the recorded angles ``q`` (N, M+1, n) in rad, under
-    the commands ``v`` (M, m) or (M, m + n); return the angles (N, M+1, n) in rad and the numbers of
+    the commands ``v`` (M, m) or (M, m + n). Return the angles (N, M+1, n) in rad and the numbers of
     clipped steps and of lost realisations.
 
     In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last
@@ -93,7 +93,7 @@ def realized_moments(
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
         raise ModelDomainError(
-            "fewer than two realisations avoid singular poses: they have no standard deviation",
+            "fewer than two realisations avoid singular poses: no standard deviation exists",
             step=int(np.argmax(surviving < 2)),
             key="simulation",
         )

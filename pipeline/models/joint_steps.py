@@ -6,8 +6,8 @@ maximum-likelihood fit to recorded steps of any motions.
 r_j is the resolution of the recordings, a_j the variance at rest, b_j the gain (0: additive). p = 2
 is the speed-scaled law, whose standard deviation is a share of the step. p = 1 is the
 distance-scaled law: the variance is proportional to the angle travelled, as if each part of the way
-added independent noise. e is normal with correlation R between the joints, or Student's t with ν_j
-degrees of freedom for each joint alone. No Jacobian is needed.
+added independent noise. e is normal with correlation R between the joints, or independent Student's
+t with ν_j degrees of freedom. No Jacobian is needed.
 
 The reference step is the greatest commanded step of any joint. A gain b_j is estimated if at least
 :data:`LEAST_STEPS` steps of the joint are at least :data:`LEAST_SHARE` of the reference step, and
@@ -149,9 +149,9 @@ def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
 def student_log_density(
     noise: ndarray, scale: ndarray, degrees: float, variance: float = 0.0
 ) -> ndarray:
-    """(...) log density in 1/rad of ``noise``, Student's t of ``scale`` and ``degrees`` ν plus
-    N(0, ``variance``) in rad²: a mixture of normals N(0, s²/λ + variance) over λ ~ Gamma(ν/2, ν/2),
-    by the trapezoidal rule in ln λ. An infinite ν is the normal law.
+    """(...) log density in 1/rad of ``noise``, Student's t of ``scale`` and ``degrees`` ν plus N(0,
+    ``variance``) in rad². It is a mixture of normals N(0, s²/λ + variance) over λ ~ Gamma(ν/2,
+    ν/2), by the trapezoidal rule in ln λ. An infinite ν is the normal law.
     """
     if np.isinf(degrees):
         total = scale**2 + variance

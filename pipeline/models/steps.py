@@ -112,7 +112,7 @@ def measurement_covariance(noise: ndarray, v: ndarray) -> ndarray:
     """
     still = ~np.any(v, axis=-1)
     if not np.any(still):
-        message = "the motion never rests: measurement noise cannot be separated from the motion's"
+        message = "the motion never rests: measurement noise cannot be separated from motion noise"
         raise ModelDomainError(message, steps=len(v))
     return mean_covariance(noise[:, still])
 
@@ -170,8 +170,8 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
         mean = float(traces.mean())
         if not mean > measured:
             raise ModelDomainError(
-                "the variance of the recorded process noise is not above that of the measurement "
-                "noise (sums over the joints); record faster motions or more takes",
+                "the recorded process noise does not exceed the measurement noise in variance "
+                "(sums over the joints); record faster motions or more takes",
                 recorded_trace_rad2=mean,
                 measurement_trace_rad2=measured,
             )

@@ -69,9 +69,9 @@ def best_conditioned(problem: Problem, points: int = POINTS) -> Planned:
 
 
 def minimum_norm(problem: Problem, start: ndarray) -> Planned:
-    """Return the motion from ``start`` (n,) in rad by J⁺v alone, corrected to the path at every
-    step, as by resolved-rate control (Whitney, 1969). Its cost is each squared step in rad². Raises
-    InfeasibleError with the first step at which it leaves the path, a limit or the margin.
+    """Return the motion from ``start`` (n,) in rad with the steps J⁺v, corrected to the path at
+    every step, as in resolved-rate control (Whitney, 1969). The cost is the squared step in rad².
+    Raises InfeasibleError with the first step at which it leaves the path, a limit or the margin.
     """
     chain, joints = problem.chain, np.empty((len(problem.path), len(start)))
     guess = np.asarray(start, dtype=float)[None]

@@ -1,5 +1,5 @@
-"""Planning problem: a task path, the limits of the joints, and the cost of a step, which is its
-uncertainty under a motion model; Newton's method for poses on the path.
+"""Planning problem: task path, joint limits, and the cost of a step (uncertainty under a motion
+model). Newton's method for poses on the path.
 """
 
 from collections.abc import Callable
@@ -32,8 +32,8 @@ class InfeasibleError(PipelineError):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits;
-    raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
+    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits.
+    Raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
     """
 
     chain: Chain

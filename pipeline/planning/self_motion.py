@@ -1,18 +1,17 @@
-"""Self-motion of the joints while the tip stays at a pose of the path, for one joint more than task
-rows: a grid of poses for the global search, and the local refinement of a motion.
+"""Self-motion (joint motion at a fixed pose of the tip) for n = m + 1: a grid of poses for the
+global search, and the local refinement of a motion.
 
-The poses of a step form curves, one per branch (elbow up or down, wrist turned over), which are
-closed or end at singular poses and joint limits. From each Newton solution that no earlier curve
-passes, a curve is followed along the null space of J in steps of the spacing, corrected by Newton's
-method. Limits and margin are applied last, so that they split no branch. With as many joints as
-rows the curves are points.
+The poses of a step form curves, one per branch (elbow up or down, wrist turned over). The curves
+are closed or end at singular poses and joint limits. A curve is followed from every Newton solution
+that is not on an earlier curve, in steps along the null space of J, corrected by Newton's method.
+Limits and margin are applied last, so that they split no branch. For n = m the curves are points.
 
-The refined motion is displaced by ζ_k in the null space of J at each step k: q_k is the pose on the
-path with n_k·(q_k − q⁰_k) = ζ_k, n_k (n,) being the unit vector of the null space at the initial
-motion q⁰. ζ is a cubic spline over the steps, found by L-BFGS-B. Limits of angle, speed and margin
-are relaxed logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic Control 62, 2017) of
-falling weight. A round's motion, or a share of its displacement, is accepted if its objective is
-lower and it keeps every limit exactly.
+The refinement displaces the motion q⁰ by ζ_k in the null space of J at each step k. q_k is the pose
+on the path with n_k·(q_k − q⁰_k) = ζ_k. n_k (n,) is the unit vector of the null space at q⁰_k. ζ is
+a cubic spline over the steps, found by L-BFGS-B. Limits of angle, speed and margin are relaxed
+logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic Control 62, 2017) of decreasing
+weight. The motion of a round, or a share of its displacement, is accepted if the objective
+decreases and every limit is kept exactly.
 """
 
 import numpy as np
@@ -40,7 +39,8 @@ LOST_OBJECTIVE = 1e6  # of a motion off the path or of infinite cost; usual obje
 
 def stages(problem: Problem, spacing: float) -> ndarray:
     """(S,) steps of the path from first to last, so far apart that the slowest joint can move by
-    STAGE_SPACINGS of the ``spacing`` in between; otherwise it could not leave a pose of the grid.
+    STAGE_SPACINGS times ``spacing`` in between. Otherwise this joint could not leave a pose of the
+    grid.
     """
     last, slowest = len(problem.steps), problem.reach.min()
     wide = 1 if problem.spare == 0 else int(np.ceil(STAGE_SPACINGS * spacing / slowest))

@@ -44,7 +44,7 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         (folder / "tables").mkdir()
         if settings.dataset.robot is None:
-            print("score: the dataset has no robot; its forces alone are scored")
+            print("score: the dataset has no robot; only its forces are scored")
             scored = {"motion": ({}, {}), "filter": ({}, {}), "recordings": _quality()}
         else:
             scored = _score_robot(settings, folder)

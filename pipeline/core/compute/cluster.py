@@ -120,7 +120,7 @@ def connect(compute: Compute) -> Iterator[Client]:
         # AssertionError: Dask's thread has not started within 10 s, as on a busy machine
         except (OSError, ValueError, AssertionError) as error:
             message = f"no Dask scheduler answers within {timeout:g} s ({error}); start one as "
-            message += f"{OPTION} says, or name the address of one that runs"
+            message += f"{OPTION} says, or give the address of a running one"
             raise ComputeError(message, address=address) from None
         try:
             yield client
@@ -161,7 +161,7 @@ def result_of(
         except KilledWorker as error:
             raise ComputeError(
                 f"{error.allowed_failures + 1} workers ended while they ran a trial, "
-                "probably out of memory; give them more memory, or start fewer per machine",
+                "as happens when memory runs out; give them more memory or start fewer per machine",
                 trials=error.task.removesuffix(f"-{client.id}"),
             ) from None
         except ImportError as error:

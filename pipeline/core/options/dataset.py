@@ -157,7 +157,7 @@ class JointLogSection:
 
 @options()
 class Encoders:
-    """Logs of the controller beside the motion capture, for measurement: encoders."""
+    """Controller logs recorded during motion capture, for measurement: encoders."""
 
     training: str  # glob of the logs, one for each training take and with its name
     test: str  # glob of the logs, one for each test take and with its name
@@ -294,7 +294,7 @@ class About:
     """Text of a datasheet, which no stage reads."""
 
     subject: str  # robot, instruments, motion
-    source: str  # who recorded it, and where it comes from
+    source: str  # who recorded it, and where it is published
     licence: str  # terms of use
 
 

@@ -52,8 +52,8 @@ def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
 
 
 def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
-    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in
-    [0, 1]: the variance of Σ̂_ω over takes divided by its squared distance from the target (Ledoit
+    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in [0,
+    1]. ρ is the variance of Σ̂_ω over takes divided by its squared distance from the target (Ledoit
     and Wolf, J. Multivariate Analysis 88, 2004). ``noise`` ω is (takes, M, n); raises
     ModelDomainError for a single take.
     """

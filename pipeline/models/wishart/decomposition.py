@@ -45,8 +45,8 @@ class Decomposition:
         if self.left is None and self.name in COMPUTED:
             return
         if self.left is None or self.name != "given":
-            message = f"the decomposition must be one of {', '.join(COMPUTED)} or given, which "
-            message += "alone needs the first factor of the Jacobian"
+            message = f"the decomposition must be one of {', '.join(COMPUTED)}, or given with the "
+            message += "first factor of the Jacobian"
             raise ModelDomainError(message, decomposition=self.name)
         try:
             matrix = np.array(self.left, dtype=float)

@@ -11,8 +11,8 @@ equality for c > 0. The minimum of ‖ω − Ay‖ + λ‖(y, c)‖ is stationar
     (AᵀA + sI)y = Aᵀω + s·c·e,   λ(s) = X·‖(y, c)‖·s / ((X + c)·‖ω − Ay‖).
 
 The equality is quadratic in c. λ(s) increases with s, because F is convex, from the closest fit at
-s = 0 to y = 0 at s = ∞. ‖ω − Ay‖² = s²·uᵀ(AᵀA)⁻¹u + ‖ω⊥‖² is computed without cancellation, u = y −
-ce, ω⊥ the part of ω orthogonal to the range of A.
+s = 0 to y = 0 at s = ∞. No cancellation occurs in ‖ω − Ay‖² = s²·uᵀ(AᵀA)⁻¹u + ‖ω⊥‖², u = y − ce, ω⊥
+the part of ω orthogonal to the range of A.
 """
 
 from typing import NamedTuple
@@ -170,7 +170,7 @@ def place(
     s: float, delta: float, rest: float, gram: ndarray, factors: ndarray, case: ndarray
 ) -> tuple[float, float, float]:
     """Return c, λ(s) and ‖ω − Ay‖ at ``s`` > 0, and write y into ``case``. ``rest`` is ‖ω⊥‖²;
-    ``factors`` holds the factor of ``gram`` AᵀA, and scratch.
+    ``factors`` contains the factor of ``gram`` AᵀA, and scratch.
     """
     m, shifted = len(gram), factors[1]
     factorize(gram, s, shifted)
