@@ -61,7 +61,7 @@ def chain_of(robot: Robot) -> Chain:
     if chain.singular(q).all():
         still = np.abs(chain.jacobian(q)).max(axis=(0, 2)) <= 1e-9 * chain.scale
         rows = ", ".join(np.array(task)[still]) or f"{', '.join(task)} independently of each other"
-        message = f"robot.task: the arm cannot move {rows}; leave out rows"
+        message = f"robot.task: the arm cannot move {rows}; remove task rows"
         raise ConfigError(message, file=layout.file)
     return chain
 
@@ -161,7 +161,7 @@ def _layout(robot: Robot) -> Layout:
         model = pin.buildReducedModel(full, others, fixed)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
-        message = f"robot.urdf: Pinocchio does not read it ({reason}); check it with check_urdf"
+        message = f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
         raise ConfigError(message, file=tree.file) from None
     data = model.createData()
     # a single column is a vector in Pinocchio

@@ -63,7 +63,7 @@ class Tree(NamedTuple):
 
 
 def read_urdf(file: Path) -> Tree:
-    """Return the tree in ``file``; raises ConfigError for a file that is no URDF."""
+    """Return the tree in ``file``; raises ConfigError if it is not a URDF file."""
     file, line = Path(file), None
     try:
         root = ElementTree.fromstring(read_whole(file))
@@ -76,12 +76,12 @@ def read_urdf(file: Path) -> Tree:
             return Tree(file, root, links, joints)
         message = XACRO.format(file.name)
     except OSError as error:
-        message = f"the file cannot be read ({error.strerror}); name it from the project's root"
+        message = f"cannot be read ({error.strerror}); state its path from the project's root"
     except ElementTree.ParseError as error:
-        message, line = f"this is no URDF ({error.msg})", error.position[0]
+        message, line = f"this is not a URDF file ({error.msg})", error.position[0]
         message = XACRO.format(file.name) if "unbound prefix" in error.msg else message
     except (LookupError, ValueError) as error:  # of an encoding or a number
-        message = f"this is no URDF ({error})"
+        message = f"this is not a URDF file ({error})"
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 

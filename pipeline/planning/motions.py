@@ -114,9 +114,9 @@ def cheapest_paths(
     before, total = search_stages(poses, counts, own, nominal, reach, weight, problem.turning)
     if (lost := ~np.isfinite(total).any(axis=1)).any():
         first = int(lost.argmax())
-        why = "the model has no covariance at any pose of the path, or none with a ln det"
+        why = "at every pose of the path the model has no covariance or a singular one"
         if np.isfinite(own[first]).any():
-            why = "no pose is within reach of the joints' speeds; give the path more time"
+            why = "no pose can be reached within the joints' speed limits; give the path more time"
         after = int(steps[first - 1]) if first else None
         raise InfeasibleError(why, step=int(steps[first]), after=after)
     ways: list[tuple[ndarray, float]] = []

@@ -44,7 +44,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         if np.ndim(self.path) != 2 or len(self.path) < 2 or not np.isfinite(self.path).all():
-            raise ConfigError("a path needs two finite poses at least", key="path")
+            raise ConfigError("a path needs at least two finite poses", key="path")
         for key, least in (("rate", 0.0), ("margin", 0.0), ("smoothness", -1e-300)):
             if not least < (value := getattr(self, key)) < np.inf:
                 sign = "positive" if least == 0 else "not negative"

@@ -96,7 +96,7 @@ class Depth:
     @model_validator(mode="after")
     def _one_source_of_times_and_depths(self) -> Self:
         if self.index is not None and self.frames is not None:
-            raise Fault("frames", "index and frames exclude each other: both give the times")
+            raise Fault("frames", "give index or frames, not both: each of them defines the times")
         if (self.disparity is not None) != (self.encoding == "disparity"):
             message = "[a, b] of depth = a/(b − δ) is for the encoding disparity only, and required"
             raise Fault("disparity", message)
@@ -322,7 +322,7 @@ class Dataset:
         if self.robot is None or self.motion is None:
             parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
             if there := [name for name in parts if getattr(self, name) is not None]:
-                raise Fault(there[0], f"without a robot and its motion there is no {there[0]}")
+                raise Fault(there[0], f"{there[0]} requires a robot and its motion")
             if self.force is None:
                 raise Fault("robot", "a dataset needs a robot or a force transducer")
             return self

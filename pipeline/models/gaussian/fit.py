@@ -65,7 +65,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     """
     squares = _square_speeds(recorded)
     if not np.any(squares):
-        message = "the motion is at rest at every step: alpha and u have no effect to fit"
+        message = "the motion is at rest at every step: alpha and u cannot be estimated"
         raise ModelDomainError(message)
     if options.estimator == "paper":
         poses = recorded.q.mean(axis=0)
@@ -292,7 +292,7 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
         optima, lowest = np.array([_vertex(*each) for each in zip(log_alphas, cost, strict=True)]).T
         i, last = int(lowest.argmin()), len(lowest) - 1
         if np.isnan(optima[i]):
-            message = "the likelihood of these takes is greatest beyond where it was evaluated"
+            message = "the maximum of these takes' likelihood is outside the evaluated range"
             raise ModelDomainError(message, takes=takes.tolist())
         extension, near = fit.extensions[i], slice(i - 1, i + 2)
         if 0 < i < last:

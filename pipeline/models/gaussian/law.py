@@ -26,7 +26,7 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
         raise ModelDomainError(
-            "the bound u must not be below the norm of the mean matrix, which it is at "
+            "the bound u must be at least the norm of the mean matrix; it is below the norm at "
             f"{int((norm > u).sum())} of {norm.size} poses",
             u=u,
             largest_norm=float(norm.max()),

@@ -61,7 +61,7 @@ class Decomposition:
     def require_size(self, m: int) -> None:
         """Raise ModelDomainError for a given J₁ of another size than ``m`` task rows."""
         if self.left is not None and len(self.left) != m:
-            message = f"the given first factor must have as many rows as the task, {m}, and has "
+            message = f"the given first factor must have as many rows as the task, {m}, got "
             raise ModelDomainError(message + str(len(self.left)), left=self.left)
 
 

@@ -291,7 +291,7 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     def from_takes(takes: ndarray) -> dict[str, float]:
         best = _spline_maximum(nodes, log_likelihoods[takes].sum(axis=0))
         if not at_end and best in (nodes[0], nodes[-1]):
-            message = "the likelihood of these takes is greatest beyond where it was evaluated"
+            message = "the maximum of these takes' likelihood is outside the evaluated range"
             raise ModelDomainError(message, takes=takes.tolist())
         return {"sigma_b": float(np.exp(best))}
 

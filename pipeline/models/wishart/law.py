@@ -216,8 +216,8 @@ def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
 
     low, high = LOG_EXCESS
     if not excess(low) > 0:
-        limit = f"the limit of its covariance, {largest_dispersion(m, inverse_moments=2):.4g}"
-        message = f"the variance of a Wishart step needs a sigma_B at {limit}"
+        limit = f"the limit {largest_dispersion(m, inverse_moments=2):.4g} of a finite covariance"
+        message = f"a Wishart step with this variance would need sigma_B at {limit}"
         raise ModelDomainError(message, trace_rad2=trace)
     d = m + 3 + np.exp(brentq(excess, low, high, xtol=1e-12, rtol=1e-14))
     return float(np.sqrt((m + 1) / d))
