@@ -1,6 +1,5 @@
-"""Evaluation of cases: fits, realisations, scores and filters. The evidence has the same names as
-the stages' output, so that the same rules decide the claims. Common parts of cases are evaluated
-once.
+"""Evaluation of cases: fits, realisations, scores and filters. The evidence has the names of the
+stages' output, so that the same rules decide the claims. Common parts of cases are evaluated once.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

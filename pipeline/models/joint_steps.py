@@ -12,10 +12,9 @@ t with ν_j degrees of freedom. No Jacobian is needed.
 The reference step is the greatest commanded step of any joint. A gain b_j is estimated if at least
 :data:`LEAST_STEPS` steps of the joint are at least :data:`LEAST_SHARE` of the reference step, and
 the relative standard error of the variance at the reference step is at most :data:`BOUND`.
-Otherwise b_j is NaN, and predictions beyond the recorded steps raise ModelDomainError. The standard
-error follows from the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ] for normal
-noise, divided by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps are assumed
-independent.
+Otherwise b_j is NaN, and steps beyond the recorded ones raise ModelDomainError. The standard error
+follows from the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ] for normal noise,
+divided by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps are assumed independent.
 """
 
 from collections.abc import Sequence

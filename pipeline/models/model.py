@@ -99,8 +99,7 @@ class MotionModel(Protocol):
 
 def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
     """Return the variances (n,), ascending and ≥ 0, and the axes (n, n), in columns, of
-    ``covariance``. Raises ModelDomainError if it is not finite, symmetric and positive
-    semidefinite.
+    ``covariance``. Raises ModelDomainError if not finite, symmetric and positive semidefinite.
     """
     covariance = np.asarray(covariance, dtype=float)
     square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0

@@ -39,8 +39,7 @@ LOST_OBJECTIVE = 1e6  # of a motion off the path or of infinite cost; usual obje
 
 def stages(problem: Problem, spacing: float) -> ndarray:
     """(S,) steps of the path from first to last, so far apart that the slowest joint can move by
-    STAGE_SPACINGS times ``spacing`` in between. Otherwise this joint could not leave a pose of the
-    grid.
+    STAGE_SPACINGS times ``spacing`` in between. Otherwise it could not leave a pose of the grid.
     """
     last, slowest = len(problem.steps), problem.reach.min()
     wide = 1 if problem.spare == 0 else int(np.ceil(STAGE_SPACINGS * spacing / slowest))

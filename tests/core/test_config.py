@@ -262,8 +262,8 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
             (key, value, f"also in youbot.yaml: dataset.{key}; keep each in one file")
             for key, value in (("mocap.gate", 0.1), ("name", "a"), ("depth.workspace", None))
         ),
-        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: the value is ???"),
-        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: the value is ???"),
+        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: the value"),
+        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: the value"),
         ("about.licence", "???", "fill in about.licence: "),
         ("about", None, "needs about"),
         ("about.page", "1", "'page'"),

@@ -112,7 +112,7 @@ def test_at_the_recorded_level_the_total_variance_is_the_recorded_one(name, size
 def test_there_is_no_level_without_noise_of_the_motion():
     at_rest = replace(recorded(), v=np.zeros_like(recorded().v))
     for model in MODELS.values():
-        with pytest.raises(ModelDomainError, match="not above that of the measurement noise"):
+        with pytest.raises(ModelDomainError, match="does not exceed the measurement noise"):
             at_recorded_level(model, recorded(1e-6))
     for name in ("gaussian", "wishart"):
         with pytest.raises(ModelDomainError, match=r"without noise|at rest at every step"):

@@ -139,7 +139,7 @@ def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
 @pytest.mark.parametrize(
     ("arm", "changes", "error", "words"),
     [
-        ("planar", {"rate": 2e3}, InfeasibleError, r"joints' speeds; .* \[step 20, after 0\]"),
+        ("planar", {"rate": 2e3}, InfeasibleError, r"speed limits; .* \[step 20, after 0\]"),
         ("two spare", {}, ConfigError, "2 joints more than the task has rows"),
         ("planar", {"margin": 0.0}, ConfigError, "margin must be finite and positive, not 0.0"),
     ],

@@ -78,7 +78,7 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
     printed = capsys.readouterr().out
     for model in ("gaussian", "wishart"):
         assert f"no model {model}: the variance of the recorded process noise" in printed
-        with pytest.raises(ModelDomainError, match="not above that of the measurement"):
+        with pytest.raises(ModelDomainError, match="does not exceed the measurement"):
             fitted_model(fit.OUT / model)
         assert not contracts.exists("moments", fit.OUT / model)
     assert "sigma_b" not in metrics_of("wishart") and "sigma_b_paper" in metrics_of("wishart")

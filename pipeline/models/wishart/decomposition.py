@@ -1,8 +1,7 @@
 """Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for batches.
 
 J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper says "LU or QR depending
-on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each one gives another law of a
-step:
+on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each gives another law of a step:
 
 - ``pivoted_lu``: J₁ = PᵀL, J₂ = U. The law depends on the units of the task rows (m and rad), the
 axes of the task (of the arm's base) and the order of the joints, not on the order of the rows. -
