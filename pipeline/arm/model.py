@@ -188,8 +188,7 @@ def _layout(robot: Robot) -> Layout:
 def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
     """Rotation (3, 3) and origin (3,) in m of the plane in which the tip of ``layout`` moves. y is
     parallel to the axis of the first revolute joint, O1 lies in y = 0, and z is the projection of
-    the frame's z axis (y axis if the plane is horizontal). Raises ConfigError without a common
-    plane.
+    the frame's z axis (y axis in a horizontal plane). Raises ConfigError without a common plane.
     """
     first = int(np.argmin(layout.sliding))
     normal = layout.axes[first] / np.linalg.norm(layout.axes[first])

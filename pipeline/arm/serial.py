@@ -73,8 +73,8 @@ class SerialChain(Chain):
 
     def jacobian(self, q: ndarray) -> ndarray:
         """(..., m, n) J(q) in m/rad (1 for a prismatic joint). A revolute joint with the axis e
-        through p moves the tip with velocity e × (tip − p) and angular velocity e, a prismatic
-        joint with velocity e.
+        through p gives the tip the velocity e × (tip − p) and angular velocity e, a prismatic joint
+        e.
         """
         frames = self._frames(q)
         axes, points = frames[..., :-1, :3, 2], frames[..., :-1, :3, 3]
