@@ -1,7 +1,7 @@
 """``python -m pipeline NAME …`` runs a stage of dvc.yaml, a study or a tool.
 
-A stage is a module of pipeline/stages, a study a folder of pipeline/studies, a tool a folder of
-pipeline/tools: each is found by its place. Every error is one message on standard error.
+A stage is a module in pipeline/stages, a study a folder in pipeline/studies, a tool a folder in
+pipeline/tools; no other list names them. Every error is one message on standard error.
 """
 
 import argparse
@@ -32,8 +32,8 @@ tools    {tools}
 filter, the part of ingest (motion, depth, force) and the dataset of record.
 NAME --help describes a stage, a study or a tool."""
 NO_ENVIRONMENT = (
-    "the project's environment is missing here: `make env` makes it, `. .venv/bin/activate` "
-    "enters it"
+    "the project's environment is missing here: create it with `make env`, activate it with "
+    "`. .venv/bin/activate`"
 )
 TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
 OUT_OF_MEMORY = "free some memory and run the command again"
@@ -53,7 +53,7 @@ def main() -> int:
     """Run the command line; return the exit code, 1 after an error and its message."""
     gc.disable()  # imports make no garbage, and collections during them take time
     for stream in filter(None, (sys.stdout, sys.stderr)):
-        stream.reconfigure(errors="replace")  # ? for a character that the locale lacks
+        stream.reconfigure(errors="replace")  # prints ? for a character that the locale lacks
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
         try:
@@ -75,10 +75,10 @@ def main() -> int:
             # else Python would fail again on the remaining output when it ends
             with suppress(OSError, ValueError, AttributeError):  # no file descriptor
                 os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):  # the reader of the output has ended
+        if not isinstance(error, BrokenPipeError):  # the program that reads the output has ended
             if os.environ.get(TRACE):
                 traceback.print_exception(error)
-            print(f"error: {name}: {error_summary(error)}{_restoring()}", file=sys.stderr)
+            print(f"error: {name}: {error_summary(error)}{_restore_hint()}", file=sys.stderr)
         return 1
 
 
@@ -105,7 +105,7 @@ def error_summary(error: Exception) -> str:
     )
 
 
-def _restoring() -> str:
+def _restore_hint() -> str:
     """Return the commands that restore the outputs which DVC removed before it ran this stage."""
     folder, _, stage = os.environ.get("DVC_STAGE", "").rpartition("dvc.yaml:")
     lock = Path(os.environ.get("DVC_ROOT", "."), folder, "dvc.lock")

@@ -36,7 +36,7 @@ class PlanarChain(Chain):
 
     @property
     def straight(self) -> float:
-        """Angle of the second joint in rad, up to half turns, at which two links are in line."""
+        """Angle of the second joint in rad, modulo π, at which the first two links are in line."""
         first, second = np.arctan2(*self.links[:2].T)
         return float(self.signs[1] * (first - second))
 
@@ -72,7 +72,7 @@ class PlanarChain(Chain):
         return np.concatenate([self.points(q)[..., -1, :], phi], axis=-1)
 
     def displacement(self, start: ndarray, end: ndarray) -> ndarray:
-        """(..., 3) from the poses ``start`` (..., 3) to ``end`` (..., 3); φ keeps whole turns."""
+        """(..., 3) displacement from poses ``start`` to ``end`` (..., 3); φ keeps whole turns."""
         return end - start
 
     def jacobian(self, q: ndarray) -> ndarray:
@@ -92,7 +92,7 @@ class PlanarChain(Chain):
     def inverse_jacobian(self, q: ndarray, *, what: str = "pose") -> ndarray:
         """(..., 3, 3) J(q)⁻¹ in closed form; raises :class:`SingularJacobianError` naming the first
         singular ``what``. The first two joints move the wrist O3 at v − φ̇·k×(EE − O3), the third
-        adds what is left of φ̇.
+        joint adds the rest of φ̇.
         """
         self.require_regular(q, what=what)
         (ax, bx, tx), (az, bz, tz) = self._segments(q)

@@ -1,4 +1,4 @@
-"""Interface of robots' kinematics, the constants of a chain for compiled code, and the table of a
+"""Interface of the kinematics of robots, constants of a chain for compiled code, and table of a
 commanded trajectory.
 """
 
@@ -16,28 +16,28 @@ if TYPE_CHECKING:  # an exported model is loaded with NumPy alone
 
 
 class ArmConstants(NamedTuple):
-    """A chain of n joints and a task of m rows; ``plane`` or ``frames`` is empty."""
+    """Constants of a chain of n joints with m task rows; ``plane`` or ``frames`` is empty."""
 
-    plane: ndarray  # (11,) a planar chain's links' x and z (3·2, m), signs (3) and origin (2, m)
-    frames: ndarray  # (n + 2, 6) a serial chain's :func:`pipeline.arm.serial.joint_frames`
-    sliding: ndarray  # (n,) 1 of a prismatic joint, 0 of a revolute one
-    rows: ndarray  # (m,) the task's rows: 0 to 2 of velocity, 3 to 5 of angular velocity
-    units: ndarray  # (m,) factor of a row: 1, or a length in m of an angular one
+    plane: ndarray  # (11,) of a planar chain: links x and z (3·2, m), signs (3), origin (2, m)
+    frames: ndarray  # (n + 2, 6) of a serial chain: :func:`pipeline.arm.serial.joint_frames`
+    sliding: ndarray  # (n,) 1 for a prismatic, 0 for a revolute joint
+    rows: ndarray  # (m,) task rows: 0 to 2 are velocity, 3 to 5 angular velocity
+    units: ndarray  # (m,) factor of a row: 1, or a length in m for an angular row
     least: float  # least singular value of the Jacobian at a regular pose
 
 
 class Mechanism(Protocol):
     """A robot of n joints and a task of m ≤ n rows; J (m, n) is its Jacobian.
 
-    ``q`` (..., n) are joint angles in rad, m of prismatic joints, of any leading axes. A *command*
-    (..., m) is a step v of the task. A longer command (..., m + n) also has a step w of the joints,
-    whose part in the null space of J the arm performs.
+    ``q`` (..., n) are joint coordinates in rad (revolute) or m (prismatic). A *command* (..., m) is
+    a step v of the task. A longer command (..., m + n) also has a step w of the joints; the arm
+    executes the part of w in the null space of J.
     """
 
     task: tuple[str, ...]  # names of the m rows
-    lower: ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
+    lower: ndarray  # (n,) joint limits, rad or m; infinite without a limit
     upper: ndarray  # (n,)
-    max_speed: ndarray  # (n,) rad/s or m/s; infinite where a joint has none
+    max_speed: ndarray  # (n,) rad/s or m/s; infinite without a limit
 
     def pose(self, q: ndarray) -> ndarray:
         """(..., p) pose of the tip."""
@@ -49,7 +49,7 @@ class Mechanism(Protocol):
         """(..., m, n) J(q)."""
 
     def singular(self, q: ndarray) -> ndarray:
-        """(...,) True where J(q) is singular to within its bound, or ``q`` is not finite."""
+        """(...,) True where J(q) is nearly singular (bound of the chain) or ``q`` not finite."""
 
     def inverse_jacobian(self, q: ndarray, *, what: str = "pose") -> ndarray:
         """(..., n, m) J⁺; raises SingularJacobianError naming the first singular ``what``."""
@@ -91,7 +91,7 @@ class Mechanism(Protocol):
 
 
 class Chain(Mechanism, Protocol):
-    """A serial arm, which compiled code moves too."""
+    """A serial arm with constants for compiled code."""
 
     def numbers(self) -> ArmConstants:
         """Constants of the chain for compiled code."""
@@ -104,10 +104,10 @@ class Chain(Mechanism, Protocol):
 def trajectory_table(
     chain: Chain, q: ndarray, rate: float, joints: Sequence[str] = ()
 ) -> "pd.DataFrame":
-    """xᵈ and ẋᵈ of commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second: columns k,
-    t, the families x and v of the chain's task (SI), and for a redundant arm the speeds u of its
-    ``joints`` in rad/s. v_kΔt is the displacement from the pose at t_k to the pose at t_{k+1}, zero
-    in the last row.
+    """Table of xᵈ and ẋᵈ for commanded joint angles ``q`` (M+1, n) in rad at ``rate`` per second.
+    Columns are k, t, the families x and v of the task rows (SI), and for a redundant arm the speeds
+    u of ``joints`` in rad/s. v_kΔt is the displacement from the pose at t_k to the pose at t_{k+1},
+    zero in the last row.
     """
     import pandas as pd
 

@@ -17,8 +17,8 @@ ARC = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 @inner
 def tip(arm, q, start, count, block):
-    """Fill the tip's rotation and position, and each joint's axis and a point of it, in the base's
-    axes, at ``count`` poses of ``q`` (n, P) in rad or m from ``start`` on.
+    """Fill the tip's rotation and position, and each joint's axis and a point of the axis, in the
+    base frame, at ``count`` poses of ``q`` (n, P) in rad or m from ``start`` on.
     """
     flat, n = block.reshape(-1), len(arm.sliding)
     for k in range(12):
@@ -52,7 +52,7 @@ def tip(arm, q, start, count, block):
 
 @inlined
 def _follow(k, frame, flat, count):
-    """Rotate row ``k``, a literal, of the frames about their z axes, then shift and tilt it."""
+    """Rotate row ``k`` (a literal) of the frames about the z axis, then shift and tilt it."""
     c, s = frame[FRAME_COSINE], frame[FRAME_SINE]
     px, py, pz = frame[FRAME_SHIFT], frame[FRAME_SHIFT + 1], frame[FRAME_SHIFT + 2]
     for i in range(count):
@@ -91,8 +91,8 @@ def task_jacobian(arm, block, first, count):
 
 @inner
 def cholesky(block, jacobian, lower, inverse, m, n, shift, count):
-    """Fill L of JJᵀ − ``shift``·I = LLᵀ from row ``lower`` on (m·m) and 1/L_rr from ``inverse`` on,
-    NaN without a factor. The relative error of J⁺ is at most 1e-10 at a regular pose.
+    """Fill L of JJᵀ − ``shift``·I = LLᵀ from row ``lower`` on (m·m) and 1/L_rr from ``inverse`` on;
+    NaN if there is no factor. The relative error of J⁺ is at most 1e-10 at a regular pose.
     """
     for r in range(m):
         for s in range(r + 1):
@@ -112,9 +112,9 @@ def cholesky(block, jacobian, lower, inverse, m, n, shift, count):
 @inner
 def mark_singular(block, arm, jacobian, lower, spare, out, count):
     """Set row ``out`` to 1 where a singular value of J is below ``arm.least``, i.e. JJᵀ − least²·I
-    has no factor, else to 0; m·m + m rows from ``spare`` on are scratch. Most blocks skip that
+    has no factor, else to 0; m·m + m rows from ``spare`` on are scratch. Most blocks need no such
     factor: (det L)² is at most the least squared singular value times the (m − 1)th power of the
-    mean of the others.
+    mean of the other squares.
     """
     m, n, least = len(arm.rows), len(arm.sliding), arm.least
     fill(block, out, 1.0, count)

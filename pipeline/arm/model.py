@@ -1,4 +1,4 @@
-"""Arms from their URDF, planar or in space; the one module that imports Pinocchio."""
+"""Planar and spatial arms from URDF files; the only module that imports Pinocchio."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
@@ -42,9 +42,9 @@ class Arm:
 
 
 def chain_of(robot: Robot) -> Chain:
-    """Chain of the options ``dataset.robot`` for their task: planar, if three parallel revolute
-    joints move the whole pose in their plane, otherwise serial. Raises ConfigError as
-    :func:`describe`, for axes that do not fit ``plane``, and for rows that the arm cannot move.
+    """Return the chain of the options ``dataset.robot``: planar if three parallel revolute joints
+    move the whole pose in their plane, else serial. Raises ConfigError as :func:`describe`, for
+    axes that have no common ``plane``, and for task rows that the arm cannot move.
     """
     layout = _layout(robot)
     task = tuple(robot.task or (PLANE if robot.plane else SPACE))
@@ -53,7 +53,7 @@ def chain_of(robot: Robot) -> Chain:
         if task == PLANE and robot.length == 1.0 and layout.has_closed_form:
             return _planar(layout)
     chain = layout.serial(task, float(robot.length))
-    # the rows are tested at poses of an additive recurrence (Kronecker sequence)
+    # the task rows are tested at the poses of a Kronecker sequence
     n = len(chain.lower)
     low, high = (np.clip(limit, -np.pi, np.pi) for limit in (chain.lower, chain.upper))
     shares = np.outer(np.arange(SAMPLES), 2.0 ** (np.arange(1, n + 1) / (n + 1))) % 1.0
@@ -61,15 +61,15 @@ def chain_of(robot: Robot) -> Chain:
     if chain.singular(q).all():
         still = np.abs(chain.jacobian(q)).max(axis=(0, 2)) <= 1e-9 * chain.scale
         rows = ", ".join(np.array(task)[still]) or f"{', '.join(task)} independently of each other"
-        message = f"robot.task: the arm cannot move {rows}; leave out rows"
+        message = f"robot.task: the arm cannot move {rows}; remove task rows"
         raise ConfigError(message, file=layout.file)
     return chain
 
 
 def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, SerialChain]:
-    """Chain to each of the ``links`` that the option ``key`` names, of the joints that move it, for
-    the whole pose of the link's frame, in metres and radians, in the axes of the arm's base. Raises
-    ConfigError for a link that the arm does not move, and as :func:`describe`.
+    """Return for each of ``links`` (named by the option ``key``) the chain of joints that moves it.
+    The task is the whole pose of the link in the base frame, in m and rad. Raises ConfigError for a
+    link that the arm does not move, and as :func:`describe`.
     """
     tree, chains = read_urdf(Path(robot.urdf)), {}
     for link in links:
@@ -84,7 +84,7 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
 
 def arm_of(robot: Robot) -> Arm:
     """Planar chain of the options ``dataset.robot`` and its plane. Raises ConfigError as
-    :func:`describe`, and unless the joints are three parallel revolute ones with limits.
+    :func:`describe`, and if the joints are not three parallel revolute joints with limits.
     """
     layout = _layout(robot)
     if not layout.has_closed_form:
@@ -101,11 +101,11 @@ def load_arm(urdf: str | Path, joints: list[str], tool: str | None, locked: Mapp
 
 @dataclass(frozen=True)
 class Layout:
-    """The n joints of an arm at zero, base to tip, and its tip, in one frame."""
+    """The n joints of an arm at zero angles, base to tip, and the tip's pose, in one frame."""
 
     file: Path  # URDF
     names: Sequence[str]  # of the joints
-    sliding: ndarray  # (n,) True of a prismatic joint
+    sliding: ndarray  # (n,) True for a prismatic joint
     axes: ndarray  # (n, 3) unit vectors of the joints' axes
     points: ndarray  # (n, 3) a point of each axis, m
     rotation: ndarray  # (3, 3) of the tip
@@ -123,7 +123,7 @@ class Layout:
         )
 
     def serial(self, task: tuple[str, ...], length: float) -> SerialChain:
-        """Chain for the ``task``: z of a joint's frame is its axis, x the previous x projected."""
+        """Chain for ``task``: z of a joint's frame is the axis, x the previous x projected."""
         placements, before, origin = [], np.eye(3), np.zeros(3)
         for axis, point in zip(self.axes, self.points, strict=True):
             across = before[:, 0] if abs(before[:, 0] @ axis) < 0.9 else before[:, 1]
@@ -137,19 +137,19 @@ class Layout:
 
     @property
     def has_closed_form(self) -> bool:
-        """True of three revolute joints with limits."""
+        """True for three revolute joints with limits."""
         limited = bool(np.isfinite(self.limits[:2]).all())
         return limited and len(self.names) == 3 and not self.sliding.any()
 
 
 def _layout(robot: Robot) -> Layout:
-    """The arm in the axes of its base, with every other joint of its URDF held."""
+    """Layout of the arm in the base frame; all other joints of the URDF are fixed."""
     described = describe(robot)
     tree, joints = described.tree, described.joints
     names, root = [joint.name for joint in joints], deepcopy(tree.root)
     for key, elements in {"name": root.findall("link"), "link": root.findall("joint/*")}.items():
         for element in elements:
-            if key in element.attrib:  # Pinocchio does not allow a joint and a link of one name
+            if key in element.attrib:  # Pinocchio allows no joint and link of the same name
                 element.set(key, LINK + element.get(key))
     try:
         full = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
@@ -157,11 +157,11 @@ def _layout(robot: Robot) -> Layout:
         for name, value in described.held.items():
             step[full.joints[full.getJointId(name)].idx_v] = value
         others = [full.getJointId(name) for name in full.names[1:] if name not in names]
-        held = pin.integrate(full, pin.neutral(full), step)
-        model = pin.buildReducedModel(full, others, held)
+        fixed = pin.integrate(full, pin.neutral(full), step)
+        model = pin.buildReducedModel(full, others, fixed)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
-        message = f"robot.urdf: Pinocchio does not read it ({reason}); check it with check_urdf"
+        message = f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
         raise ConfigError(message, file=tree.file) from None
     data = model.createData()
     # a single column is a vector in Pinocchio
@@ -186,9 +186,9 @@ def _layout(robot: Robot) -> Layout:
 
 
 def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
-    """Rotation (3, 3) and origin (3,) in m of the plane in which the tip of ``layout`` moves: y is
-    the axis of the first revolute joint, which lies in y = 0, z the projection of the frame's z
-    axis (or y axis, if the plane is horizontal). Raises ConfigError for joints of no common plane.
+    """Rotation (3, 3) and origin (3,) in m of the plane in which the tip of ``layout`` moves. y is
+    parallel to the axis of the first revolute joint, O1 lies in y = 0, and z is the projection of
+    the frame's z axis (y axis in a horizontal plane). Raises ConfigError without a common plane.
     """
     first = int(np.argmin(layout.sliding))
     normal = layout.axes[first] / np.linalg.norm(layout.axes[first])

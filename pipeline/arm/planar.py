@@ -49,8 +49,8 @@ def planar_jacobian(arm, q, start, count, block):
 
 @inlined
 def joint_step(flat: ndarray, i: int, vx: float, vz: float, phi: float) -> tuple:
-    """J⁻¹v without the signs of the joints, at pose ``i`` of the task step v = (``vx``, ``vz``,
-    ``phi``), as :meth:`pipeline.arm.chain.PlanarChain.inverse_jacobian`.
+    """J⁻¹v at pose ``i`` for the task step v = (``vx``, ``vz``, ``phi``), without the signs of the
+    joints; formula of :meth:`pipeline.arm.chain.PlanarChain.inverse_jacobian`.
     """
     first = PLANAR.jacobian * WIDTH
     x3, z3 = flat[first + 2 * WIDTH + i], flat[first + 5 * WIDTH + i]
@@ -64,7 +64,7 @@ def joint_step(flat: ndarray, i: int, vx: float, vz: float, phi: float) -> tuple
 
 @inner
 def planar_steps(arm, block, count):
-    """Set the joints' step to J⁻¹x of the task step x."""
+    """Set the joint-step rows to J⁻¹x for the task step x."""
     flat, x, y = block.reshape(-1), PLANAR.task * WIDTH, PLANAR.joints * WIDTH
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     for i in range(count):
@@ -77,7 +77,7 @@ def planar_steps(arm, block, count):
 
 @inner
 def planar_inverse_square(block, count):
-    """Set the first row of scratch to ‖J⁻¹‖_F²."""
+    """Set the first scratch row to ‖J⁻¹‖_F²."""
     flat, out = block.reshape(-1), PLANAR.spare * WIDTH
     for i in range(count):
         x1, x2, x3 = joint_step(flat, i, 1.0, 0.0, 0.0)
@@ -94,7 +94,7 @@ def add_planar_displacement(arm, target, q, start, count, share, block):
     s1, s2, s3 = arm.plane[6], arm.plane[7], arm.plane[8]
     stop = start + count
     q1, q2, q3 = q[0, start:stop], q[1, start:stop], q[2, start:stop]
-    # column 1 of J is the vector from O1 to the tip, turned
+    # column 1 of J is the vector from O1 to the tip, rotated by π/2
     x, z = target[0] - arm.plane[9], target[1] - arm.plane[10]
     for i in range(count):
         flat[task + i] += share * (x + flat[jacobian + 3 * WIDTH + i])

@@ -1,15 +1,15 @@
-"""Rows of a block in compiled code: a C matrix (rows, poses). Neighbours in memory are the same
-quantity of neighbouring poses: LLVM vectorises loops over them that have no branches or calls.
+"""Row layout of a block in compiled code, a C-ordered matrix (rows, poses). A row has one quantity
+at consecutive poses: LLVM vectorises loops over a row without branches or calls.
 """
 
 from typing import NamedTuple
 
 from pipeline.core.compiled import inner
 
-WIDTH = 256  # poses of a block: a smaller one costs calls, a larger one exceeds the nearest cache
+WIDTH = 256  # poses of a block: a smaller block needs more calls, a larger exceeds the cache
 # rows of the kinematics of a pose: position (3, m) and rotation (9, row by row) of the tip; sine
-# and cosine of one frame's angle, or the rotation vector (3) of a displacement; from JOINTS on the
-# axis (3) and a point of it (3, m) of each joint
+# and cosine of one frame's angle, or the rotation vector (3) of a displacement; from JOINTS on for
+# each joint its axis (3) and a point of the axis (3, m)
 POSITION, ROTATION, SINE, COSINE, TURN, JOINTS = 0, 3, 12, 13, 12, 15
 
 
@@ -19,8 +19,8 @@ class Rows(NamedTuple):
     jacobian: int  # (m·n) J, row by row
     lower: int  # (m·m) L of JJᵀ = LLᵀ, row by row
     inverse: int  # (m) 1/L_rr
-    task: int  # (m) step of the task
-    joints: int  # (n) step of the joints
+    task: int  # (m) task step
+    joints: int  # (n) joint step
     singular: int  # 1 at a singular pose, else 0
     speed: int  # ‖v‖²
     normal: int  # (2n or more) normal variates

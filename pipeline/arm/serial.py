@@ -14,28 +14,28 @@ from numpy import ndarray
 
 from pipeline.arm.interface import ArmConstants, Chain
 
-# least singular value of the Jacobian at a regular pose, as a share of :meth:`SerialChain.scale`: a
-# step of a thousandth of the arm's size takes a joint step of at most 1 rad
+# least singular value of J at a regular pose, divided by :meth:`SerialChain.scale`: a task step of
+# 1e-3 of the arm's size then needs a joint step of at most 1 rad
 LEAST_SINGULAR = 1e-3
 # rows of velocity and angular velocity; phi is about the normal of a plane, its y axis
 ROWS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5, "phi": 4}
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # entries of a cross product
-SMALL = 5000  # coordinates of poses whose frames are kept for the next call
+SMALL = 5000  # greatest number of coordinates whose frames are cached for the next call
 
 
 @dataclass(frozen=True)
 class SerialChain(Chain):
     """A chain of n joints with a task of m rows; see :func:`pipeline.arm.model.chain_of`."""
 
-    task: tuple[str, ...]  # m of ROWS
+    task: tuple[str, ...]  # m names of ROWS
     length: float  # m by which angular rows are multiplied
-    # (n + 1, 12) rotation (9, row by row) and translation (3, m) of each joint's frame, with the z
-    # axis along the joint, in the previous frame (the base's for the first), and last of the tip's
+    # (n + 1, 12) rotation (9, row by row) and translation (3, m) of the joint frames (z along the
+    # axis) and the tip's frame, each in the previous frame, the first in the base frame
     placements: ndarray
-    sliding: ndarray  # (n,) True of a prismatic joint
-    lower: ndarray  # (n,) joint limits, rad or m; infinite where a joint has none
+    sliding: ndarray  # (n,) True for a prismatic joint
+    lower: ndarray  # (n,) joint limits, rad or m; infinite without a limit
     upper: ndarray  # (n,)
-    max_speed: ndarray  # (n,) rad/s or m/s; infinite where a joint has none
+    max_speed: ndarray  # (n,) rad/s or m/s; infinite without a limit
 
     @property
     def lengths(self) -> ndarray:
@@ -44,8 +44,8 @@ class SerialChain(Chain):
 
     @cached_property
     def scale(self) -> float:
-        """Size of the Jacobian's entries in m: the reach (at least 1 with prismatic joints, which
-        are at zero) or, if greater, the characteristic length.
+        """Magnitude of the entries of J in m: the reach or, if greater, the characteristic length.
+        The reach is at least 1 with prismatic joints, which are at zero.
         """
         rows, reach = self._numbers.rows, self.lengths.sum()
         reach = max(reach, 1.0) if self.sliding.any() else reach
@@ -73,7 +73,8 @@ class SerialChain(Chain):
 
     def jacobian(self, q: ndarray) -> ndarray:
         """(..., m, n) J(q) in m/rad (1 for a prismatic joint). A revolute joint with the axis e
-        through p moves the tip at e × (tip − p) and the angular velocity e, a prismatic one at e.
+        through p gives the tip the velocity e × (tip − p) and angular velocity e, a prismatic joint
+        e.
         """
         frames = self._frames(q)
         axes, points = frames[..., :-1, :3, 2], frames[..., :-1, :3, 3]
@@ -126,7 +127,7 @@ class SerialChain(Chain):
 
     @cached_property
     def _zero(self) -> ndarray:
-        """(n + 1, 4, 4) the placements, homogeneous."""
+        """(n + 1, 4, 4) placements as homogeneous matrices."""
         result = np.tile(np.eye(4), (len(self.placements), 1, 1))
         result[:, :3, :3] = self.placements[:, :9].reshape(-1, 3, 3)
         result[:, :3, 3] = self.placements[:, 9:]
@@ -180,8 +181,8 @@ def rotation_vector(rotation: ndarray) -> ndarray:
 
 def rigid_motion(places: ndarray, measured: ndarray) -> tuple[ndarray, ndarray]:
     """Rotations (..., 3, 3) and translations (..., 3) in m that move the points ``places`` (K, 3)
-    to the ``measured`` ones (..., K, 3), in m, by least squares: Kabsch (1976). Missing points are
-    not finite; with fewer than three points, or all in one line, the pose is NaN.
+    to the ``measured`` points (..., K, 3), in m, by least squares: Kabsch (1976). Missing points
+    are not finite. The result is NaN for fewer than three points and for points in one line.
     """
     present = np.isfinite(measured).all(axis=-1)
     weight = (present / np.maximum(present.sum(axis=-1), 1)[..., None])[..., None]

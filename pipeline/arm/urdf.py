@@ -1,4 +1,4 @@
-"""Tree of links and joints in a URDF, and the arm of the options within it."""
+"""Tree of links and joints of a URDF file, and the configured arm in the tree."""
 
 import math
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ class Tree(NamedTuple):
 
     @property
     def ends(self) -> list[str]:
-        """Links without a joint beyond them."""
+        """Links without child joints."""
         followed = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in followed]
 
@@ -63,7 +63,7 @@ class Tree(NamedTuple):
 
 
 def read_urdf(file: Path) -> Tree:
-    """Return the tree in ``file``; raises ConfigError for a file that is no URDF."""
+    """Return the tree in ``file``; raises ConfigError if it is not a URDF file."""
     file, line = Path(file), None
     try:
         root = ElementTree.fromstring(read_whole(file))
@@ -76,12 +76,12 @@ def read_urdf(file: Path) -> Tree:
             return Tree(file, root, links, joints)
         message = XACRO.format(file.name)
     except OSError as error:
-        message = f"the file cannot be read ({error.strerror}); name it from the project's root"
+        message = f"cannot be read ({error.strerror}); state its path from the project's root"
     except ElementTree.ParseError as error:
-        message, line = f"this is no URDF ({error.msg})", error.position[0]
+        message, line = f"this is not a URDF file ({error.msg})", error.position[0]
         message = XACRO.format(file.name) if "unbound prefix" in error.msg else message
     except (LookupError, ValueError) as error:  # of an encoding or a number
-        message = f"this is no URDF ({error})"
+        message = f"this is not a URDF file ({error})"
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 
@@ -111,13 +111,13 @@ class Description(NamedTuple):
     joints: list[Joint]  # base to tip
     base: str | None  # link; None for the root
     tip: str  # link
-    held: dict[str, float]  # coordinates of other joints, rad or m; 0 where not named
+    held: dict[str, float]  # coordinates of joints outside the arm, rad or m; 0 if absent
 
 
 def describe(robot: Robot) -> Description:
-    """Return the arm of the options ``dataset.robot``. Coupled joints (mimic) outside the arm are
-    held by their coupling. Raises ConfigError for names that the URDF does not have, and for
-    joints, tip and base that do not form a chain of joints of one coordinate each.
+    """Return the arm of the options ``dataset.robot``. Coupled joints (mimic) outside the arm
+    follow their coupling. Raises ConfigError for names missing in the URDF, and if joints, tip and
+    base do not form a chain of joints with one coordinate each.
     """
     tree, locked, last = read_urdf(Path(robot.urdf)), robot.locked, robot.joints[-1]
     joints = tree.joints

@@ -1,4 +1,4 @@
-"""Cases: one set of choices each for all that the paper or a user leaves open; their recordings."""
+"""Cases, one set of choices for everything that paper and user leave open; their recordings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import constant_noise_variation
 from pipeline.verdicts.run import ArmNames
 
-# the paper's models; the others are compared with the first
+# the paper's models; the first is the reference of comparisons
 KINDS = ("additive", "wishart", "gaussian")
 CONSTANT_SEED = 20_171
 
@@ -33,7 +33,7 @@ class Choices:
 
     models: dict[str, Options]  # by name; the paper's models by their kind
     filter: FilterOptions
-    mode: str  # of the realisations: one_step or free_running
+    mode: str  # mode of the realisations: one_step or free_running
     clock: str = "aligned"  # key of the camera in Recordings.cameras
     measurement: float = 1.0  # factor on the measurement noise that scores add to every step, or 0
     batch: int = 0  # number of the batch of test takes for the filter
@@ -56,13 +56,13 @@ class Choices:
         return options
 
     def model_case(self, name: str) -> "Choices":
-        """Return this case with the model ``name`` alone and default choices for the filter."""
+        """Return this case with only the model ``name``, and default choices for the filter."""
         defaults = {"filter": FilterOptions(), "clock": "", "batch": 0}
         closed = self.closed and name in KINDS
         return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
 
     def filter_case(self, name: str, closed: bool) -> "Choices":
-        """Return this case with one model's filter in one loop, and defaults for other choices."""
+        """Return this case with one model, its loop, and defaults for choices without effect."""
         defaults = {"mode": "", "measurement": 1.0, "batch": 0}
         return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
 
@@ -82,7 +82,7 @@ class Takes:
 
     @cached_property
     def variation_of_constant_noise(self) -> np.ndarray:
-        """:func:`constant_noise_variation` (n,) of the training takes, with equal draws for all."""
+        """:func:`constant_noise_variation` (n,) of the training takes, equal draws in all cases."""
         rng = stream(CONSTANT_SEED, "cases.constant_noise")
         return constant_noise_variation(self.training.noise, rng)
 
@@ -93,7 +93,7 @@ class Takes:
 
     @property
     def start(self) -> Start:
-        """Normal law of the first pose."""
+        """Normal law of the first pose of the training takes."""
         first = self.poses[:, 0]
         return Start(first.mean(axis=0), np.cov(first.T))
 

@@ -1,5 +1,5 @@
-"""Evaluation of cases: fits, realisations, scores and filters. The evidence has the names that the
-stages write, so that the same rules decide the claims. Common parts of cases are evaluated once.
+"""Evaluation of cases: fits, realisations, scores and filters. The evidence has the names of the
+stages' output, so that the same rules decide the claims. Common parts of cases are evaluated once.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -37,14 +37,14 @@ Evidence = dict[str, dict[str, float] | pd.DataFrame]
 Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
 # number of the take, its part of the case, the loop, the take's measurements
 Trial = tuple[int, Choices, Loop, Measurements]
-Run = Callable[[Callable, Sequence], Iterable]  # as the built-in map: results in order
+Run = Callable[[Callable, Sequence], Iterable]  # like the built-in map, with results in order
 RESAMPLING_SEED = 20_170  # equal resamplings in all cases
-PAPER = "{}_paper"  # names of the estimates by the paper's estimator
+PAPER = "{}_paper"  # names of the estimates of the paper's estimator
 
 
 @dataclass
 class Outcome:
-    """Fit, realisations and scores of a model; ``refusals`` say why some are missing."""
+    """Fit, realisations and scores of a model; ``refusals`` are the reasons for missing ones."""
 
     model: MotionModel | None = None
     closed: ClosedLoopFit | None = None  # the model in a closed loop
@@ -53,7 +53,7 @@ class Outcome:
     deviation: np.ndarray | None = None  # (M+1, n) rad
     # (takes,) nats, of all steps and of the moving steps
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
-    modelled: ModelledNoise | None = None  # at the recorded level, without its draws
+    modelled: ModelledNoise | None = None  # at the recorded total variance, without its draws
     following: pd.DataFrame | None = None  # of following_tests
     refusals: list[str] = field(default_factory=list)
 
@@ -65,13 +65,13 @@ def evaluate(
     cameras, count = recordings.cameras, recordings.filtered
     takes = list(next(iter(cameras.values())).takes) if cameras else []
 
-    def mapped(function: Callable, trials: Mapping[str, object]) -> dict:
+    def map_trials(function: Callable, trials: Mapping[str, object]) -> dict:
         results = run(partial(function, recordings=recordings), list(trials.values()))
         return dict(zip(trials, results, strict=True))
 
     # options are not hashable; equal options have equal representations
     models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
-    outcomes = mapped(_outcome, models)
+    outcomes = map_trials(_outcome, models)
     loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
     trials: dict[str, Trial] = {}
     wanted: list[tuple[int, str, str, str]] = []  # number of the case, filter, take, key of a trial
@@ -84,7 +84,7 @@ def evaluate(
                     measured = cameras[case.clock].takes[take]
                     trials[key := f"{take} {part!r}"] = (takes.index(take), part, loop, measured)
                     wanted.append((number, names.closed(name) if closed else name, take, key))
-    posteriors = mapped(_posterior, trials)
+    posteriors = map_trials(_posterior, trials)
     filtered = [{} for _ in cases]
     for number, name, take, key in wanted:
         filtered[number].setdefault(name, {})[take] = posteriors[key]
@@ -103,7 +103,7 @@ def _outcome(case: Choices, recordings: Recordings) -> Outcome:
 
 
 def _loops(result: Outcome, recordings: Recordings) -> dict[bool, Loop]:
-    """Return the loops in which a model is filtered; the key says whether a loop is closed."""
+    """Return the loops in which a model is filtered, with the key True for the closed loop."""
     recorded, loops = recordings.takes.training, {}
     if result.model is not None:
         loops[False] = (result.model, open_loop(recorded.v))
@@ -127,7 +127,7 @@ def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
 
 
 def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Generator) -> Outcome:
-    """Fit, realise ``realizations`` times and score the only model of ``case``."""
+    """Fit the only model of ``case``, realise it ``realizations`` times, and score it."""
     result, training = Outcome(), takes.training
     try:
         fit = kinds.estimate(training, case.options)
@@ -151,7 +151,7 @@ def outcome(case: Choices, takes: Takes, realizations: int, rng: np.random.Gener
 
 
 def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
-    """Return the estimates that the paper's published parameters are compared with."""
+    """Return the paper's estimates, for comparison with the published parameters."""
     if (requested := kinds.estimator_options(case.options).get(PAPER)) is None:
         return {}
     try:
@@ -166,8 +166,8 @@ def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[
 def noise_tests(
     model: MotionModel, training: Recorded, poses: np.ndarray, rng: np.random.Generator
 ) -> tuple[ModelledNoise, pd.DataFrame]:
-    """Return the noise of ``model`` at the recorded level, and the :func:`following_tests` of the
-    recorded standard deviations; ``poses`` (takes, M+1, n) rad of the training takes.
+    """Return the noise of ``model`` at the recorded total variance, and the :func:`following_tests`
+    of the recorded standard deviations. ``poses`` (takes, M+1, n) rad are the training takes.
     """
     noise = modelled_noise(model, training, rng)
     test = (noise, training.noise, constant_speed(poses), training.joints, rng)
@@ -175,7 +175,7 @@ def noise_tests(
 
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
-    """Mean log density (takes,) of test takes, or of each training take under the others' fit."""
+    """Mean log density (takes,) of test takes, else of training takes under fits to the others."""
     training, folds = takes.training, []
     if takes.test:
         folds.append((fit.model, training, np.stack(list(takes.test.values()))))
@@ -249,10 +249,10 @@ def camera_scores(noise: pd.DataFrame) -> dict[str, float]:
 
 
 def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:
-    """Return the noise (2, n, n) rad² of a measured pose in an open and in a closed loop.
+    """Return the noise covariance (2, n, n) rad² of a measured pose, for open and closed loop.
 
-    The first is half the covariance of a step at rest, as ω has the noise of two poses. The second
-    is the covariance of the ``poses`` (takes, M+1, n) rad at rest. Without rest both are zero.
+    The open loop has half the covariance of ω at rest, as ω has the noise of two poses. The closed
+    loop has the covariance of ``poses`` (takes, M+1, n) rad at rest. Without rest both are zero.
     """
     try:
         if training.known_measurement is not None:
@@ -274,7 +274,7 @@ def motion_evidence(outcomes: Mapping[str, Outcome], takes: Takes, mode: str) ->
         following = {name: outcomes[name].following for name in modelled}
         spreads = spread_tables(modelled, following, training.noise, training.joints)
         evidence |= {f"tables/{name}": table for name, table in spreads.items()}
-    else:  # without k = 0, where nothing has moved
+    else:  # without k = 0, before the first step
         std |= {name: each.deviation[1:] for name, each in realized.items()}
     middle = takes.poses.mean(axis=0)
     error = {x: np.linalg.norm(each.mean - middle, axis=1)[1:] for x, each in realized.items()}
@@ -301,21 +301,21 @@ def filter_evidence(
     takes: Takes,
     poses: np.ndarray,
 ) -> Evidence:
-    """Return the evidence of the filters against the measured poses ``truth`` (takes, M+1, n) rad,
-    beside the training mean.
+    """Return the evidence of the filters and the training mean against the measured poses ``truth``
+    (takes, M+1, n) rad.
 
-    ``posteriors`` by filter, one for each take; ``linear`` the autocorrelated filter, if any;
-    ``poses`` (2, n, n) rad² of :func:`pose_covariances`, which bounds and scores include.
+    ``posteriors`` are by filter, one per take; ``linear`` is the autocorrelated filter, if any.
+    Bounds and scores include ``poses`` (2, n, n) rad², result of :func:`pose_covariances`.
     """
-    opened, joints = names.models_of(posteriors), takes.training.joints
-    if not opened:
+    open_models, joints = names.models_of(posteriors), takes.training.joints
+    if not open_models:
         return {}
     filters = {names.NONE: scoring.training_mean(takes.poses, truth)}
     filters |= {names.MEMORY: linear} if linear else {}
     for name, by_take in posteriors.items():
         error = np.stack([posterior.mean for posterior in by_take]) - truth
         covariance = np.stack([posterior.covariance for posterior in by_take])
-        filters[name] = Filtered(error, covariance, poses[0 if name in opened else 1])
+        filters[name] = Filtered(error, covariance, poses[0 if name in open_models else 1])
     stream = rng.stream(RESAMPLING_SEED, "cases.resampling")
     tables, _ = scoring.filter_tables(filters, joints, stream)
     scores = scoring.filter_metrics(filters, joints, constant_speed(truth))

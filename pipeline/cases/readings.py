@@ -29,7 +29,7 @@ def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
 
 def claim_verdicts(claims: Sequence[Claim], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
     """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
-    the ``verdict``. A claim holds if every case with evidence does.
+    the ``verdict``. A claim holds if its rule holds in every case with evidence.
     """
     rows = []
     words = {None: UNKNOWN, True: HOLDS, False: FAILS}
@@ -64,7 +64,7 @@ def readings_table(
 
     A claim holds under a reading if its rule holds in every case that has evidence under any
     reading. If one of these cases lacks evidence and no case fails, there is no evidence.
-    ``evidence`` holds evidence and refusals by reading, the reading of the run first.
+    ``evidence`` is evidence and refusals by reading; the run's reading comes first.
     """
     rows = []
     for claim in claims:

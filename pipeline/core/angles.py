@@ -57,7 +57,7 @@ def apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> n
 
 
 def whole_turns(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:
-    """Return the median whole turns (joints,) of ``a`` − ``b`` (N, joints) rad; 0 if not ALIKE."""
+    """Return median whole turns (joints,) of ``a`` − ``b`` (N, joints) rad; 0 if beyond ALIKE."""
     turns = np.rint(np.median(a - b, axis=0) / TURN)
     turns[np.median(np.abs(a - b - TURN * turns), axis=0) > ALIKE] = 0
     return turns * circular

@@ -1,4 +1,4 @@
-"""Bounds on size, time and memory of files of recordings, and a process in which they hold."""
+"""Bounds on size, time and memory for reading recordings, and a process with these bounds."""
 
 import faulthandler
 import pickle
@@ -22,13 +22,13 @@ MIB = 1 << 20
 
 @options(frozen=True)
 class Reading:
-    """Greatest size, time and memory of one file of recordings; a refusal names the bound."""
+    """Greatest size, reading time and memory of one recording file; errors name the bound."""
 
     file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
     part_mib: Bound = 64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
     markers: Bound = 2000  # of a take
     seconds: Annotated[float, Field(gt=0)] = 60.0  # of a call in a separate process
-    memory_mib: Bound = 2048  # of a call in a separate process, beside the program's memory
+    memory_mib: Bound = 2048  # of a call in a separate process, in addition to the program's
 
 
 DEFAULT = Reading()
@@ -52,9 +52,9 @@ def within(reading: Reading, function: Callable, *arguments: object) -> Any:
 def require(bound: str, amount: float, what: str, file: Path) -> None:
     """Raise RecordingError where the ``amount`` of ``what`` in ``file`` is above the ``bound``."""
     if amount > (most := getattr(bounds(), bound)):
-        found = f"{amount:.6g} {what} are more than the {most} that are read"
+        found = f"found {amount:.6g} {what}, at most {most} are allowed"
         option = f"dataset.reading.{bound}"
-        raise RecordingError(f"{found}: damaged, or raise the bound", file=file, bound=option)
+        raise RecordingError(f"{found}: damaged file, or raise the bound", file=file, bound=option)
 
 
 def read_whole(file: Path) -> bytes:
@@ -66,7 +66,7 @@ def read_whole(file: Path) -> bytes:
 
 
 def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
-    """Return ``function(*arguments)`` of a :class:`Sandbox`; a refusal names the ``file``."""
+    """Return ``function(*arguments)`` called in a :class:`Sandbox`; errors name the ``file``."""
     with Sandbox() as sandbox:
         try:
             return sandbox.call(function, *arguments)
@@ -75,7 +75,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
 
 
 class Sandbox:
-    """Context manager that calls functions in a forked process, and in a new one if that ends."""
+    """Context manager that calls functions in a forked process, or in a new one if it has ended."""
 
     def __init__(self) -> None:
         self._process = self._connection = None
@@ -113,7 +113,7 @@ class Sandbox:
             self._connection.send_bytes(pickle.dumps((function, arguments)))
             if not self._connection.poll(bounds().seconds):
                 self.__exit__()
-                raise _refusal(f"it is not read within {bounds().seconds:g} s", "seconds")
+                raise _refusal(f"the file is not read within {bounds().seconds:g} s", "seconds")
             try:
                 outcome = pickle.loads(self._connection.recv_bytes())
             except (EOFError, ConnectionResetError):
@@ -127,7 +127,7 @@ class Sandbox:
 
 
 def _serve(connection: Connection, other: Connection) -> None:
-    """Answer calls until the caller ends, in an address space that ``memory_mib`` bounds."""
+    """Run calls until the caller ends, with an address space of at most ``memory_mib`` more."""
     other.close()  # else the end of the caller would not be noticed
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -139,7 +139,7 @@ def _serve(connection: Connection, other: Connection) -> None:
             function, arguments = pickle.loads(connection.recv_bytes())
         except EOFError:
             return
-        # a sandbox within this one ends earlier, as its caller has the more exact message
+        # a nested sandbox ends earlier, because its caller has the more exact message
         half = replace(bounds(), seconds=bounds().seconds / 2)
         outcome = within(half, _outcome, _call_pickled, (function, *arguments))
         connection.send_bytes(outcome if isinstance(outcome, bytes) else pickle.dumps(outcome))
@@ -156,9 +156,9 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
     except PipelineError as error:
         return error
     except MemoryError:
-        return _refusal(f"it takes more than {bounds().memory_mib} MiB of memory", "memory_mib")
+        return _refusal(f"it needs more than {bounds().memory_mib} MiB of memory", "memory_mib")
     except RecursionError:
-        return RecordingError("it nests too deeply to be read")
+        return RecordingError("the file nests too deeply to be read")
     except Exception as error:
         words = " ".join(str(error).split())[:200]
         return RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
@@ -166,4 +166,4 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
 
 def _refusal(message: str, bound: str) -> RecordingError:
     option = f"dataset.reading.{bound}"
-    return RecordingError(f"{message}: damaged, or larger than any recording", bound=option)
+    return RecordingError(f"{message}: the file is damaged or too large", bound=option)

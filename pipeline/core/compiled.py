@@ -17,7 +17,7 @@ import numba
 
 SOURCES = Path(__file__).parents[1]
 VARIABLE = "NUMBA_CACHE_DIR"
-KEPT = 3  # number of cache folders of earlier sources that stay
+KEPT = 3  # number of cache folders of earlier sources that are not removed
 
 
 def sources_hash(folder: Path = SOURCES) -> str:
@@ -34,7 +34,7 @@ def sources_hash(folder: Path = SOURCES) -> str:
 def cache_folder() -> Path:
     """Return a writable folder for the machine code, and remove old ones except the newest KEPT.
 
-    It is in the user's ``NUMBA_CACHE_DIR``, beside Python's bytecode, in the user's cache, or new.
+    It is in ``NUMBA_CACHE_DIR`` if set, else beside Python's bytecode, in ~/.cache, or temporary.
     """
     name = f"pipeline-{sources_hash()}"
     setting = os.environ.get(VARIABLE)
@@ -60,10 +60,10 @@ def cache_folder() -> Path:
 # numba reads the variable when it is imported, and again whenever it sees a changed environment
 os.environ[VARIABLE] = numba.config.CACHE_DIR = str(cache_folder())
 
-# other threads run meanwhile, and a division by zero gives the result of IEEE 754; without
-# fastmath, as bits would differ between processors
+# nogil: other threads can run; numpy: a division by zero gives the result of IEEE 754; no
+# fastmath, which gives other bits on other processors
 OPTIONS = {"nogil": True, "error_model": "numpy"}
-# without the entries from Python and C, which take a third of the time to compile
+# no entry points from Python and C, which take a third of the compile time
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 
 

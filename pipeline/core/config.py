@@ -66,7 +66,7 @@ def option_names(group: str) -> list[str]:
 def require_dataset(name: object) -> None:
     """Raise ConfigError with the names of all datasets where there is no dataset ``name``."""
     if name not in (names := option_names("dataset")):
-        message = f"no dataset {name!r}; there are {', '.join(names)}; new-dataset begins another"
+        message = f"no dataset {name!r}; there are {', '.join(names)}; new-dataset creates another"
         raise ConfigError(message, key="dataset")
 
 
@@ -166,7 +166,7 @@ def _compose(
 
 
 def dataset_values(option_file: Path) -> dict[str, Any]:
-    """Values of the dataset's ``option_file`` and datasheet, with ``about`` and any ???."""
+    """Values of the dataset's ``option_file`` and datasheet, including ``about`` and ???."""
     file = datasheet.path_of(option_file.stem)
     values = read_yaml(file)
     about = {"about": values.pop("about")} if "about" in values else {}
@@ -175,7 +175,7 @@ def dataset_values(option_file: Path) -> dict[str, Any]:
 
 
 def write_config(params_file: Path, file: Path = COMPOSED) -> None:
-    """Compose the configuration and write ``file``, whose difference in git shows an edit."""
+    """Compose the configuration and write ``file``; git then shows the effect of an edit."""
     from omegaconf import OmegaConf
 
     text = OmegaConf.to_yaml(OmegaConf.create(asdict(compose_config(params_file))))

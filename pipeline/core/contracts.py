@@ -28,7 +28,7 @@ TYPES = {"real": "float64", "log": "float64", "count": "int64", "flag": "bool"}
 
 
 class Column(NamedTuple):
-    """Declaration of a column; ``gaps``, ``optional``: a value, the column may be missing."""
+    """Declaration of a column: ``gaps`` allows missing values, ``optional`` a missing column."""
 
     kind: str
     low: float
@@ -140,7 +140,7 @@ def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
 
 
 def exists(name: str, folder: Path) -> bool:
-    """Return True where a stage has written table ``name``; without its instrument none does."""
+    """Return True if a stage has written table ``name``; False if its instrument is missing."""
     return (Path(folder) / f"{name}.parquet").is_file()
 
 

@@ -15,7 +15,7 @@ ABSENT = object()
 
 
 class Datasheet(NamedTuple):
-    """Values that the datasheet in ``file`` adds to the section ``dataset``; without ``about``."""
+    """Values that the datasheet ``file`` adds to the section ``dataset``, except ``about``."""
 
     file: Path
     values: dict[str, Any]
@@ -58,7 +58,7 @@ def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -
 
 
 def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError with all keys of the ``composed`` dataset that hold ???."""
+    """Raise ConfigError with all keys of the ``composed`` dataset whose value is ???."""
     keys = list(unfilled_keys(composed.get("dataset")))
     _require_none([key for key in keys if sheet.holds(key.partition("[")[0])], sheet.file)
     _require_none(keys, option_file)
@@ -66,7 +66,7 @@ def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path
 
 def _require_none(keys: list[str], file: Path) -> None:
     if keys:
-        message = f"fill in {', '.join(keys)}: there is ??? for a value"
+        message = f"fill in {', '.join(keys)}: the value is ???"
         raise ConfigError(message, key=keys[0], file=file)
 
 
@@ -81,7 +81,7 @@ def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Itera
 
 
 def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
-    """Yield the nested keys of ``values`` that hold ???, in order."""
+    """Yield the nested keys of ``values`` whose value is ???, in order."""
     if isinstance(values, str) and values == OPEN:
         yield key
     elif isinstance(values, dict):
@@ -93,7 +93,7 @@ def unfilled_keys(values: Any, key: str = "") -> Iterator[str]:
 
 
 def is_open(value: Any) -> bool:
-    """Return True if ``value`` is or holds ???."""
+    """Return True if ``value`` is or contains ???."""
     return any(True for _ in unfilled_keys(value))
 
 
@@ -113,8 +113,8 @@ def get_filled(values: Any, key: str) -> Any:
 
 
 def check_values(values: dict[str, Any]) -> tuple[Dataset | None, list[ConfigError], list[str]]:
-    """Return the dataset of ``values``, None where it is faulty; unknown keys and wrong values; and
-    the required keys that are absent, sorted.
+    """Return the dataset of ``values`` (None if faulty), the errors of unknown keys and wrong
+    values, and the sorted required keys that are absent.
     """
     found, faults = all_faults(DescribedDataset, _without_open(values), "dataset")
     missing = [fault for fault in faults if fault.message.startswith(MISSING)]

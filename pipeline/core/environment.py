@@ -21,7 +21,7 @@ BOUNDS = {
 def assign() -> None:
     """Assign the variables, over the user's values; call it before the first import of NumPy."""
     os.environ.update(BOUNDS)
-    # numba colours the messages of types that it tries in vain: time for what nobody reads
+    # else numba spends time on colours of internal messages that are never shown
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 

@@ -1,4 +1,4 @@
-"""One random stream per (seed, stage, trial), whatever the number of workers."""
+"""One random stream per (seed, stage, trial), independent of the number of workers."""
 
 from zlib import crc32
 

@@ -38,7 +38,7 @@ def read_yaml(file: Path) -> dict[str, Any]:
         raise ConfigError(message, file=file) from None
     loaded = parse_yaml(content, file=file)
     if not isinstance(loaded, dict | None):
-        raise ConfigError("must hold keys and values", file=file)
+        raise ConfigError("must contain keys and values", file=file)
     return loaded or {}
 
 

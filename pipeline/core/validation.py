@@ -97,7 +97,7 @@ def _fault(error: Any, structure: type, section: str) -> ConfigError:
     elif kind == "missing":
         return ConfigError(f"{MISSING}{key}", key=key)
     elif kind in ("dataclass_type", "dict_type"):
-        message = "must hold keys and values"
+        message = "must contain keys and values"
     else:
         message = f"{error['msg'][0].lower()}{error['msg'][1:]}, got {given!r}"
         known = str(context.get("expected", "")).replace(" or ", ", ").replace("'", "").split(", ")

@@ -4,21 +4,21 @@ For normal deviations and noise it is the exact posterior, by Gaussian process r
 (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, Sec. 2.2), and the Kalman
 filter for a Markov law (Anderson & Moore, Optimal Filtering, 1979).
 
-The path has the prior N(q̄, P). Frame j measures the pose p_j between the ends of its step with the
-response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). To first order a pose of the tip is
-displaced from the pose at p̄_j by J(p̄_j)A(p_j − p̄_j) + N(0, R_j). So H_j is A, or JA, times
-the weights of the two ends. With the frames in order of time and S = H P Hᵀ + R = L Lᵀ one
-factorisation gives the posterior at every step given the frames so far,
+The path has the prior N(q̄, P). Frame j measures the pose p_j, interpolated between the ends of its
+step, with the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). To first order a measured
+pose of the tip is displaced from the pose at p̄_j by J(p̄_j)A(p_j − p̄_j) + N(0, R_j). So H_j is A,
+or JA, times the weights of the two ends. With the frames in order of time and S = H P Hᵀ + R = L Lᵀ
+one factorisation gives the posterior at every step given the frames so far,
 
     E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄).
 
-Two baselines use the training takes alone: their mean and covariance at each step (NONE of
-:mod:`pipeline.core.filters`), and also one autocorrelation over time (MEMORY),
+Two baselines use only the training takes: NONE of :mod:`pipeline.core.filters` uses the mean and
+covariance at each step, MEMORY also the autocorrelation over time,
 
     Cov(e_k, e_l) = S_k^½ r(|k − l|) S_l^½,    r(l) = Σ e_kᵀe_{k+l} / Σ e_kᵀe_k,
 
-with the deviations e_k from the mean, their covariance S_k at step k, and sums over takes, joints
-and steps, each without the noise of the measurement.
+with the deviations e_k from the mean and their covariance S_k at step k. Sums are over takes,
+joints and steps. S_k and r exclude the measurement noise.
 """
 
 from collections.abc import Sequence
@@ -97,9 +97,9 @@ def _posterior(path, covariance, measurements, dt, chain, response):
 def baseline_predictions(
     training: ndarray, poses: ndarray, measurement: ndarray
 ) -> dict[str, tuple[ndarray, ndarray]]:
-    """Return by baseline the errors (..., K − 1, n) in rad of the predicted ``poses`` (..., K, n),
-    and their predicted covariances (K − 1, n, n) in rad². MEMORY uses the pose y_k = e_k + N(0, Σ)
-    measured one step before: E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k. ``training``
+    """Return the prediction errors (..., K − 1, n) in rad of ``poses`` (..., K, n) and the
+    predicted covariances (K − 1, n, n) in rad², by baseline. MEMORY uses the pose y_k = e_k + N(0,
+    Σ) measured one step before: E(e_{k+1} | y_k) = Cov(e_{k+1}, e_k)(S_k + Σ)⁻¹ y_k. ``training``
     (takes, K, n) rad are the training takes, ``measurement`` (n, n) rad² is Σ.
     """
     mean, covariance = takes_moments(training)
@@ -120,8 +120,8 @@ def autocorrelated_filter(
     poses: ndarray, measurement: ndarray, takes: Sequence[Measurements], dt: float, chain: Chain
 ) -> tuple[ndarray, ndarray, int]:
     """Return the result of :func:`linear_filter` with the law of the training takes, and the number
-    of axes, over all steps, along which S_k is set to zero. ``poses`` (takes, K, n) rad are of the
-    training takes, ``measurement`` (n, n) rad² is the covariance of their noise.
+    of axes, over all steps, along which S_k is set to zero. ``poses`` (takes, K, n) rad are the
+    training takes, ``measurement`` (n, n) rad² is the covariance of the measurement noise.
     """
     roots, without = deviation_roots(poses, measurement)
     prior = path_covariance(roots, autocorrelation(poses, measurement))
@@ -135,9 +135,9 @@ def deviation_roots(poses: ndarray, measurement: ndarray) -> tuple[ndarray, int]
 
 
 def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
-    """Return r (K,) of ``poses`` (takes, K, n), of white noise without any deviations. Where the
-    measurement's white spectrum exceeds the takes' spectrum, by chance, the difference is set to
-    zero: r is a positive semidefinite sequence.
+    """Return r (K,) of ``poses`` (takes, K, n); r of white noise if there are no deviations. Where
+    the white spectrum of the measurement exceeds the spectrum of the takes by chance, the
+    difference is set to zero, so that r is positive semidefinite.
     """
     deviation, (takes, steps, _) = poses - poses.mean(axis=0), poses.shape
     power = np.sum(np.abs(np.fft.rfft(deviation, 2 * steps, axis=1)) ** 2, axis=(0, 2))

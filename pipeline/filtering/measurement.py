@@ -1,10 +1,10 @@
-"""Measurements of an arm during one take, with a bias and a covariance per frame: of the joints,
-y_j = q(t_j) + b_j + N(0, R_j), or of the pose of the tip, whose displacement from the pose at
-q(t_j) is N(0, R_j); and the measurements of a dataset's test takes.
+"""Measurements of an arm during one take, with a bias and a covariance per frame, and the
+measurements of a dataset's test takes. Joint angles are y_j = q(t_j) + b_j + N(0, R_j). The
+displacement of a measured tip pose from the pose at q(t_j) is N(0, R_j).
 
-The paper does not say how frames at 30 Hz meet steps at 100 Hz. The velocity of a motion model is
-constant within a step. So a frame is compared with the pose at its time, interpolated between the
-two ends of its step, which is the exact likelihood of that path.
+The paper does not state how frames at 30 Hz are compared with steps at 100 Hz. The velocity of a
+motion model is constant within a step. So a frame is compared with the pose interpolated at its
+time between the two ends of the step: the exact likelihood of that path.
 """
 
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.core.options.dataset import Dataset, Mocap
 
 MOTION, TRACK, ARTICULATE = Path("data/ingest/motion"), Path("data/track"), Path("data/articulate")
-SHARE_DIGITS = 6  # of times in steps, so that 0.03 s / 0.01 s is step 3 and not later
-SINGULAR_VARIANCE = 1e-12  # ratio of the least to the greatest variance of R lost in rounding
+SHARE_DIGITS = 6  # of times in steps: 0.03 s / 0.01 s is step 3, not a later step
+SINGULAR_VARIANCE = 1e-12  # least/greatest variance of R at which R counts as singular
 
 
 class Frames(NamedTuple):
     """The F measurements in order of their steps; frames first[k] to first[k+1] are in step k. The
-    density of y is exp(log_norm − ‖whitening·e‖²/2) at the pose q at ``share`` of the step, e being
-    y − bias − q, or the displacement of the tip from its pose at q.
+    density of y is exp(log_norm − ‖whitening·e‖²/2) at the pose q at ``share`` of the step. e is y
+    − bias − q, or the displacement of the measured tip from the tip at q.
     """
 
     first: ndarray  # (M+2,)
@@ -93,7 +93,7 @@ class Measurements:
 
 def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements]:
     """Return the depth camera's measurements of every take from the tables ``angles`` and
-    ``kinect_noise``; the noise of each is estimated without that take.
+    ``kinect_noise``; the noise of a take is estimated from the other takes.
     """
     names, takes = members(angles, "q"), []
     for take, rows in angles.groupby("take"):
@@ -107,8 +107,8 @@ def measurements(angles: pd.DataFrame, noise: pd.DataFrame) -> list[Measurements
 
 
 def measured_takes(dataset: Dataset) -> list[Measurements]:
-    """Return the measurements of every test take by the instrument ``dataset.measurement``; none if
-    it is a depth camera which the dataset lacks. Raises ConfigError for another missing instrument.
+    """Return the measurements of every test take by the instrument ``dataset.measurement``; [] for
+    a missing depth camera. Raises ConfigError for any other missing instrument.
     """
     if dataset.measurement == "depth":
         if not contracts.exists("angles", ARTICULATE):
@@ -118,7 +118,7 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
     if dataset.measurement == "encoders":
         return _encoder_takes(dataset, joints)
     if dataset.robot.plane:
-        message = "the pose of the tip is measured of an arm in space, not of one in a plane"
+        message = "the pose of the tip is measured only for an arm in space, not in a plane"
         raise ConfigError(message, key="dataset.measurement")
     rows = _rows_of("markers", joints, "test", "dataset.mocap.deviation", dataset.mocap)
     tool = describe(dataset.robot).tip
@@ -147,8 +147,8 @@ class EncoderNoise(NamedTuple):
 
     def of_readings(self, t: ndarray) -> tuple[ndarray, ndarray]:
         """Return bias (F, n) in rad and covariance (F, n, n) in rad² of readings at the sorted
-        times ``t`` (F,) in s, as independent readings with equal information: the covariance of one
-        is multiplied by the number of readings within :attr:`lasts`, as for the mean of a
+        times ``t`` (F,) in s. To count as independent with equal information, the covariance of one
+        reading is multiplied by the number of readings within :attr:`lasts`, as for the mean of a
         correlated sequence (Priestley, Spectral Analysis and Time Series, 1981).
         """
         steps = np.arange(len(self.bias))
@@ -161,7 +161,7 @@ class EncoderNoise(NamedTuple):
 def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
     """Estimate the noise from ``errors`` (takes, K, n), rad, reading minus truth every ``dt`` s.
     The correlation time is the sum of correlations over all lags, one value for all joints. The
-    covariance of a step is pooled over that time on either side, about the mean of each step.
+    covariance of a step is pooled over the steps within this time, about the mean of each step.
     """
     (takes, steps, n), bias = errors.shape, errors.mean(axis=0)
     off = errors - bias
@@ -177,8 +177,8 @@ def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
 
 
 def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]:
-    """Return one reading per step of the motion, as the errors within a step are equal, with the
-    noise of the training takes against the motion capture.
+    """Return one reading per step of the motion, as the errors within a step are equal. The noise
+    is estimated from the training takes against the motion capture.
     """
     rate, errors, takes = dataset.motion.rate, [], []
     training, test = (
@@ -198,9 +198,9 @@ def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]
 
 
 def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measurements:
-    """Return the poses of the link ``tool`` in the base's axes, at the frames that show three of
-    its points, from the ``rows`` of a take in the table ``markers``, with white noise of
-    ``mocap.deviation`` in each coordinate. Raises ConfigError if either is missing.
+    """Return the poses of the link ``tool`` in the base frame, from the ``rows`` of a take in the
+    table ``markers``, at frames with three of the link's points. A coordinate has white noise of
+    ``mocap.deviation``. Raises ConfigError without the link's markers or this deviation.
     """
     if tool not in mocap.markers or mocap.deviation is None:
         needed = f"its markers or body, dataset.mocap.markers.{tool}, and the deviation of a marker"

@@ -1,9 +1,9 @@
 """Particle filter of the joint angles under a stochastic motion model (section "RMT-based particle
 filtering"), for any arm and any measurement.
 
-The motion model is the proposal (Doucet, de Freitas & Gordon 2001). The domain D_q of the state
-holds the poses within the joint limits that are not singular. A particle that leaves D_q has weight
-zero, so that the posterior is conditioned on paths within D_q.
+The motion model is the proposal (Doucet, de Freitas & Gordon 2001). The domain D_q of the state is
+the set of regular poses within the joint limits. A particle that leaves D_q has weight zero, so the
+posterior is conditioned on paths within D_q.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class FilterOptions:
 
     particles: int = 1000
     resampling: str = "systematic"  # one of SCHEMES
-    threshold: float = 0.5  # resampling below this effective sample size, as a share of particles
+    threshold: float = 0.5  # resampling below this effective sample size over particles
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.models.kernel import move
 
 ROWS = 6  # of a displacement of the tip
-ROUNDING = 1e-9  # of P·w: what rounding may take from a whole number of copies
+ROUNDING = 1e-9  # of P·w: tolerance for a whole number of copies
 # "none" is sequential importance sampling without resampling, in which the weights degenerate
 SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
 
@@ -33,8 +33,8 @@ def cumulate(weights, cumulative):
 
 @inner
 def repeat(below, chosen):
-    """Fill ``chosen`` (P,) from ``below``[i − 1] to ``below``[i] with i. No branch depends on the
-    weights: each particle is written where its copies begin, and copied up to the next.
+    """Set ``chosen`` (P,) to i from ``below``[i − 1] to ``below``[i]. No branch depends on the
+    weights: i is written where its copies begin, then copied up to the next particle.
     """
     count, first, last = len(chosen), 0, 0
     chosen[:] = 0
@@ -74,7 +74,7 @@ def stratified(weights, chosen, scratch, rng):
 
 @inner
 def independent(weights, chosen, points, cumulative, rng):
-    """Fill ``chosen`` with sorted independent draws under ``weights`` (P,) of any sum."""
+    """Fill ``chosen`` with sorted independent draws, probabilities ∝ ``weights`` (P,)."""
     count, arrival = len(chosen), 0.0
     # sorted uniforms: arrivals of a Poisson process divided by the next arrival
     for j in range(count):
@@ -212,10 +212,10 @@ def weighted_moments(weights, q, mean, covariance, scratch):
 
 @inner
 def keep_inside(domain, before, q, log_weights, outside):
-    """Set the weight of the particles of ``q`` (n, P) outside D_q to zero, move them back to
-    ``before``, and return how many had weight; ``outside`` (P,) is scratch. The ``domain`` holds
-    the joint limits, the singular angle of a planar chain's second joint (rad, up to half turns)
-    and the least distance from it, 0 for a serial chain, whose steps from singular poses are NaN.
+    """Set the weight of particles ``q`` (n, P) outside D_q to zero, move them back to ``before``,
+    and return the number of them that had weight. ``outside`` (P,) is scratch. ``domain`` is the
+    joint limits, the singular angle of a planar chain's second joint (rad, modulo π) and the least
+    distance from it. The distance is 0 for a serial chain, whose steps from singular poses are NaN.
     """
     lower, upper, straight, clearance = domain
     second, lost = q[1 if len(q) > 1 else 0], 0

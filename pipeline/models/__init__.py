@@ -1,12 +1,12 @@
-"""Motion models, one a folder; importing the package imports no model."""
+"""Motion models, one folder each; importing the package imports no model."""
 
 from importlib import import_module
 from pathlib import Path
 
 
 def load(file: str | Path):
-    """Read the :class:`pipeline.models.exported.ExportedModel` of the tool export from ``file``,
-    with NumPy alone. Raises ContractError for any other file.
+    """Read an exported model (:class:`pipeline.models.exported.ExportedModel`) from ``file`` with
+    NumPy alone. Raises ContractError if ``file`` is not one.
     """
-    exported = "pipeline.models.exported"  # not a dependency of the stages, which fit the models
+    exported = "pipeline.models.exported"  # imported by name: no dependency of the stages
     return import_module(exported).read_exported(Path(file))

@@ -1,6 +1,6 @@
 """Standard errors and intervals of an estimator by the bootstrap over takes (Efron & Tibshirani
-1993). Takes are independent of each other, the steps of a take are not: whole takes are drawn with
-replacement.
+1993). Whole takes are drawn with replacement, because takes are independent and the steps of a take
+are not.
 """
 
 from collections.abc import Callable
@@ -16,10 +16,10 @@ from pipeline.models import kinds
 from pipeline.models.steps import Estimate, Options, Recorded
 from pipeline.statistics.takes import percentile_interval
 
-LEAST_TAKES = 10  # for a 95 % interval: resamplings of fewer repeat each other
+LEAST_TAKES = 10  # minimum for a 95 % interval: fewer takes have too few distinct resamplings
 
 Estimates = dict[str, float]
-Estimator = Callable[[ndarray], Estimates]  # numbers of the takes → estimates by name
+Estimator = Callable[[ndarray], Estimates]  # indices of takes → estimates by name
 
 
 class Spread(NamedTuple):
@@ -31,8 +31,8 @@ class Spread(NamedTuple):
 
 
 def resampled_estimator(recorded: Recorded, options: Options, estimate: Estimate) -> Estimator:
-    """Return the estimator by ``options`` of any takes of ``recorded``; ``estimate`` is the result
-    of all takes.
+    """Return a function from take indices of ``recorded`` to the estimates with ``options``;
+    ``estimate`` is the fit to all takes.
     """
     return estimate.from_takes or partial(_fit_takes, recorded, options)
 
@@ -42,7 +42,7 @@ def _fit_takes(recorded: Recorded, options: Options, takes: ndarray) -> Estimate
 
 
 def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Estimates | None:
-    """Estimates from one resampling of ``takes`` takes; None if it gives none."""
+    """Return the estimates of one resampling of ``takes`` takes; None if the estimator fails."""
     try:
         return estimator(rng.integers(takes, size=takes))
     except (ModelDomainError, SolverError):
@@ -50,7 +50,7 @@ def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Est
 
 
 def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]:
-    """Spread by name of the estimates that all replicates have; number of failed replicates."""
+    """Return the spread of every estimate that all replicates have, and the number of failures."""
     values = {
         name: Spread(float(each.std(ddof=1)), *map(float, percentile_interval(each.to_numpy())))
         for name, each in _common_estimates(replicates).items()
@@ -59,7 +59,7 @@ def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]
 
 
 def joint_covariance(replicates: list[Estimates | None]) -> tuple[list[str], list[list[float]]]:
-    """Names (K,) of the estimates that all replicates have, and their covariance (K, K)."""
+    """Return the names (K,) and the covariance (K, K) of the estimates that all replicates have."""
     table = _common_estimates(replicates)
     covariance = np.atleast_2d(np.cov(table.to_numpy().T)).tolist() if len(table) else []
     return [*table], covariance

@@ -1,20 +1,20 @@
-"""Closed loop: commands of an arm that corrects a share of its deviation, and that share by
-maximum likelihood.
+"""Closed loop: commands of an arm that corrects a share κ of its deviation from a path, and the
+maximum-likelihood estimate of κ.
 
-Closed-loop inverse kinematics (Siciliano et al., Robotics, 2009, Sec. 3.7): the command is
-v_k + κ(x*_k − x(q_k)), κ = KΔt ∈ [0, 1]; κ = 0 is the open loop, the paper's form. The path is the
-mean q̄ of the training takes: x*_k = x(q̄_k), v_k = J(q̄_k)(q̄_{k+1} − q̄_k). Without noise a model
-whose mean step is the nominal one stays on q̄. With more joints than task rows the step of q̄ is
-also commanded in the null space, which the loop does not correct.
+Closed-loop inverse kinematics (Siciliano et al., Robotics, 2009, Sec. 3.7): the command is v_k +
+κ(x*_k − x(q_k)), κ = KΔt ∈ [0, 1]; κ = 0 is the open loop, the paper's form. The path is the mean
+q̄ of the training takes: x*_k = x(q̄_k), v_k = J(q̄_k)(q̄_{k+1} − q̄_k). Without noise, a model
+whose mean step is the nominal step stays on q̄. If n > m, the command includes the null-space part
+of the step of q̄, which the loop does not correct.
 
 To first order the deviation from the mean path follows
 
     e_{k+1} = F_k e_k + w_k,   F_k = D_k − κG_k,   y_k = e_k + b + n_k,   n ~ N(0, Σ_m/2),
 
-with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's mean.
-Cov w_k is the model's covariance at the measured poses and commands, averaged over the takes; with
-the paper's estimators it includes measurement noise. Regression of the noise of a step on the
-deviation before it gives no κ: both contain the noise of the same measured pose.
+with D_k = ∂E[q_{k+1}]/∂q at (q̄_k, v_k) and G_k = ∂E[q_{k+1}]/∂v·J(q̄_k) of the model's mean. Cov
+w_k is the model's covariance at the measured poses and commands, averaged over the takes. With the
+paper's estimators it includes measurement noise. Regression of a step's noise on the deviation
+before it does not give κ: both contain the noise of the same pose.
 """
 
 import json
@@ -33,12 +33,12 @@ from pipeline.models import kinds
 from pipeline.models.model import Commands, MotionModel, without_measurement
 from pipeline.models.steps import Estimate, Options, Recorded
 
-# folder beside the open loop's parameters, and the key of κ in the closed loop's
+# subfolder with the closed loop's parameters, and the key of κ in its parameters.json
 FOLDER, SHARE = "closed", "closed_loop_share"
-GRID = np.linspace(0.0, 1.0, 9)  # κ at which the search may begin
-DIFFERENCE = 1e-3  # of κ, for derivatives of the likelihood
-PERTURBATION = 1e-6  # rad, for derivatives of a model's mean
-SETTLED = 0.01  # standard errors by which a settled κ may still move
+GRID = np.linspace(0.0, 1.0, 9)  # candidate κ for the start of the search
+DIFFERENCE = 1e-3  # step in κ for numerical derivatives of the likelihood
+PERTURBATION = 1e-6  # rad, step for numerical derivatives of a model's mean
+SETTLED = 0.01  # convergence: greatest change of κ, in standard errors
 ROUNDS = 50
 
 
@@ -51,7 +51,7 @@ class MeanPath:
 
     @cached_property
     def v(self) -> ndarray:
-        """(M, m) J(q̄_k)(q̄_{k+1} − q̄_k), with q̄_{k+1} − q̄_k beside it (M, m + n) for n > m."""
+        """(M, m) J(q̄_k)(q̄_{k+1} − q̄_k); for n > m followed by q̄_{k+1} − q̄_k, (M, m + n)."""
         step = np.diff(self.poses, axis=0)
         v = np.matvec(self.chain.jacobian(self.poses[:-1]), step)
         return v if v.shape == step.shape else np.concatenate([v, step], axis=-1)
@@ -62,8 +62,8 @@ class MeanPath:
         return self.chain.pose(self.poses[:-1])
 
     def corrected_commands(self, q: ndarray, share: float) -> ndarray:
-        """(takes, M, m) or (takes, M, m + n) commands at ``q`` (takes, M, n) in rad of the closed
-        loop with ``share`` κ.
+        """Commands (takes, M, m) or (takes, M, m + n) of the closed loop with ``share`` κ at
+        measured poses ``q`` (takes, M, n) in rad.
         """
         v = np.tile(self.v, (len(q), 1, 1))
         off = self.chain.displacement(self.chain.pose(q), self.path)
@@ -86,9 +86,9 @@ def mean_path(recorded: Recorded) -> MeanPath:
 
 
 def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recorded:
-    """Steps of ``recorded`` as commanded by the closed loop with ``share`` κ: v of each take
-    includes the correction of its measured deviation, zero at rest. Σ_m is the covariance of
-    n_{k+1} − (I − κJ⁺J)n_k, mean over the ``path``. Raises ModelDomainError if Σ_m is unknown.
+    """Return ``recorded`` with the commands of the closed loop with ``share`` κ: v includes the
+    correction of the take's measured deviation, and is zero at rest. Σ_m is the covariance of
+    n_{k+1} − (I − κJ⁺J)n_k, averaged over the ``path``. ModelDomainError if Σ_m is unknown.
     """
     chain, q, pose = recorded.chain, recorded.q, recorded.measurement / 2
     chain.require_regular(q, what="measured pose")
@@ -105,7 +105,7 @@ def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recor
 
 
 def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
-    """Model and κ of the closed loop in ``folder`` of a fit; None without a closed loop."""
+    """Return the model and κ of the closed loop fitted in ``folder``, or None if it has none."""
     closed = folder / FOLDER
     if not closed.is_dir():
         return None
@@ -113,7 +113,7 @@ def fitted_closed_loop(folder: Path) -> tuple[MotionModel, float] | None:
 
 
 class ClosedLoopFit(NamedTuple):
-    """κ̂ and the model of the steps in its loop."""
+    """Estimate κ̂, and the model fitted to the steps of the loop with κ̂."""
 
     share: float  # κ̂
     standard_error: float
@@ -134,7 +134,7 @@ class StateSpace(NamedTuple):
 def closed_loop_of(
     recorded: Recorded, options: Options, open_estimate: Estimate
 ) -> tuple[ClosedLoopFit | None, str]:
-    """Result of :func:`fit_closed_loop`, or None and the reason why there is none."""
+    """Return the result of :func:`fit_closed_loop`, or None and the reason for a failed fit."""
     if not options.closed_loop:
         return None, "closed_loop is false in its options"
     try:
@@ -144,9 +144,9 @@ def closed_loop_of(
 
 
 def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimate) -> ClosedLoopFit:
-    """Estimate κ and the model's parameters by ``options`` in turn until κ settles, from the
-    ``open_estimate`` on. Raises ModelDomainError for a single take, an unknown measurement noise or
-    a model without a covariance, SolverError if κ does not settle, and what the estimator raises.
+    """Estimate κ and the model's parameters alternately, from ``open_estimate`` until κ converges.
+    Raises ModelDomainError for a single take, unknown measurement noise or a model without a
+    covariance, SolverError if κ does not converge, and the errors of the estimator.
     """
     poses, path = measured_poses(recorded), mean_path(recorded)
     if len(poses) < 2:
@@ -159,16 +159,14 @@ def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimat
         if abs(share - before) <= SETTLED * error:
             estimate = replace(estimate, from_takes=None, details=None)  # not picklable
             return ClosedLoopFit(share, error, estimate, rounds)
-    message = (
-        f"the share of the deviation that the loop corrects has not settled in {ROUNDS} rounds"
-    )
+    message = f"κ has not converged in {ROUNDS} rounds"
     evidence = {"share": share, "moved": abs(share - before), "standard_error": error}
     raise SolverError(message, **evidence)
 
 
 def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: float) -> StateSpace:
-    """Law of the deviations from ``path`` under ``model``, with its noise in a loop with ``share``
-    κ. Raises ModelDomainError for a ``model`` without a mean or covariance.
+    """Return the law of deviations from ``path`` under ``model``; the noise covariance is taken at
+    the commands of the loop with ``share`` κ. ModelDomainError without a mean or covariance.
     """
     chain, q, v = recorded.chain, path.poses[:-1], path.v
     jacobian, step = chain.jacobian(q), np.zeros_like(v)
@@ -184,9 +182,9 @@ def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: f
 
 
 def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, float]:
-    """Maximise the likelihood of ``deviation`` (takes, M+1, n) in rad from the takes' mean, by
-    Newton steps from the best of GRID; return κ̂ in [0, 1] and its sandwich standard error over the
-    takes. Raises SolverError without a maximum.
+    """Maximise the likelihood of ``deviation`` (takes, M+1, n) in rad from the mean path, by Newton
+    steps from the best κ of GRID. Return κ̂ in [0, 1] and its sandwich standard error over the
+    takes. Raises SolverError if no maximum is found.
     """
     takes = len(deviation)
     share = float(GRID[take_log_likelihoods(space, deviation, GRID).sum(axis=1).argmax()])
@@ -206,13 +204,13 @@ def most_likely_share(space: StateSpace, deviation: ndarray) -> tuple[float, flo
 
 
 def take_log_likelihoods(space: StateSpace, deviation: ndarray, shares: ndarray) -> ndarray:
-    """(K, takes) ln p, up to a constant, of each take's ``deviation`` (takes, M+1, n) in rad for
-    each κ of ``shares`` (K,), given the first pose after each rest; −inf for a κ with an innovation
+    """Log-likelihoods (K, takes), up to a constant, of ``deviation`` (takes, M+1, n) in rad for
+    each κ of ``shares`` (K,), given the first pose after each rest. −inf for a κ with an innovation
     covariance that is not positive definite.
 
-    Computed by a Kalman filter of (e, e + b), which assumes nothing of b; all takes share its
-    gains. Deviations from the takes' mean are N − 1 contrasts of the takes: their covariance counts
-    (N − 1)/N times for each take (restricted likelihood, Patterson and Thompson 1971).
+    A Kalman filter of (e, e + b) computes them for an arbitrary b; all takes share the gains. The
+    deviations from the mean of N takes have N − 1 degrees of freedom, so ln|covariance| has the
+    weight (N − 1)/N for each take (restricted likelihood, Patterson and Thompson 1971).
     """
     (takes, _, n), grid = deviation.shape, len(shares)
     transition = np.tile(np.eye(2 * n), (grid, len(space.noise), 1, 1))

@@ -1,5 +1,5 @@
-"""Solutions of the paper's two convex problems as printed, with CVXPY, and their gaps to the closed
-forms that the motion models use.
+"""Solutions with CVXPY of the paper's two convex problems as printed, and their relative
+differences from the closed forms of the motion models.
 """
 
 import warnings
@@ -13,17 +13,17 @@ from pipeline.core.errors import SolverError
 from pipeline.models.gaussian.law import noise_scale
 from pipeline.models.wishart.decomposition import Decomposition
 
-TOLERANCES = (1e-10, 1e-9, 1e-8)  # of gap and feasibility, in the problem's own unit
+TOLERANCES = (1e-10, 1e-9, 1e-8)  # of duality gap and feasibility, in the problem's unit
 Weights = tuple[float, float]  # (α₁, α₂)
 
 
 def _solve(problem: cp.Problem, **evidence: object) -> float:
-    """Optimal value at the least of TOLERANCES that the solver reaches; raises SolverError."""
+    """Return the optimal value at the smallest of TOLERANCES reached, or raise SolverError."""
     for tolerance in TOLERANCES:
         tolerances = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore", UserWarning)  # the status tells an inaccuracy
+                warnings.simplefilter("ignore", UserWarning)  # status reports it
                 value = problem.solve(solver=cp.CLARABEL, **tolerances)
         except (cp.SolverError, ValueError) as error:  # ValueError: data that are not finite
             raise SolverError(f"the problem could not be solved: {error}", **evidence) from None
@@ -35,11 +35,11 @@ def _solve(problem: cp.Problem, **evidence: object) -> float:
 def solve_perturbation(
     noise: ndarray, v: ndarray, j1: ndarray, j2: ndarray, weights: Weights, floor: float
 ) -> tuple[ndarray, float]:
-    """B⁻¹ (m, m) and the objective F of (BsampOpt) under (const10) as B⁻¹ ⪰ εI.
+    """Return B⁻¹ (m, m) and the objective F of (BsampOpt), with (const10) as B⁻¹ ⪰ εI.
 
     ``noise`` ω (n,) in rad, measured minus nominal; ``v`` (m,) ẋᵈΔt; J = J₁J₂ of ``j1`` (m, m) and
-    ``j2`` (m, n); ``weights`` (α₁, α₂); ``floor`` ε. Solved in units of ‖ω‖, as the solver's
-    tolerances are absolute. Raises SolverError.
+    ``j2`` (m, n); ``weights`` (α₁, α₂); ``floor`` ε. The unit of the problem is ‖ω‖, because the
+    solver's tolerances are absolute. Raises SolverError.
     """
     m, size = len(v), float(np.linalg.norm(noise))
     unit = size if 0 < size < np.inf else 1.0
@@ -54,12 +54,12 @@ def solve_perturbation(
 
 def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
-    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. Solved in units of the
-    bound, as the solver's tolerances are absolute. Raises SolverError.
+    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. The unit of the problem
+    is the bound, because the solver's tolerances are absolute. Raises SolverError.
     """
     bound, evidence = alpha**2 * (u**2 - norm**2), {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:
-        message = "the problem has no feasible point with a logarithm: u is not above the norm"
+        message = "the problem has no feasible point with det > 0: u must be above the norm"
         raise SolverError(message, **evidence)
     sigma = cp.Variable((m, m), symmetric=True)
     constraints = [cp.trace(n * sigma) <= 1, sigma >> 0]
@@ -76,8 +76,8 @@ def perturbation_gap(
     weights: Weights,
     floor: float,
 ) -> float:
-    """Greatest relative difference of the ``objectives`` (K,) of (BsampOpt) in closed form from the
-    solver's. The matrices themselves are not compared, as the optimum is flat.
+    """Greatest relative difference between the closed-form ``objectives`` (K,) of (BsampOpt) and
+    the solver's objectives. The matrices B⁻¹ are not compared, because the optimum is flat.
 
     ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad of each problem.
     J₁ is computed by SciPy, independently of the closed form. Raises SolverError.
@@ -103,8 +103,8 @@ def _first_factor(jacobian: ndarray, decomposition: Decomposition) -> ndarray:
 
 
 def noise_covariance_gap(norms: ndarray, alpha: float, u: float, n: int, m: int) -> float:
-    """Greatest relative difference of Σ_k of (cost)–(const2) in closed form from the solver's, at
-    ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.
+    """Greatest relative difference between the closed-form Σ_k of (cost)–(const2) and the solver's
+    Σ_k, at ``norms`` (K,) ‖J̲_k⁺‖_F of matrices (n, m). Raises SolverError.
     """
     gaps = []
     for norm, scale in zip(norms, noise_scale(norms, alpha, u, n, m), strict=True):

@@ -1,5 +1,5 @@
-"""Draws of a step by the compiled law of a model, from NumPy's own variates, and realisations along
-the desired trajectory, step by step or free-running.
+"""Draws of a step with a model's compiled law and NumPy's variates, and realisations along the
+desired trajectory, step by step or free-running.
 """
 
 import numpy as np
@@ -15,23 +15,23 @@ from pipeline.models.model import MotionModel
 
 
 def block_for(chain: Chain) -> ndarray:
-    """Zeroed buffer (rows, poses) of a block of poses of the ``chain``."""
+    """Zeroed buffer (rows, poses) for one block of poses of the ``chain``."""
     return np.zeros((block_rows(len(chain.lower), len(chain.task)).size, WIDTH))
 
 
 def space_of(chain: Chain) -> int | None:
-    """None for a planar chain, 1 for a serial one: numba compiles the kinematics of one of them."""
+    """Return None for a planar chain, 1 for a serial chain: numba compiles one branch."""
     return None if isinstance(chain, PlanarChain) else 1
 
 
 def draw_steps(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, rng: Generator
 ) -> tuple[ndarray, int]:
-    """One draw of q_{k+1} for each pose of ``q`` (..., n) in rad, of the same shape; and the number
-    of draws whose noise was clipped at zero.
+    """Return one draw of q_{k+1} for each pose of ``q`` (..., n) in rad, and the number of draws
+    with a noise covariance clipped at zero.
 
-    ``v`` (m,) or (m + n,) is one command for all poses, (M, m) or (M, m + n) one for each of ``q``
-    (..., M, n). Raises SingularJacobianError, and ModelDomainError for a draw that is not finite.
+    ``v`` (m,) or (m + n,) is the command of all poses, row k of (M, m) or (M, m + n) of ``q[..., k,
+    :]``. Raises SingularJacobianError, and ModelDomainError if a draw is not finite.
     """
     if (space := space_of(chain)) is None:
         chain.require_regular(q)
@@ -61,12 +61,12 @@ def realize(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, rng: Generator
 ) -> tuple[ndarray, int, int]:
     """Realise the motion once for each take of the recorded angles ``q`` (N, M+1, n) in rad, under
-    the commands ``v`` (M, m) or (M, m + n); return the angles (N, M+1, n) in rad and the numbers of
+    the commands ``v`` (M, m) or (M, m + n). Return the angles (N, M+1, n) in rad and the numbers of
     clipped steps and of lost realisations.
 
-    In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last one.
-    A realisation is lost at a singular pose and NaN from there on. Raises SingularJacobianError for
-    a singular pose in the recordings.
+    In mode ``one_step`` each step starts at the recorded pose; in ``free_running`` at the last
+    realised pose. A realisation is lost at a singular pose: its later angles are NaN. Raises
+    SingularJacobianError for a singular pose in the recordings.
     """
     result, clipped = np.full_like(q, np.nan), 0
     result[:, 0] = q[:, 0]
@@ -84,16 +84,16 @@ def realize(
 def realized_moments(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
 ) -> tuple[ndarray, ndarray, str | None]:
-    """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n). The
-    deviation is NaN for a model without a covariance; the third value is the reason or None.
+    """Mean and standard deviation (M+1, n) in rad of the ``realized`` angles (N, M+1, n). Without a
+    covariance the standard deviation is NaN and the third value is the reason, else None.
 
-    The deviation is of the process noise in mode ``one_step``, zero at k = 0, of the joint angles
-    in ``free_running``. Raises ModelDomainError if fewer than two realisations are not lost.
+    In mode ``one_step`` it is the standard deviation of the process noise, zero at k = 0; in
+    ``free_running`` of the joint angles. Raises ModelDomainError if fewer than two remain.
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
         raise ModelDomainError(
-            "fewer than two realisations avoid singular poses: they have no standard deviation",
+            "fewer than two realisations avoid singular poses: no standard deviation exists",
             step=int(np.argmax(surviving < 2)),
             key="simulation",
         )

@@ -1,4 +1,4 @@
-"""Reader of exported models by NumPy alone, which the tool export copies beside a model."""
+"""Reader of exported models with NumPy alone; the tool export copies it beside the model."""
 
 import json
 import warnings
@@ -21,7 +21,7 @@ from pipeline.models.model import MotionModel
 
 FORMAT = "motion model 1"
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
-# distance beyond a range, as a share of its width plus its unit, before a warning
+# a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
 MARGIN, SLACK = 0.05, 1e-3
 
 
@@ -31,13 +31,13 @@ class OutsideRanges(UserWarning):
 
 @dataclass(frozen=True)
 class ExportedModel:
-    """p(q_{k+1} | q_k) for the command v of a step of 1/rate s, as fitted.
+    """Fitted law p(q_{k+1} | q_k) for the command v of a step of 1/rate s.
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) task steps in m and rad, (m + n)
     for an arm with more joints than task rows. Each method warns :class:`OutsideRanges` once for
-    each joint and row outside the ranges of the fit. All raise SingularJacobianError, and
-    ModelDomainError for a wrong number of joints or rows and for moments that do not exist or that
-    the recordings cannot tell.
+    each joint and row outside the ranges of the fit. All raise SingularJacobianError. They raise
+    ModelDomainError for a wrong number of joints or rows, and for moments that do not exist or that
+    the recordings do not determine.
     """
 
     law: MotionModel | JointStepModel
@@ -50,7 +50,7 @@ class ExportedModel:
         return f"<motion model {self.record['model']}: {joints} at {rate:g}/s>"
 
     def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
-        """(..., n, n) covariance in rad² for commanded joint steps ``dq`` (..., n) in rad; raises
+        """Covariance (..., n, n) in rad² for commanded joint steps ``dq`` (..., n) in rad. Raises
         ModelDomainError for a model whose noise depends on more than the joint step.
         """
         dq = self._array("dq", dq, (len(self.chain.lower),), "rad a step")
@@ -79,16 +79,16 @@ class ExportedModel:
         return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
 
     def log_density(self, q: ndarray, v: ndarray, q_next: ndarray, measurement=None) -> ndarray:
-        """(...,) ln p(q_next | q) in rad⁻ⁿ, or of the next pose plus normal noise of covariance
-        ``measurement`` (n, n) in rad² (a Wishart model then needs numba). Raises ModelDomainError
-        for a step without a density, as of a matrix model at rest.
+        """(...,) ln p(q_next | q) in rad⁻ⁿ. With a covariance ``measurement`` (n, n) in rad²,
+        ``q_next`` includes normal measurement noise (a Wishart model then needs numba). Raises
+        ModelDomainError for a step without a density, e.g. of a matrix model at rest.
         """
         q, v = self._arrays(q, v)
         return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
 
     def command(self, q: ndarray, v: ndarray, target: ndarray) -> ndarray:
-        """(..., m) or (..., m + n) ``v`` plus the closed loop's correction at ``q``, its share of
-        the way to the ``target`` pose of the tip; ``v`` itself for an open loop.
+        """Command (..., m) or (..., m + n): ``v`` plus κ times the displacement from the tip's pose
+        at ``q`` to its ``target`` pose. κ = 0 for an open loop.
         """
         off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
         command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
@@ -96,7 +96,7 @@ class ExportedModel:
         return command
 
     def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
-        """Arrays of the arm's sizes, after warnings for values outside the ranges of the fit."""
+        """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""
         n, m = len(self.chain.lower), len(self.chain.task)
         q = self._array("q", q, (n,), "rad")
         v = self._array("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
@@ -114,7 +114,7 @@ class ExportedModel:
         return array
 
     def _warn(self, what: str, values: ndarray) -> None:
-        """Warn once for each joint or row of ``values`` outside the ranges of ``what``."""
+        """Warn once for each joint or row of ``values`` outside the fitted ranges of ``what``."""
         ranges = self.record["ranges"].get(what, {})
         for (name, ends), each in zip(ranges.items(), np.moveaxis(values, -1, 0), strict=False):
             low, high = ends["least"], ends["greatest"]
@@ -123,8 +123,8 @@ class ExportedModel:
             if beyond.size and f"{what} {name}" not in self._warned:
                 self._warned.add(f"{what} {name}")
                 found = f"{what} of {name}: {beyond.flat[0]:.4g} {ends['unit']}"
-                where = f"{low:.4g} to {high:.4g}, where the model {self.record['model']}"
-                warnings.warn(f"{found} is outside {where} was fitted", OutsideRanges, stacklevel=4)
+                where = f"{low:.4g} to {high:.4g} of the fit of the model {self.record['model']}"
+                warnings.warn(f"{found} is outside the range {where}", OutsideRanges, stacklevel=4)
 
 
 def chain_record(chain: Chain) -> dict[str, Any]:
@@ -148,7 +148,7 @@ def _chain(record: Mapping[str, Any]) -> Chain:
 
 
 def read_exported(file: Path) -> ExportedModel:
-    """Read the model of the tool export from ``file``; raises ContractError for any other file."""
+    """Read the model that the tool export wrote to ``file``, or raise ContractError."""
     try:
         record = json.loads(file.read_text(encoding="utf-8"))
         if record["format"] != FORMAT:
@@ -157,5 +157,5 @@ def read_exported(file: Path) -> ExportedModel:
         build = build_joint_steps if parameters["kind"] == KIND else build_model
         return ExportedModel(build(parameters), _chain(record["arm"]), record)
     except (ContractError, OSError, ValueError, KeyError, TypeError) as error:
-        message = f"no exported model ({error!r}); write one by python -m pipeline export MODEL"
+        message = f"not an exported model ({error!r}); write one by python -m pipeline export MODEL"
         raise ContractError(message, file=file) from None

@@ -1,20 +1,20 @@
-"""Plain models of a joint step: noise that depends on the commanded step of the joints alone, and
-the fit by maximum likelihood to recorded steps of any motions.
+"""Plain models of a joint step, whose noise depends only on the commanded joint step, and their
+maximum-likelihood fit to recorded steps of any motions.
 
     ω_j = s_j(q̇_j)·e_j,   s_j² = r_j² + a_j + b_j|q̇_j|ᵖ,   q̇ the commanded step in rad,
 
 r_j is the resolution of the recordings, a_j the variance at rest, b_j the gain (0: additive). p = 2
 is the speed-scaled law, whose standard deviation is a share of the step. p = 1 is the
 distance-scaled law: the variance is proportional to the angle travelled, as if each part of the way
-added independent noise. e is normal with correlation R between the joints, or Student's t with ν_j
-degrees of freedom for each joint alone. No Jacobian is needed.
+added independent noise. e is normal with correlation R between the joints, or independent Student's
+t with ν_j degrees of freedom. No Jacobian is needed.
 
-The reference step is the greatest commanded step of any joint. A gain b_j has a number if at least
+The reference step is the greatest commanded step of any joint. A gain b_j is estimated if at least
 :data:`LEAST_STEPS` steps of the joint are at least :data:`LEAST_SHARE` of the reference step, and
 the relative standard error of the variance at the reference step is at most :data:`BOUND`.
-Otherwise b_j is NaN, and a step beyond the recorded ones is refused. The standard error follows
-from the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ] for normal noise, divided
-by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps count as independent.
+Otherwise b_j is NaN, and steps beyond the recorded ones raise ModelDomainError. The standard error
+follows from the Fisher information of (a_j, b_j), ½Σ V⁻²[1, |q̇|ᵖ; |q̇|ᵖ, q̇²ᵖ] for normal noise,
+divided by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps are assumed independent.
 """
 
 from collections.abc import Sequence
@@ -31,12 +31,12 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import NormalModel, normal_log_density
 
 KIND = "joint_steps"
-BEYOND = 1.05  # of the greatest recorded step, up to which a joint of unknown gain is predicted
+BEYOND = 1.05  # times the greatest recorded step: limit of predictions for an unknown gain
 MIXTURE = np.arange(-24.0, 4.0, 0.1)  # ln of the mixing variable of Student's t
-ABSENT = {"gain": np.nan, "degrees": np.inf}  # null in plain values
+ABSENT = {"gain": np.nan, "degrees": np.inf}  # written as null
 LEAST_STEPS, LEAST_SHARE, BOUND = 20, 0.1, 0.5
-UNRESOLVED = 1e-2  # of a joint's rms noise, below which noise counts as not resolved
-DEGREES = (3.0, 100.0)  # of ν: below the variance depends on few steps, above it is normal
+UNRESOLVED = 1e-2  # share of a joint's rms noise that is taken as the resolution
+DEGREES = (3.0, 100.0)  # bounds of ν: below 3 few steps set the variance, above 100 is normal
 # model → power p of the step by which its variance grows (0: constant), True for Student's tails
 PLAIN = {
     "additive_all": (0.0, False),
@@ -55,15 +55,15 @@ class JointStepModel(NormalModel):
     joints: tuple[str, ...]
     resolution: ndarray  # (n,) r in rad
     floor: ndarray  # (n,) a in rad²
-    gain: ndarray  # (n,) b; NaN if the recordings cannot tell it
+    gain: ndarray  # (n,) b; NaN if the recordings do not determine it
     reach: ndarray  # (n,) greatest recorded commanded step, rad
     degrees: ndarray  # (n,) ν
     correlation: ndarray  # (n, n) R of normal noise; I for Student's t
     power: float = 2.0  # p
 
     def scale(self, dq: ndarray) -> ndarray:
-        """(..., n) s in rad for commanded steps ``dq`` (..., n) in rad; raises ModelDomainError for
-        a step of a joint of unknown gain beyond the recorded ones.
+        """Noise scale s (..., n) in rad for commanded steps ``dq`` (..., n) in rad. Raises
+        ModelDomainError if a joint of unknown gain moves farther than in the recorded steps.
         """
         for j in np.flatnonzero(np.isnan(self.gain)):
             most = float(np.abs(dq[..., j]).max(initial=0.0))
@@ -71,7 +71,7 @@ class JointStepModel(NormalModel):
                 raise ModelDomainError(
                     f"the noise of {self.joints[j]} at a step of {most:.3g} rad is not known: it "
                     f"moved at most {self.reach[j]:.3g} rad a step in the recordings; record a "
-                    "motion in which it moves",
+                    "motion in which it moves faster",
                     joint=self.joints[j],
                 )
         growth = np.nan_to_num(self.gain) * np.abs(dq) ** self.power
@@ -89,7 +89,7 @@ class JointStepModel(NormalModel):
     def noise_log_density(
         self, dq: ndarray, noise: ndarray, measurement: ndarray | None = None
     ) -> ndarray:
-        """(...,) ln p(ω) in rad⁻ⁿ of ``noise`` ω (..., n) in rad at commanded steps ``dq``, plus
+        """(...,) ln p in rad⁻ⁿ of ``noise`` (..., n) in rad at commanded steps ``dq``: ω plus
         normal noise of covariance ``measurement`` (n, n) in rad². Raises ModelDomainError for
         Student's t with a ``measurement`` that is not diagonal.
         """
@@ -100,7 +100,7 @@ class JointStepModel(NormalModel):
             covariance = self.correlation + added
             return normal_log_density(noise / scale, covariance) - np.log(scale).sum(axis=-1)
         if np.any(measurement != np.diag(np.diag(measurement))):
-            raise ModelDomainError("noise of Student's t takes a diagonal measurement covariance")
+            raise ModelDomainError("Student's t noise requires a diagonal measurement covariance")
         joints = [np.moveaxis(each, -1, 0) for each in (noise, scale)]
         each = zip(*joints, self.degrees, np.diag(measurement), strict=True)
         return np.sum([student_log_density(*one) for one in each], axis=0)
@@ -148,9 +148,9 @@ def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
 def student_log_density(
     noise: ndarray, scale: ndarray, degrees: float, variance: float = 0.0
 ) -> ndarray:
-    """(...) log density in 1/rad of ``noise``, Student's t of ``scale`` and ``degrees`` ν plus
-    N(0, ``variance``) in rad²: a mixture of normals N(0, s²/λ + variance) over λ ~ Gamma(ν/2, ν/2),
-    by the trapezoidal rule in ln λ. An infinite ν is the normal law.
+    """(...) log density in 1/rad of ``noise``, Student's t of ``scale`` and ``degrees`` ν plus N(0,
+    ``variance``) in rad². It is a mixture of normals N(0, s²/λ + variance) over λ ~ Gamma(ν/2,
+    ν/2), by the trapezoidal rule in ln λ. An infinite ν is the normal law.
     """
     if np.isinf(degrees):
         total = scale**2 + variance
@@ -168,14 +168,14 @@ def student_log_density(
 
 
 class JointStepFit(NamedTuple):
-    """Fitted model; ``untold`` are the (parameter, joint, found, required) without a number."""
+    """Model; ``untold`` lists parameters without an estimate: (name, joint, found, required)."""
 
     model: JointStepModel
     untold: Sequence[tuple[str, str, str, str]]
 
 
 class _Noise(NamedTuple):
-    """Noise of one joint, of variance V = least² + a + b·grown."""
+    """Noise of one joint with the variance V = least² + a + b·grown."""
 
     w: ndarray  # (N,) ω in rad
     grown: ndarray  # (N,) |q̇|ᵖ
@@ -231,7 +231,7 @@ def fit_joint_steps(
     moment = z.T @ z / len(z)
     std = np.sqrt(np.diag(moment))
     if not student and np.all(std > 0):
-        # a hundredth of the identity: the law of joints that move as one is not singular
+        # 1 % of the identity keeps R of joints that move together from being singular
         correlation = 0.99 * moment / np.outer(std, std) + 0.01 * np.eye(len(joints))
         model = replace(model, correlation=correlation)
     return JointStepFit(model, untold)
@@ -240,7 +240,7 @@ def fit_joint_steps(
 def _fit_joint(
     noise: _Noise, scaled: bool, start: tuple[float, float, float] | None = None
 ) -> tuple[float, float, float]:
-    """a in rad², b and ν of one joint's ``noise``."""
+    """Return a in rad², b and ν fitted to the ``noise`` of one joint."""
     from scipy.optimize import minimize
 
     w, grown, least, student = noise

@@ -1,8 +1,8 @@
 """Compiled step of every motion model: one draw of q_{k+1} for each pose of a block.
 
-A law is written once over the task rows and the joints of a block (:mod:`pipeline.arm.rows`); the
-planar or serial kinematics fills the rows of J. The variates of a block are NumPy's: χ² of all
-poses, one after the other, then normals set by set, the normals of a pose in a row.
+The laws use the task rows and joint rows of a block (:mod:`pipeline.arm.rows`); planar or serial
+kinematics fills the rows of J. NumPy draws the variates of a block: first the χ² variates pose by
+pose, then the normals set by set, within a set pose by pose.
 
 A Wishart step is J₂⁺B⁻¹a = J⁺J₁B⁻¹a, a = J₁⁻¹v: the decompositions differ in the factor of the task
 step before and after B⁻¹ (Eqs. LUDecom, Thetaa). B⁻¹a = r·R·[z, z·T]ᵀ
@@ -66,12 +66,12 @@ def move(
     rng: Generator,
 ) -> int:
     """Fill ``moved`` (n, P) with draws of the next poses after ``q`` (n, P) in rad under the
-    command v + ``share``·(``target`` − x(q)), NaN after a singular pose; return the number of draws
+    command v + ``share``·(``target`` − x(q)); NaN after a singular pose. Return the number of draws
     with clipped noise.
 
-    ``space`` is None for a planar chain, 1 for a serial one; ``block`` a buffer with the rows of
-    the ``arm``; ``command`` (m,) v, or (m + n,) with the step commanded in the null space;
-    ``target`` the pose on the path of the closed loop, not read for ``share`` κ = 0.
+    ``space`` is None for a planar chain, 1 for a serial chain. ``block`` is a buffer with the rows
+    of the ``arm``. ``command`` is v (m,), or (m + n,) with a null-space joint step. ``target`` is
+    the pose on the closed loop's path, unused if ``share`` κ is 0.
     """
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
@@ -133,7 +133,7 @@ def _to_joints(
     kind: int, block: ndarray, rows: Rows, n: int, m: int, command: ndarray, count: int
 ) -> None:
     """Write joint steps of a serial chain, J⁺x + (I − J⁺J)w for the task step x and the commanded
-    joint step w, NaN at singular poses; with QR of Jᵀ the task rows hold L⁻¹x already.
+    joint step w; NaN at singular poses. With QR of Jᵀ the task rows already contain L⁻¹x.
     """
     lower, inverse, task = rows.lower, rows.inverse, rows.task
     if kind != QR_TRANSPOSED_LAW:
@@ -160,8 +160,8 @@ def _to_joints(
 
 @inner
 def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int) -> int:
-    """Add the noise of the normal models to the joint steps, of the Gaussian one by ‖J⁺‖² in row
-    ``spare``; return the number of poses with a covariance clipped at zero.
+    """Add the noise of the normal models to the joint steps; the Gaussian model reads ‖J⁺‖² from
+    row ``spare``. Return the number of poses with a covariance clipped at zero.
     """
     joints, normal, spare = rows.joints, rows.normal, rows.spare
     if law.kind == SCALED_LAW:
@@ -201,7 +201,7 @@ def _inverse_square(block: ndarray, rows: Rows, m: int, count: int) -> None:
 
 @inner
 def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
-    """Replace the task rows a by B⁻¹a = z(a + rR[0, T]ᵀ), zero if a is; R is, up to its sign, the
+    """Replace the task rows a by B⁻¹a = z(a + rR[0, T]ᵀ), zero for a = 0. R is, up to its sign, the
     Householder reflection of the first axis to a/r.
     """
     first, normal, chi_square = rows.task, rows.normal, rows.chi_square
@@ -234,8 +234,8 @@ def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
 
 @inner
 def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, count: int):
-    """Replace task rows v by J₁⁻¹v ``before`` B⁻¹ acts, x by J₁x after it. With QR of J, J₁ = I, as
-    the law is invariant under rotations of a.
+    """Multiply the task rows by J₁⁻¹ (``before`` B⁻¹ is applied) or by J₁ (after). For QR of J the
+    rows stay, because the law is invariant under rotations of a.
     """
     if law.kind == GIVEN_LAW:
         _multiply(law.parameters, 1 + (m * m if before else 0), block, rows, m, count)
@@ -254,7 +254,7 @@ def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, 
 
 @inner
 def _multiply(matrix: ndarray, at: int, block: ndarray, rows: Rows, m: int, count: int) -> None:
-    """Replace task rows x by Mx, M (m, m) in ``matrix`` from ``at`` on, row by row."""
+    """Multiply the task rows by M (m, m), stored row by row in ``matrix`` from index ``at``."""
     for r in range(m):
         fill(block, rows.spare + r, 0.0, count)
         add_combination(block, rows.spare + r, matrix, at + r * m, rows.task, m, count)
@@ -274,7 +274,7 @@ def _exchange(block: ndarray, x: int, y: int, flag: int, count: int) -> None:
 
 @inner
 def _eliminate(block: ndarray, rows: Rows, n: int, m: int, count: int) -> None:
-    """Replace task rows v by L⁻¹Pv of PJ = LU with partial pivoting. Scratch rows hold the
+    """Replace task rows v by L⁻¹Pv of PJ = LU with partial pivoting. Scratch rows contain the
     multipliers, below the diagonal of a copy of J, then one flag for each exchange.
     """
     task, lower = rows.task, rows.spare + 4

@@ -1,4 +1,4 @@
-"""Kinds of motion models: each is a folder of this package, found by its place.
+"""Kinds of motion models: every folder of this package with a ``law.py`` is one kind.
 
 A folder holds ``law.py`` with ``build(parameters)``, which returns a
 :class:`pipeline.models.model.MotionModel`, and ``fit.py`` with ``Options``, the type of its option
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pipeline.models.model import MotionModel
     from pipeline.models.steps import Estimate, Options, Recorded, Truth
 
-NO_MODEL = "reason"  # in place of parameters: why the recordings give none
+NO_MODEL = "reason"  # key in place of parameters: reason for a failed fit
 
 
 def kinds() -> list[str]:
@@ -46,20 +46,20 @@ def options_type(kind: object) -> type[Options]:
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """Fit the model ``options`` by the estimator that they name; raises what the estimator does."""
+    """Fit the model ``options`` with its estimator; raises the errors of the estimator."""
     return _fit(options.kind).estimate(recorded, options)
 
 
 def estimator_options(options: Options) -> dict[str, Options]:
-    """Options of all estimators that the stage fit reports, by the pattern of the estimates' names,
-    in which ``{}`` is replaced by the parameter; empty for a model with a single estimator.
+    """Options of all estimators that the stage fit reports, empty for a model with a single
+    estimator. A key is a pattern of the estimates' names, with ``{}`` for the parameter.
     """
     return getattr(_fit(options.kind), "estimator_options", lambda _: {})(options)
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Known parameters of the model ``options`` with noise of about the recorded size; for a model
-    with a dispersion, one for each of ``dispersions``.
+    """Known parameters of the model ``options`` for simulations with about the recorded noise
+    level. A model with a dispersion has one set of parameters for each of ``dispersions``.
     """
     return _fit(options.kind).truths(recorded, options, dispersions)
 
@@ -67,8 +67,8 @@ def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -
 def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, DataFrame]]:
-    """Metrics and tables beside an ``estimate`` (None if the takes give none); ``checks`` of its
-    convex problems are solved as printed.
+    """Diagnostic metrics and tables of an ``estimate`` (None for a failed fit). ``checks`` is the
+    number of convex problems that are solved as printed.
     """
     hook = getattr(_fit(options.kind), "diagnose", lambda *_: ({}, {}))
     return hook(recorded, options, estimate, checks, rng)
@@ -76,8 +76,8 @@ def diagnose(
 
 def build_model(parameters: Any) -> MotionModel:
     """Build a model from ``parameters``: its kind and the plain values that a fit wrote. Raises
-    ContractError for anything else, ModelDomainError for values outside the model's range and, with
-    the reason, if the fit found no model.
+    ContractError for anything else, ModelDomainError for values outside the model's range, and
+    ModelDomainError with the reason if the fit failed.
     """
     why, kind = "", parameters.get("kind") if isinstance(parameters, dict) else None
     if kind in kinds():
@@ -101,7 +101,7 @@ def fitted_model(folder: Path) -> MotionModel:
 
 
 def fitted_models(names: Iterable[str], folder: Path, stage: str) -> dict[str, MotionModel]:
-    """Models of these ``names`` in ``folder``; the ``stage`` prints why others are left out."""
+    """Fitted models of ``names`` in ``folder``; prints ``stage`` and reason of a missing fit."""
     models = {}
     for name in names:
         try:

@@ -1,9 +1,9 @@
-"""Interface of all motion models, the law of one step q_{k+1} | q_k under a command; covariances of
-the joints, and the base of models with normal noise.
+"""Interface of all motion models (the law of one step q_{k+1} | q_k under a command), functions of
+joint covariances, and the base of models with normal noise.
 
-A command is the task step v (m,). For an arm with more joints than task rows it may also hold a
-joint step w (n,), of which the arm makes the part in the null space of J: one row (m + n,). The arm
-is at rest where the whole command is zero.
+A command is the task step v (m,). For an arm with more joints than task rows it may be (m + n,): v
+and a joint step w (n,), of which the arm executes the part in the null space of J. The arm is at
+rest if the whole command is zero.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ from numpy.random import Generator
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 
-# kinds of compiled laws (pipeline.models.kernel); those from WISHART on apply B⁻¹ to a = J₁⁻¹v
+# kinds of compiled laws (pipeline.models.kernel); laws from WISHART on apply B⁻¹ to a = J₁⁻¹v
 SCALED_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
 WISHART = QR_LAW
 WISHART_LAWS = {  # by the name of the decomposition
@@ -25,7 +25,7 @@ WISHART_LAWS = {  # by the name of the decomposition
     "qr_transposed": QR_TRANSPOSED_LAW,
     "given": GIVEN_LAW,
 }
-# asymmetry or negative eigenvalue that rounding may leave, as a share of the largest one
+# greatest relative asymmetry or negative eigenvalue that counts as rounding
 TOLERANCE = 1e-12
 
 
@@ -79,27 +79,27 @@ class MotionModel(Protocol):
         """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "MotionModel":
-        """Return the model whose noise level (σ_B, α or a factor on a covariance) gives the steps'
-        covariances the mean ``trace`` > 0 in rad². Raises ModelDomainError where no level does.
+        """Return the model with the noise level (σ_B, α or a factor on a covariance) at which the
+        covariances of the steps have the mean ``trace`` > 0 in rad². ModelDomainError if none has.
         """
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
-        """(..., n) a draw of q_{k+1} for each pose, by NumPy alone; the compiled
+        """(..., n) one draw of q_{k+1} for each pose, with NumPy alone; the compiled
         :func:`pipeline.models.draws.draw_steps` is many times as fast.
         """
 
     def log_density(
         self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
     ) -> ndarray:
-        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus N(0, ``measurement``)
-        (n, n) in rad² if given. Raises ModelDomainError for a singular covariance, as a matrix
-        model has at rest without ``measurement``.
+        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus noise N(0,
+        ``measurement``) (n, n) in rad² if given. Raises ModelDomainError for a singular covariance,
+        e.g. of a matrix model at rest without ``measurement``.
         """
 
 
 def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
-    """Variances (n,), ascending and not negative, and axes (n, n), in columns, of ``covariance``
-    (n, n). Raises ModelDomainError if it is not finite, symmetric and positive semidefinite.
+    """Return the variances (n,), ascending and ≥ 0, and the axes (n, n), in columns, of
+    ``covariance``. Raises ModelDomainError if not finite, symmetric and positive semidefinite.
     """
     covariance = np.asarray(covariance, dtype=float)
     square = covariance.ndim == 2 and covariance.shape[0] == covariance.shape[1] > 0
@@ -124,14 +124,14 @@ def trace_factor(covariances: ndarray, trace: float) -> float:
     """
     current = float(np.trace(covariances, axis1=-2, axis2=-1).mean())
     if not current > 0:
-        message = "a model without noise at any step has no level that could be solved"
+        message = "the model has no noise at any step: no noise level gives the variance"
         raise ModelDomainError(message, trace_rad2=current)
     return trace / current
 
 
 def without_measurement(covariance: ndarray, measurement: ndarray) -> tuple[ndarray, int]:
-    """(n, n) ``covariance`` less ``measurement`` (n, n) in rad², negative variances set to zero;
-    and the number of those.
+    """Return ``covariance`` minus ``measurement`` (n, n) in rad² with negative variances set to
+    zero, and the number of negative variances.
     """
     variances, axes = np.linalg.eigh(covariance - measurement)
     return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))
@@ -165,16 +165,16 @@ class NormalModel(ABC):
 
 
 def normal_log_density(deviation: ndarray, covariance: ndarray) -> ndarray:
-    """(...,) ln N(``deviation``; 0, ``covariance``) in rad⁻ⁿ, of (..., n) in rad and (..., n, n) in
-    rad², which broadcast. Raises ModelDomainError for a singular covariance.
+    """(...,) ln N(``deviation``; 0, ``covariance``) in rad⁻ⁿ; ``deviation`` (..., n) in rad and
+    ``covariance`` (..., n, n) in rad² broadcast. Raises ModelDomainError for a singular covariance.
     """
     variances, axes = np.linalg.eigh(covariance)
     return axis_log_density(np.vecmat(deviation, axes) ** 2, variances)
 
 
 def axis_log_density(squared: ndarray, variances: ndarray) -> ndarray:
-    """(...,) log density of independent normals of ``variances`` (..., n), ascending, at deviations
-    with the squares ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
+    """(...,) log density of independent normals of ``variances`` (..., n), ascending, at squared
+    deviations ``squared`` (..., n). Raises ModelDomainError as :func:`normal_log_density`.
     """
     singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
     if np.any(singular):

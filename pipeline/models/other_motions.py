@@ -1,5 +1,5 @@
-"""Held-out scores over other motions: every model is fitted to all motions but one and scored on
-that one, each in turn. For a single motion its takes are held out in place of motions.
+"""Scores on held-out motions: every model is fitted to all motions but one and scored on the
+held-out motion, for each motion in turn. For a single motion, groups of takes are held out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,16 +19,16 @@ from pipeline.models import kinds
 from pipeline.models.joint_steps import LEAST_SHARE, PLAIN, JointStepFit, fit_joint_steps
 from pipeline.models.steps import Options, Recorded
 
-MOST_TAKES = 10  # groups of takes that are held out for a single motion
+MOST_TAKES = 10  # greatest number of held-out groups of takes of a single motion
 QUANTILES = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]])
 SIGMAS = {"one": 1, "two": 2, "three": 3}
-UNTOLD = ["parameter", "joint", "found", "required"]  # of a parameter without a number
-EACH = "each"  # row of the mean over the held-out motions
+UNTOLD = ["parameter", "joint", "found", "required"]  # columns of a parameter without an estimate
+EACH = "each"  # motion name in rows of the mean over the held-out motions
 concat = partial(pd.concat, ignore_index=True)
 
 
 class MotionSteps(NamedTuple):
-    """Steps of the repetitions of one motion of n joints, with the rests around it."""
+    """Steps of all takes of one motion of n joints, with the rests before and after the motion."""
 
     name: str
     q: ndarray  # (takes, M, n) rad, measured pose before each step
@@ -44,7 +44,7 @@ def all_steps(motions: Sequence[MotionSteps]) -> tuple[ndarray, ndarray]:
 
 
 def motion_of(recorded: Recorded) -> MotionSteps:
-    """Return the one motion that the stages analyse."""
+    """Return the recorded steps as a motion named ``1``."""
     dq = recorded.chain.nominal_step(recorded.q, recorded.v)
     return MotionSteps("1", recorded.q, np.broadcast_to(dq, recorded.q.shape), recorded.noise)
 
@@ -56,9 +56,9 @@ def recorded_motions(
     pose_noise: float | None,
     least: int = 2,
 ) -> Recorded:
-    """Return the ``motions`` of at least ``least`` takes as one, each with as many takes as the
-    least repeated one. Raises SingularJacobianError at a singular pose, ModelDomainError without
-    such a motion.
+    """Join the ``motions`` with at least ``least`` takes into one, with the smallest of their
+    numbers of takes. Raises SingularJacobianError at a singular pose, ModelDomainError if no motion
+    has ``least`` takes.
     """
     motions = [motion for motion in motions if len(motion.q) >= least]
     if not motions:
@@ -85,8 +85,8 @@ def other_motions(
     chain: Chain | None = None,
     matrix: Mapping[str, Options] | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Score the plain models and, for two motions or more, the ``matrix`` models of the arm
-    ``chain``; return tables by name.
+    """Score the plain models and, if there are at least two motions, the ``matrix`` models of the
+    arm ``chain``; return tables by name.
 
     ``other_motions`` (model, motion, log score in nats a step, reason for a missing score),
     ``motion_spread`` (predicted and measured rms of a step by motion, joint and model), ``tails``
@@ -166,7 +166,7 @@ def _tails(standard: Mapping[str, ndarray], joints: Sequence[str]) -> dict[str, 
 
 
 def _parameters(name: str, fit: JointStepFit) -> pd.DataFrame:
-    """Parameters of a plain model, NaN for those that the steps cannot tell."""
+    """Parameters of a plain model by joint; NaN for parameters that the steps do not determine."""
     model = fit.model
     unknown = [joint for what, joint, *_ in fit.untold if what == "degrees of freedom"]
     known = np.isfinite(model.degrees) & ~np.isin(model.joints, unknown)
@@ -192,7 +192,7 @@ def _motion_list(motions: Sequence[MotionSteps], joints: Sequence[str]) -> pd.Da
 def joint_ranges(
     motions: Sequence[MotionSteps], joints: Sequence[str], rate: float
 ) -> pd.DataFrame:
-    """Ends of the measured poses and of the commanded joint speeds over all ``motions``."""
+    """Ranges of the measured poses and of the commanded joint speeds over all ``motions``."""
     poses = np.concatenate([motion.q.reshape(-1, len(joints)) for motion in motions])
     ranges = ("pose", "rad", poses), ("joint speed", "rad/s", rate * all_steps(motions)[0])
     return concat(

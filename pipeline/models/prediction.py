@@ -1,5 +1,5 @@
 """Scores of a motion model's one-step predictions of the measured poses, and its process noise at
-the recorded poses. The measurement noise is added to the model's step.
+the recorded poses. The covariance of the measurement noise is added to the model's covariance.
 """
 
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ from pipeline.statistics.curves import ModelledNoise
 from pipeline.statistics.scores import nees, normal_log_score
 
 Steps = dict[str, ndarray]  # score → values at the steps of a take
-DRAWS = 1000  # of a step's process noise, over the poses of all takes
+DRAWS = 1000  # draws of a step's process noise, at the poses of all takes in turn
 
 
 def score_take(
@@ -25,9 +25,9 @@ def score_take(
     recorded: Recorded,
     models: Mapping[str, MotionModel | Options],
 ) -> tuple[Steps, dict[str, str]]:
-    """Scores of the steps of one take as :func:`score_steps`; ``trial`` is the name of a model and
-    the number of the take, ``takes`` has names and poses (M+1, n) in rad by number. Options in
-    ``models`` are fitted to the other takes of ``recorded``; if that fails there are no scores.
+    """Return the scores of one take as :func:`score_steps`. ``trial`` is a model's name and a
+    take's index; ``takes`` maps an index to the take's name and poses (M+1, n) in rad. Options in
+    ``models`` are fitted to the other takes of ``recorded``; a failed fit has no scores.
     """
     name, number = trial
     model, (take, poses) = models[name], takes[number]
@@ -47,7 +47,7 @@ def score_steps(
     model: MotionModel, recorded: Recorded, poses: ndarray
 ) -> tuple[Steps, dict[str, str]]:
     """Scores by name of the steps between the measured ``poses`` (M+1, n) in rad of one take under
-    the commands of ``recorded``, whose Σ_m is added; and the reasons for missing (NaN) scores.
+    the commands of ``recorded``, with Σ_m added, and the reasons for missing (NaN) scores.
 
     ``log_density`` (M,) in ln rad⁻ⁿ; the error ``z`` (M, n) in predicted standard deviations and
     its ``nees`` (M,), NaN for a model without a covariance. Raises SingularJacobianError.
@@ -70,9 +70,9 @@ def score_steps(
 
 
 def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, str]]:
-    """Scores as of :func:`score_steps` for predictions N(0, ``covariance``) (M, n, n) in rad² of
-    ``error`` (M, n) in rad; all but ``z`` are NaN if a covariance is singular, as a sample
-    covariance of few takes is.
+    """Return the scores as :func:`score_steps` of ``error`` (M, n) in rad under N(0,
+    ``covariance``) (M, n, n) in rad². All scores but ``z`` are NaN if a covariance is singular,
+    e.g. a sample covariance of few takes.
     """
     z = {"z": _standardise(error, covariance)}
     try:
@@ -84,13 +84,13 @@ def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, 
 
 
 def _standardise(error: ndarray, covariance: ndarray) -> ndarray:
-    with np.errstate(divide="ignore", invalid="ignore"):  # takes of encoders may all be equal
+    with np.errstate(divide="ignore", invalid="ignore"):  # all takes may be equal: zero variance
         return error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
 
 
 def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
-    """Groups of steps by name, each (M,) bool: all, the steps at rest if any, and thirds of the
-    moving steps by the commanded joint speed ‖q̇‖ in rad/s, its mean over the takes.
+    """Masks (M,) of the steps by group: all steps, steps at rest if any, and thirds of the moving
+    steps by the commanded joint speed ‖q̇‖ in rad/s, averaged over the takes.
     """
     dq = recorded.chain.nominal_step(recorded.q, recorded.v)
     speeds = rate * np.linalg.norm(dq, axis=-1).mean(axis=0)
@@ -108,7 +108,7 @@ def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
 def modelled_noise(
     model: MotionModel, recorded: Recorded, rng: np.random.Generator, draws: int = DRAWS
 ) -> ModelledNoise:
-    """Process noise of ``model`` at the poses of ``recorded``, at the level of the recorded total
+    """Process noise of ``model`` at the poses of ``recorded``, scaled to the recorded total
     variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
     model, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v

@@ -1,8 +1,8 @@
-"""Recorded steps of a motion and their process noise, and options and result of an estimator.
+"""Recorded steps of a motion with their process noise; options and result of an estimator.
 
-Standard deviations of two models are compared at an equal total variance; otherwise the model with
-less noise in total has the smaller error. A model's level is its own parameter (σ_B; α at a fixed
-u; a factor on a covariance), which ``with_trace`` solves for.
+Standard deviations of two models are compared at equal total variance; otherwise the model with
+less total noise would have the smaller error. ``with_trace`` solves for the parameter that sets a
+model's noise level (σ_B; α at a fixed u; a factor on a covariance).
 """
 
 from collections.abc import Callable
@@ -36,7 +36,7 @@ class Recorded:
 
     chain: Chain
     q: ndarray  # (takes, M, n) rad, measured pose before each step
-    # (M, m) or (M, m + n), commands (pipeline.models.model); in a closed loop one for each take
+    # commands (pipeline.models.model), (M, m) or (M, m + n); in a closed loop (takes, M, …)
     v: ndarray
     noise: ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
@@ -44,8 +44,8 @@ class Recorded:
 
     @cached_property
     def measurement(self) -> ndarray:
-        """(n, n) Σ_m in rad², if unknown the covariance of the noise of steps at rest; raises
-        ModelDomainError for a motion that never rests.
+        """(n, n) Σ_m in rad²: the known one, else the covariance of the noise at rest. Raises
+        ModelDomainError if Σ_m is unknown and the motion never rests.
         """
         if self.known_measurement is not None:
             return self.known_measurement
@@ -57,7 +57,7 @@ class Recorded:
         return self.q + self.chain.nominal_step(self.q, self.v) + self.noise
 
     def subset(self, takes: ndarray) -> "Recorded":
-        """Return the takes with these numbers, repeated as the numbers are."""
+        """Return the takes with the indices ``takes``; a repeated index repeats the take."""
         v = self.v if self.v.ndim == 2 else self.v[takes]
         return replace(self, q=self.q[takes], v=v, noise=self.noise[takes])
 
@@ -67,12 +67,12 @@ class Estimate:
     """Result of an estimator."""
 
     parameters: dict[str, Any]  # plain values for :func:`pipeline.models.kinds.build_model`
-    estimates: dict[str, float]  # by name and unit, those that have a standard error
+    estimates: dict[str, float]  # parameters with a standard error, by name and unit
     diagnostics: dict[str, float]
     details: Any = None  # the fit itself, for diagnostics that need more than its parameters
-    # numbers of the takes → the estimates of these takes, for a function faster than another fit
+    # take indices → estimates of these takes, if that is faster than another fit
     from_takes: Callable[[ndarray], dict[str, float]] | None = None
-    undetermined: tuple[str, ...] = ()  # estimates at an end of their search, without an interval
+    undetermined: tuple[str, ...] = ()  # estimates at a bound of the search: no interval
 
     @property
     def model(self) -> MotionModel:
@@ -92,8 +92,8 @@ def process_noise(chain: Chain, q: ndarray, command: ndarray) -> ndarray:
     """(takes, M, n) noise ω_{k+1} = q̃_{k+1} − q̃_k − J(q̃_k)⁻¹ẋᵈ_kΔt in rad of measured joint
     angles ``q`` (takes, M+1, n) in rad under ``command`` (M, m) or (M, m + n).
 
-    Measured minus nominal, as the additive model (InvDiffRndm) and (Omegk) need it; (OmgReal)
-    prints the opposite sign. Raises SingularJacobianError.
+    The sign is measured minus nominal, as in (InvDiffRndm) and (Omegk); (OmgReal) prints the
+    opposite sign. Raises SingularJacobianError.
     """
     chain.require_regular(q[:, :-1], what="measured pose")
     nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], command)
@@ -107,27 +107,27 @@ def mean_covariance(noise: ndarray) -> ndarray:
 
 def measurement_covariance(noise: ndarray, v: ndarray) -> ndarray:
     """(n, n) Σ_m in rad²: mean sample covariance of ``noise`` ω (takes, M, n) at the steps without
-    a command in ``v`` (M, m) or (M, m + n). ω is the noise of two measured poses there. Raises
-    ModelDomainError for a motion without rest or a single take.
+    a command in ``v`` (M, m) or (M, m + n). At rest ω is the difference of the noise of two
+    measured poses. Raises ModelDomainError for a motion without rest or a single take.
     """
     still = ~np.any(v, axis=-1)
     if not np.any(still):
-        message = "the motion never rests: measurement noise cannot be separated from the motion's"
+        message = "the motion never rests: measurement noise cannot be separated from motion noise"
         raise ModelDomainError(message, steps=len(v))
     return mean_covariance(noise[:, still])
 
 
 def rest_covariance(q: ndarray, v: ndarray) -> ndarray:
-    """(n, n) in rad², mean sample covariance over the takes of measured poses ``q`` (takes, M+1, n)
-    in rad at steps without a command: the noise of a measured pose plus the constant deviation of a
-    take, which cancels in the differences that Σ_m is made of.
+    """(n, n) mean sample covariance in rad² of measured poses ``q`` (takes, M+1, n) in rad at steps
+    without a command. It contains the noise of one measured pose plus the constant deviation of a
+    take, which cancels in Σ_m.
     """
     return measurement_covariance(q[:, :-1], v)
 
 
 def recorded_deviation(q: ndarray, noise: ndarray, mode: str) -> ndarray:
-    """(M+1, n) standard deviation over the takes in rad: of ``noise`` ω (takes, M, n), zero at
-    k = 0, in mode ``one_step``; of the recorded angles ``q`` (takes, M+1, n) in ``free_running``.
+    """(M+1, n) standard deviation over the takes in rad: in mode ``one_step`` of ``noise`` ω
+    (takes, M, n), zero at k = 0; in ``free_running`` of the angles ``q`` (takes, M+1, n).
     """
     if mode == "one_step":
         return np.vstack([np.zeros((1, q.shape[-1])), noise.std(axis=0, ddof=1)])
@@ -148,11 +148,11 @@ def moving_steps(recorded: Recorded) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, float]]:
-    """Return a function of the numbers of any takes: traces (M,) of their sample covariance of ω at
-    each step, and the trace of the measurement noise, in rad².
+    """Return a function of take indices. It returns the traces (M,) of the takes' sample covariance
+    of ω at each step, and the trace of the measurement covariance, in rad².
 
-    Raises ModelDomainError if the measurement noise is unknown; so does the function for a single
-    take and for a total variance that is not above the measurement's.
+    Raises ModelDomainError if the measurement noise is unknown. The returned function raises it for
+    a single take, and if the total variance is not above the measurement variance.
     """
     known, _ = recorded.known_measurement, recorded.measurement  # raises
     still = ~np.any(recorded.v, axis=-1)
@@ -170,8 +170,8 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
         mean = float(traces.mean())
         if not mean > measured:
             raise ModelDomainError(
-                "the variance of the recorded process noise is not above that of the measurement "
-                "noise (sums over the joints); record faster motions or more takes",
+                "the recorded process noise does not exceed the measurement noise in variance "
+                "(sums over the joints); record faster motions or more takes",
                 recorded_trace_rad2=mean,
                 measurement_trace_rad2=measured,
             )
@@ -181,8 +181,8 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
 
 
 def at_recorded_level(model: MotionModel, recorded: Recorded) -> MotionModel:
-    """Return the model at the level where the mean trace of a step's covariance plus the trace of
-    the measurement noise equals the recorded one. Raises SingularJacobianError, and
+    """Return the model at the noise level where the mean trace of a step's covariance plus the
+    trace of the measurement covariance equals the recorded trace. Raises SingularJacobianError, and
     ModelDomainError as :func:`take_variances` and for a trace that no level gives.
     """
     traces, measured = take_variances(recorded)(np.arange(len(recorded.q)))

@@ -1,5 +1,5 @@
-"""Motions of the joints along a task path: least uncertain, best conditioned, of least norm; the
-cheapest path through a grid of poses by dynamic programming (Bellman, 1957).
+"""Motions of the joints along a task path: least uncertain, best conditioned or of least norm, by
+dynamic programming over a grid of poses (Bellman, 1957).
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from pipeline.core.errors import ConfigError
 from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle
 from pipeline.planning.self_motion import NEWTON_STEPS, grid, refine, spacing_of, stages
 
-POINTS = 200  # of the grid at a step
+POINTS = 200  # grid points per step
 REFINED_PATHS = 3  # greatest number of paths through the grid that are refined
-LEAST_DISTANCE = 0.5  # rad, between their ends
+LEAST_DISTANCE = 0.5  # rad, least distance between the ends of refined paths
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """A motion that keeps the path, the limits and the margin."""
+    """A motion on the path and within the limits and the margin."""
 
     joints: ndarray  # (M+1, n) rad
     cost: ndarray  # (M,) minimised cost of each step
@@ -29,9 +29,9 @@ class Planned:
 
 def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Planned:
     """Return the motion of least Σ ``cost`` + smoothness·Σ‖w_k‖², w_k the null-space part of step
-    k: Eq. (least-uncertain-path) for the trace or another function of the covariance, with the
-    self-motion, which the equation's constraint excludes. Dynamic programming over ``points`` poses
-    at a step gives the global optimum on that grid; its best paths that are apart are refined.
+    k: Eq. (least-uncertain-path) for the trace or another function of the covariance. Self-motion
+    is allowed, which the equation's constraint excludes. Dynamic programming over ``points`` poses
+    at a step gives the global optimum on that grid; the best paths with distinct ends are refined.
 
     Raises InfeasibleError with the first step at which no motion keeps the path, the limits and the
     margin, ConfigError for n > m + 1, and the errors of the ``cost``.
@@ -69,9 +69,9 @@ def best_conditioned(problem: Problem, points: int = POINTS) -> Planned:
 
 
 def minimum_norm(problem: Problem, start: ndarray) -> Planned:
-    """Return the motion from ``start`` (n,) in rad by J⁺v alone, corrected to the path at every
-    step, as by resolved-rate control (Whitney, 1969). Its cost is each squared step in rad². Raises
-    InfeasibleError with the first step at which it leaves the path, a limit or the margin.
+    """Return the motion from ``start`` (n,) in rad with the steps J⁺v, corrected to the path at
+    every step, as in resolved-rate control (Whitney, 1969). The cost is the squared step in rad².
+    Raises InfeasibleError with the first step at which it leaves the path, a limit or the margin.
     """
     chain, joints = problem.chain, np.empty((len(problem.path), len(start)))
     guess = np.asarray(start, dtype=float)[None]
@@ -93,8 +93,8 @@ def cheapest_paths(
 ) -> list[tuple[ndarray, float]]:
     """Return the cheapest path (S, n) in rad through the ``grid`` of poses (G, n) at each of
     ``steps`` (S,) and its objective, Eq. (least-uncertain-path) on the grid; then the cheapest
-    other paths whose ends are apart. A step has its cost at the pose of the nearest stage. Raises
-    InfeasibleError with the first step that no path reaches, and the errors of ``cost``.
+    other paths with distinct ends. The cost of a step is evaluated at the pose of the nearest
+    stage. Raises InfeasibleError with the first step without a path, and the errors of ``cost``.
     """
     chain, counts = problem.chain, np.array([len(q) for q in grid])
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
@@ -114,9 +114,9 @@ def cheapest_paths(
     before, total = search_stages(poses, counts, own, nominal, reach, weight, problem.turning)
     if (lost := ~np.isfinite(total).any(axis=1)).any():
         first = int(lost.argmax())
-        why = "the model has no covariance at any pose of the path, or none with a ln det"
+        why = "at every pose of the path the model has no covariance or a singular one"
         if np.isfinite(own[first]).any():
-            why = "no pose is within reach of the joints' speeds; give the path more time"
+            why = "no pose can be reached within the joints' speed limits; give the path more time"
         after = int(steps[first - 1]) if first else None
         raise InfeasibleError(why, step=int(steps[first]), after=after)
     ways: list[tuple[ndarray, float]] = []
@@ -133,8 +133,8 @@ def cheapest_paths(
 
 
 def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) -> Planned:
-    """Refine the motion through ``way`` (S, n) in rad at the ``steps`` (S,), first shifted by whole
-    turns: without jumps, and within the limits if possible.
+    """Refine the motion through ``way`` (S, n) in rad at the ``steps`` (S,), after shifts by whole
+    turns that remove jumps and, if possible, keep the limits.
     """
     chain, turning, every = problem.chain, problem.turning, np.arange(len(problem.path))
     jumps = np.diff(way, axis=0, prepend=0.0)
@@ -158,8 +158,8 @@ def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) 
 
 @compiled
 def search_stages(poses, counts, cost, nominal, reach, weight, turning):
-    """Return (S, G) the previous pose on the path of least Σ cost + Σ weight·‖q_{s+1} − q_s −
-    nominal_s‖² to each pose, and (S, G) the objective of that path, infinite where none leads.
+    """Return the index (S, G) of the previous pose on the path of least Σ cost + Σ weight·‖q_{s+1}
+    − q_s − nominal_s‖² to each pose, and the objective (S, G), infinite without a path.
 
     ``poses`` (S, G, n) in rad, ``counts`` (S,) of them at a stage; ``cost`` (S, G), infinite at a
     forbidden pose; ``nominal`` (S-1, G, n) step from each pose without weight and ``reach`` (S-1,
@@ -169,7 +169,7 @@ def search_stages(poses, counts, cost, nominal, reach, weight, turning):
     before, total = np.zeros(cost.shape, dtype=np.int64), np.full(cost.shape, np.inf)
     total[0, : counts[0]] = cost[0, : counts[0]]
     for s in range(1, len(counts)):
-        # previous poses in order of their cost, up to the first that alone costs too much
+        # previous poses by increasing cost, until the cost alone is too high
         order = np.argsort(total[s - 1, : counts[s - 1]], kind="mergesort")
         for j in range(counts[s]):
             least = np.inf

@@ -1,5 +1,5 @@
-"""Planning problem: a task path, the limits of the joints, and the cost of a step, which is its
-uncertainty under a motion model; Newton's method for poses on the path.
+"""Planning problem: task path, joint limits, and the cost of a step (uncertainty under a motion
+model). Newton's method for poses on the path.
 """
 
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from pipeline.models.model import MotionModel
 
 PATH_TOLERANCE = 1e-9  # m, greatest displacement from the path of a pose on it
 TOLERANCE = PATH_TOLERANCE / 100  # m, displacement at which Newton's method ends
-TURN_TOLERANCE = 1e-9  # m and rad, greatest change of the tip by a turn of a joint that comes round
+TURN_TOLERANCE = 1e-9  # m and rad, greatest change of the tip by a whole turn of a joint
 LONGEST_STEP = 0.5  # rad, longest step of Newton's method
 OBJECTIVES = ("trace", "log_det")
 BATCH_POSES = 1024  # poses whose matrices fit the processor's cache
-ZERO_VARIANCE = 1e-12  # share of the greatest variance below which a variance counts as zero
+ZERO_VARIANCE = 1e-12  # variance/greatest variance below which a variance counts as zero
 TURN = 2 * np.pi
 
 # cost (N,) of task steps ``v`` (N, m) at poses ``q`` (N, n) in rad, infinite at a forbidden pose
@@ -32,8 +32,8 @@ class InfeasibleError(PipelineError):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits;
-    raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
+    """A path of M steps for an arm of n joints and m ≤ n task rows, within the chain's limits.
+    Raises ConfigError for a path of fewer than two finite poses and for numbers out of range.
     """
 
     chain: Chain
@@ -44,7 +44,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         if np.ndim(self.path) != 2 or len(self.path) < 2 or not np.isfinite(self.path).all():
-            raise ConfigError("a path needs two finite poses at least", key="path")
+            raise ConfigError("a path needs at least two finite poses", key="path")
         for key, least in (("rate", 0.0), ("margin", 0.0), ("smoothness", -1e-300)):
             if not least < (value := getattr(self, key)) < np.inf:
                 sign = "positive" if least == 0 else "not negative"
@@ -76,31 +76,31 @@ class Problem:
 
     @cached_property
     def comes_round(self) -> ndarray:
-        """(n,) True of a joint whose whole turn does not change the pose of the tip."""
+        """(n,) True for a joint whose whole turn does not change the pose of the tip."""
         pose, turns = self.chain.pose, TURN * np.eye(len(self.chain.lower))
         return np.all(np.abs(pose(turns) - pose(0 * turns)) < TURN_TOLERANCE, axis=-1)
 
     @property
     def turning(self) -> ndarray:
-        """(n,) True of a joint that comes round within its limits."""
+        """(n,) True for a joint of :attr:`comes_round` with limits wider than a turn."""
         return self.comes_round & (self.chain.upper - self.chain.lower > TURN)
 
     def nearest_turns(self, q: ndarray) -> ndarray:
-        """``q`` (..., n) in rad, a joint that comes round within half a turn of mid-range."""
+        """``q`` (..., n) in rad, shifted by whole turns to within half a turn of mid-range."""
         lower, upper = self.chain.lower, self.chain.upper
         middle = np.where(np.isfinite(upper - lower), (lower + upper) / 2, 0.0)
         return middle + self.less_turns(q - middle)
 
     def less_turns(self, step: ndarray) -> ndarray:
-        """``step`` (..., n) in rad without the whole turns of joints that come round."""
+        """``step`` (..., n) in rad without whole turns of joints of :attr:`comes_round`."""
         return step - TURN * np.round(step / TURN) * self.comes_round
 
     def clear(self, q: ndarray) -> ndarray:
-        """(P,) True of the poses ``q`` (P, n) that keep the margin."""
+        """(P,) True for poses ``q`` (P, n) with a least singular value above the margin."""
         return ~self.chain.singular(q) & (self.chain.least_singular_value(q) >= self.margin)
 
     def failure(self, joints: ndarray) -> InfeasibleError | None:
-        """First fault of the motion ``joints`` (M+1, n) in rad with its step, else None."""
+        """First fault of the motion ``joints`` (M+1, n) in rad, with its step; else None."""
         chain = self.chain
         off = chain.displacement(chain.pose(joints), self.path)
         speeding = np.any(np.abs(np.diff(joints, axis=0)) > self.reach * (1 + 1e-9), axis=-1)
@@ -115,8 +115,8 @@ class Problem:
 
 
 def settle(chain: Chain, q: ndarray, target: ndarray, rounds: int) -> tuple[ndarray, ndarray]:
-    """Poses (P, n) in rad to which at most ``rounds`` Newton steps J⁺(target − x) lead from ``q``
-    (P, n), and (P,) True where they reach ``target`` (P, p); no step leaves a singular pose.
+    """Return the poses (P, n) in rad after at most ``rounds`` Newton steps J⁺(target − x) from
+    ``q``, and (P,) True where they reach ``target`` (P, p). A singular pose is not moved.
     """
     q, reached = np.array(q, dtype=float), np.zeros(len(q), dtype=bool)
     lanes = np.arange(len(q))
@@ -144,13 +144,13 @@ def length_of(steps: ndarray) -> ndarray:
 
 
 def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
-    """Cost function tr Cov(q_{k+1} | q_k) in rad², or ln det Cov, of a step under ``model``; raises
-    ModelDomainError as ``model.covariance``. It is infinite at a singular pose, ln det also where a
-    moving step has no variance along an axis. A zero command without noise costs 0.
+    """Return the cost function of a step under ``model``: tr Cov(q_{k+1} | q_k) in rad², or ln det
+    Cov. The cost is infinite at a singular pose; ln det also if a moving step has no variance along
+    an axis. A zero command without noise costs 0. Raises ModelDomainError as ``model.covariance``.
 
-    Where the covariance has the rank m of the task, as under a matrix model with more joints than
-    rows, ln det is of the m variances in the row space of J, else of all n. Noise of steps in the
-    null space of J (scaled model) is not included.
+    If the covariance has the rank m of the task, e.g. under a matrix model with n > m, ln det uses
+    the m variances in the row space of J, else all n. Noise of steps in the null space of J (scaled
+    model) is not included.
     """
 
     def of_regular(q: ndarray, v: ndarray) -> ndarray:

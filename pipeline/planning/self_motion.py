@@ -1,18 +1,17 @@
-"""Self-motion of the joints while the tip stays at a pose of the path, for one joint more than task
-rows: a grid of poses for the global search, and the local refinement of a motion.
+"""Self-motion (joint motion at a fixed pose of the tip) for n = m + 1: a grid of poses for the
+global search, and the local refinement of a motion.
 
-The poses of a step form curves, one per branch (elbow up or down, wrist turned over), which are
-closed or end at singular poses and joint limits. From each Newton solution that no earlier curve
-passes, a curve is followed along the null space of J in steps of the spacing, corrected by Newton's
-method. Limits and margin are applied last, so that they split no branch. With as many joints as
-rows the curves are points.
+The poses of a step form curves, one per branch (elbow up or down, wrist turned over). The curves
+are closed or end at singular poses and joint limits. A curve is followed from every Newton solution
+that is not on an earlier curve, in steps along the null space of J, corrected by Newton's method.
+Limits and margin are applied last, so that they split no branch. For n = m the curves are points.
 
-The refined motion is displaced by ζ_k in the null space of J at each step k: q_k is the pose on the
-path with n_k·(q_k − q⁰_k) = ζ_k, n_k (n,) being the unit vector of the null space at the initial
-motion q⁰. ζ is a cubic spline over the steps, found by L-BFGS-B. Limits of angle, speed and margin
-are relaxed logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic Control 62, 2017) of
-falling weight. A round's motion, or a share of its displacement, is accepted if its objective is
-lower and it keeps every limit exactly.
+The refinement displaces the motion q⁰ by ζ_k in the null space of J at each step k. q_k is the pose
+on the path with n_k·(q_k − q⁰_k) = ζ_k. n_k (n,) is the unit vector of the null space at q⁰_k. ζ is
+a cubic spline over the steps, found by L-BFGS-B. Limits of angle, speed and margin are relaxed
+logarithmic barriers (Feller and Ebenbauer, IEEE Trans. Automatic Control 62, 2017) of decreasing
+weight. The motion of a round, or a share of its displacement, is accepted if the objective
+decreases and every limit is kept exactly.
 """
 
 import numpy as np
@@ -20,27 +19,27 @@ from numpy import ndarray
 
 from pipeline.planning.problem import TOLERANCE, Cost, InfeasibleError, Problem, length_of, settle
 
-STARTS, MORE_STARTS = 32, 256  # Newton starts of a step; if these find nothing
+STARTS, MORE_STARTS = 32, 256  # Newton starts of a step; starts if no solution was found
 NEWTON_STEPS, CURVE_STEPS = 40, 6  # Newton steps from a start, and along a curve
-STAGE_SPACINGS = 1.5  # that the slowest joint can move between two stages of the search
+STAGE_SPACINGS = 1.5  # spacings that the slowest joint can move between two stages of the search
 COARSE_SPACING = 0.25  # rad, spacing at which the length of the curves is measured
 SAME_POSE = 1e-4  # rad, greatest distance of equal solutions
 LONGEST_CURVE, PILOT_STEPS = 4000, 5  # points of a curve; steps at which the length is measured
 BATCH_CURVES = 32  # curves that are followed in one batch
 BARRIER_WEIGHTS = (1e-1, 1e-2, 1e-3)  # of the mean barrier, by round
-GREATEST_ROUNDS = 12  # rounds; those after the first of each weight only until the limits are kept
+GREATEST_ROUNDS = 12  # rounds; after the first three only until the limits are kept
 RELAXATION = 1e-3  # slack below which the barrier is a parabola
-STEPS_PER_KNOT = 8  # of the path
+STEPS_PER_KNOT = 8  # steps of the path per knot of the spline
 DIFFERENCE = 1e-5  # rad, for finite differences
 MOTION_STEPS = 8  # Newton steps of a refined motion
-STEP_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a round's displacement, if the whole breaks a limit
-ROUND_ITERATIONS = 60  # of a round
-LOST_OBJECTIVE = 1e6  # of a motion off the path or without cost; others are of the order of 1
+STEP_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a round's displacement, tried until the limits are kept
+ROUND_ITERATIONS = 60  # of L-BFGS-B in a round
+LOST_OBJECTIVE = 1e6  # of a motion off the path or of infinite cost; usual objectives are about 1
 
 
 def stages(problem: Problem, spacing: float) -> ndarray:
     """(S,) steps of the path from first to last, so far apart that the slowest joint can move by
-    STAGE_SPACINGS of the ``spacing`` in between; otherwise it could not leave a pose of the grid.
+    STAGE_SPACINGS times ``spacing`` in between. Otherwise it could not leave a pose of the grid.
     """
     last, slowest = len(problem.steps), problem.reach.min()
     wide = 1 if problem.spare == 0 else int(np.ceil(STAGE_SPACINGS * spacing / slowest))
@@ -78,7 +77,7 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
     """
     targets = problem.path[steps]
     solutions, waiting = _solutions(problem, steps, count)
-    passed = [solutions[s, :0] for s in range(len(steps))]
+    curve_points = [solutions[s, :0] for s in range(len(steps))]
     while waiting.any():
         several = max(BATCH_CURVES // int(waiting.any(axis=1).sum()), 1)
         lanes, starts = np.nonzero(waiting & (np.cumsum(waiting, axis=1) <= several))
@@ -86,17 +85,17 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
         for lane, start, points in zip(lanes, starts, followed, strict=True):
             if not waiting[lane, start]:  # an earlier curve passes this start
                 continue
-            passed[lane] = np.concatenate([passed[lane], points])
+            curve_points[lane] = np.concatenate([curve_points[lane], points])
             left = np.flatnonzero(waiting[lane])
             apart = problem.less_turns(solutions[lane, left, None] - points)
             waiting[lane, left] = length_of(apart).min(axis=1) > max(1.5 * spacing, SAME_POSE)
-    found = [problem.nearest_turns(points) for points in passed]
+    found = [problem.nearest_turns(points) for points in curve_points]
     return [q[problem.chain.within_limits(q) & problem.clear(q)] for q in found]
 
 
 def _solutions(problem: Problem, steps: ndarray, count: int) -> tuple[ndarray, ndarray]:
     """(S, count, n) results of Newton's method at each of ``steps`` (S,) from poses within the
-    limits (half a turn, without limits), and (S, count) True of a solution.
+    limits (±π without limits), and (S, count) True for a solution.
     """
     from scipy.stats.qmc import Halton
 
@@ -110,12 +109,12 @@ def _solutions(problem: Problem, steps: ndarray, count: int) -> tuple[ndarray, n
     return solutions.reshape(len(steps), count, -1), reached.reshape(len(steps), count)
 
 
-def _follow(problem: Problem, begun: ndarray, targets: ndarray, spacing: float) -> list[ndarray]:
-    """Points (·, n) of the curves through the poses ``begun`` (L, n), the tip at ``targets``."""
-    points, chain = [[q] for q in begun], problem.chain
-    closed = np.zeros(len(begun), dtype=bool)
+def _follow(problem: Problem, starts: ndarray, targets: ndarray, spacing: float) -> list[ndarray]:
+    """Points (·, n) of the curves through the poses ``starts`` (L, n), the tip at ``targets``."""
+    points, chain = [[q] for q in starts], problem.chain
+    closed = np.zeros(len(starts), dtype=bool)
     for way in (1.0, -1.0) if problem.spare > 0 else ():
-        q, tangent = begun.copy(), way * np.linalg.svd(chain.jacobian(begun))[2][:, -1]
+        q, tangent = starts.copy(), way * np.linalg.svd(chain.jacobian(starts))[2][:, -1]
         lanes = np.flatnonzero(~closed)
         for count in range(LONGEST_CURVE):
             if len(lanes) == 0:
@@ -130,7 +129,7 @@ def _follow(problem: Problem, begun: ndarray, targets: ndarray, spacing: float) 
             length = length_of(along)
             # a larger change of direction or a longer step leads to another curve
             same = (length > 0.5) & (length_of(new - q[lanes]) < 2 * spacing)
-            away = length_of(problem.less_turns(new - begun[lanes]))
+            away = length_of(problem.less_turns(new - starts[lanes]))
             back = (count > 1) & (away < 0.75 * spacing)
             closed[lanes[same & back]] = True
             on = same & ~back
@@ -142,8 +141,8 @@ def _follow(problem: Problem, begun: ndarray, targets: ndarray, spacing: float) 
 
 
 def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
-    """Return a motion (M+1, n) in rad whose objective is at most the one of ``joints`` (M+1, n) and
-    which keeps the limits if the rounds find one that does. Raises the errors of ``cost``.
+    """Return a motion (M+1, n) in rad with an objective not above the objective of ``joints`` (M+1,
+    n), within the limits if the rounds find such a motion. Raises the errors of ``cost``.
     """
     from scipy.optimize import minimize
 
@@ -211,7 +210,7 @@ class _Tube:
         return q, None
 
     def value_and_gradient(self, coefficients: ndarray) -> tuple[float, ndarray]:
-        """Objective over its scale, with the barriers, and its gradient."""
+        """Objective divided by its scale plus barriers, and the gradient."""
         problem, (q, inverse) = self.problem, self.motion(coefficients)
         if inverse is None or not np.isfinite((here := self._by_pose(q))[0]).all():
             return LOST_OBJECTIVE, np.zeros_like(coefficients)
@@ -232,7 +231,7 @@ class _Tube:
         return float(value), self.spline.T @ slopes
 
     def _by_pose(self, q: ndarray) -> tuple[ndarray, ndarray]:
-        """(..., M+1) cost over the scale plus barriers of angles and margin at each of the poses
+        """(..., M+1) cost divided by the scale plus barriers of angles and margin at the poses
         ``q`` (..., M+1, n), and (..., M, n) nominal steps.
         """
         problem, chain = self.problem, self.problem.chain
@@ -241,11 +240,11 @@ class _Tube:
         barrier = _barrier(chain.least_singular_value(q) / problem.margin - 1)[0]
         if bounded.any():
             barrier = barrier + _barrier(sides)[0].mean(axis=-1).sum(axis=0)
-        result, begun = self.weight * barrier / q.shape[-2], q[..., :-1, :]
-        v = np.broadcast_to(problem.steps, (*begun.shape[:-1], problem.steps.shape[1]))
-        each = self.cost(begun.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
-        result[..., :-1] += each.reshape(begun.shape[:-1]) / self.scale
-        return result, problem.nominal(begun)
+        result, before = self.weight * barrier / q.shape[-2], q[..., :-1, :]
+        v = np.broadcast_to(problem.steps, (*before.shape[:-1], problem.steps.shape[1]))
+        each = self.cost(before.reshape(-1, q.shape[-1]), v.reshape(-1, v.shape[-1]))
+        result[..., :-1] += each.reshape(before.shape[:-1]) / self.scale
+        return result, problem.nominal(before)
 
 
 def _barrier(slack: ndarray) -> tuple[ndarray, ndarray]:

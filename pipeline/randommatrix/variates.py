@@ -8,8 +8,8 @@ from pipeline.core.compiled import inner
 @inner
 def draw_variates(degrees, sets, each, block, chi_square, normal, start, stop, rng):
     """Draw variates of the poses from ``start`` to ``stop`` of the ``block`` (rows, poses): χ² of
-    each of the ``degrees`` of freedom from row ``chi_square`` on, and normals in ``sets``·``each``
-    rows from ``normal`` on. The ``each`` normals of one pose and set are drawn consecutively.
+    the ``degrees`` of freedom from row ``chi_square`` on, and normals in ``sets``·``each`` rows
+    from ``normal`` on. The ``each`` normals of one pose and set are drawn consecutively.
     """
     for k in range(len(degrees)):
         shape = 0.5 * degrees[k]

@@ -24,8 +24,8 @@ def sample_matrix_normal(
 def matrix_normal_log_density(
     x: ndarray, mean: ndarray, rows: ndarray, columns: ndarray
 ) -> ndarray:
-    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q), as of Xᵀ with Σ and Ψ exchanged:
-    Theorem 1. It serves tests alone.
+    """(...,) log density, Eq. (GaussMatr), of ``x`` (..., p, q); Xᵀ with Σ and Ψ exchanged has the
+    same density: Theorem 1. It serves tests alone.
     """
     p, q = mean.shape
     left, right = np.linalg.cholesky(rows), np.linalg.cholesky(columns)
@@ -76,10 +76,10 @@ def mean(d: float, sigma: ndarray) -> ndarray:
 
 
 def largest_dispersion(n: int, *, inverse_moments: int = 0) -> float:
-    """Supremum of σ_B for which B ~ W_n(d, I/d) has a density and B⁻¹ ``inverse_moments`` moments:
-    d > n − 1 (none), d > n + 1 (the mean), d > n + 3 (the variance), Eq. (invmomnt).
+    """Supremum of σ_B for which B ~ W_n(d, I/d) has a density and B⁻¹ has ``inverse_moments``
+    moments: 0 (d > n − 1), 1 (d > n + 1) or 2 (d > n + 3), Eq. (invmomnt).
     """
-    least = n - 1 + 2 * inverse_moments  # 0 for n = 1, where every dispersion has a density
+    least = n - 1 + 2 * inverse_moments  # 0 for n = 1: every σ_B has a density
     return float(np.sqrt((n + 1) / least)) if least else np.inf
 
 
@@ -90,7 +90,7 @@ def maxent_theta(sigma_b: float, n: int) -> float:
 
 def degrees_of_freedom(sigma_b: float, n: int) -> float:
     """d = θ + n + 1 of the MaxEnt law B ~ W_n(d, I/d) of mean I_n and dispersion ``sigma_b``, which
-    solves Eqs. (Maxenmeas)–(invmomnt). Raises ModelDomainError for σ_B ≤ 0 and where B has no
+    solves Eqs. (Maxenmeas)–(invmomnt). Raises ModelDomainError for σ_B ≤ 0 and for a B without a
     density.
     """
     limit = largest_dispersion(n)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pipeline.core import config
 
-# folders with one folder for each model; later stages depend on all of it
+# folders with a subfolder for each model; later stages depend on all subfolders
 BY_MODEL = (Path("data/fit"), Path("data/filter"))
 
 

@@ -1,4 +1,4 @@
-"""files: lists of the raw files of motion, depth and force, each for the stages that read them."""
+"""files: lists of the raw files of motion, depth and force, for the stages that read them."""
 
 from pathlib import Path
 

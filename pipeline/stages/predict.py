@@ -21,10 +21,10 @@ from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
-BESIDE = ("scaled", "scaled_full")  # models without a random matrix, beside the models of the run
-CONTROL = "wishart_qr_transposed"  # beside a Wishart model
+BESIDE = ("scaled", "scaled_full")  # models without a random matrix, added to the models of the run
+CONTROL = "wishart_qr_transposed"  # added if the run has a Wishart model
 MATRIX_KINDS = ("gaussian", "wishart")
-Models = dict[str, Options]  # options by name, of the run and beside it
+Models = dict[str, Options]  # options by name, of the run's and the added models
 
 
 def run() -> None:
@@ -118,7 +118,7 @@ def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
         reasons |= {(name, what): reason for what, reason in missing.items()}
     for (name, what), reason in reasons.items():
         print(f"predict: {name} gives no {what}: {reason}")
-    # a model without a fit to the other takes lacks the scores of a take, and is left out
+    # a model without a fit to the other takes lacks scores, and is left out
     return {
         name: {key: np.stack([each[key] for each in steps]) for key in steps[0]}
         for name, steps in scored.items()

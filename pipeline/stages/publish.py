@@ -1,6 +1,6 @@
 """publish: copies of tables, numbers, figures and evidence in reports.
 
-A separate stage, as DVC's run cache restores no stage that has outputs in git.
+It is a separate stage, because DVC's run cache restores no stage with outputs in git.
 """
 
 import shutil

@@ -27,7 +27,7 @@ from pipeline.laboratory.kinect import DepthCamera, draw_bias
 
 RAW = Path("data/raw")
 # start of a capture in Motive's spelling; fixed, so that recordings do not depend on the time
-STARTED = "2017-05-02 10.00.00.000 AM"
+CAPTURE_START = "2017-05-02 10.00.00.000 AM"
 
 
 def run(name: str) -> None:
@@ -43,7 +43,7 @@ def run(name: str) -> None:
             place.mkdir(exist_ok=True)
         return
     if laboratory is None:
-        message = f"{name} has no laboratory that would record it"
+        message = f"{name} has no synthetic laboratory to record it"
         raise ConfigError(message, key="dataset.laboratory")
     with contracts.replacing(places[0]) as folder, contracts.replacing(places[1]) as truth:
         if dataset.robot is not None:
@@ -57,14 +57,14 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     dataset, scale = settings.dataset, settings.scale
     takes = [("train", i) for i in range(scale.training_takes)]
     takes += [("test", i) for i in range(scale.test_takes)]
-    # the arm moves with all rows of the task, whichever are analysed
+    # the arm moves with all task rows, even if only some are analysed
     nominal = chain_of(replace(dataset.robot, task=None))
     stream = rng.stream(settings.seed, "record.session")
-    opened = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
+    session = dynamics.open_session(nominal, dataset.laboratory["dynamics"], stream)
     for place in ("optitrack", "kinect" if dataset.robot.plane else "joints"):
         (folder / place).mkdir()
-    instruments = (_in_plane if dataset.robot.plane else _in_space)(opened, dataset, stream)
-    fixed = {"opened": opened, "instruments": instruments, "settings": settings, "folder": folder}
+    instruments = (_in_plane if dataset.robot.plane else _in_space)(session, dataset, stream)
+    fixed = {"session": session, "instruments": instruments, "settings": settings, "folder": folder}
     record = partial(_record_take, **fixed)
     options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
     path = desired_path(nominal, options)
@@ -80,16 +80,16 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
-def _in_plane(opened: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
-    """Return a planar arm, the drawn places of its markers, and the depth camera's bias."""
+def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:
+    """Return a planar arm, random places of its markers, and the depth camera's bias."""
     template = np.array([list(link.values()) for link in dataset.mocap.markers.values()])
     markers = mocap.place_markers(template, dataset.laboratory["mocap"], stream)
     bias = draw_bias(dataset.laboratory["kinect"], stream)
-    return replace(arm_of(dataset.robot), chain=opened.chain), markers, bias
+    return replace(arm_of(dataset.robot), chain=session.chain), markers, bias
 
 
-def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
-    """Return by name the rigid bodies on the links of an arm, with drawn places of markers."""
+def _in_space(session: Session, dataset, stream) -> dict[str, mocap.MarkerCluster]:
+    """Return by name the rigid bodies on the links of an arm, with random places of markers."""
     o, clusters = dataset.mocap, {}
     if {*o.bodies} != {*o.markers}:
         message = "the laboratory follows rigid bodies: every link of markers needs its body"
@@ -98,7 +98,7 @@ def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster
     for link, body in o.bodies.items():
         drawn = np.array(list(o.markers[link].values()))
         clusters[body.name] = mocap.MarkerCluster(
-            chain=mocap.as_built(chains[link], opened.chain),
+            chain=mocap.as_built(chains[link], session.chain),
             places=mocap.place_markers(drawn, dataset.laboratory["mocap"], stream),
             shape=mocap.in_body(drawn, body.mount.position, body.mount.rpy),
         )
@@ -106,14 +106,14 @@ def _in_space(opened: Session, dataset, stream) -> dict[str, mocap.MarkerCluster
 
 
 def _record_take(
-    take: tuple[str, int], opened: Session, instruments, settings, folder: Path
+    take: tuple[str, int], session: Session, instruments, settings, folder: Path
 ) -> pd.DataFrame:
     """Write the files of one take; return its true joint angles."""
     (kind, number), dataset, laboratory = take, settings.dataset, settings.dataset.laboratory
     name, part = f"{kind}_{number + 1:03d}", "training" if kind == "train" else "test"
     stream = rng.stream(settings.seed, f"record.{kind}", number)
     trajectory, options, base = laboratory["trajectory"], laboratory["mocap"], dataset.mocap.base
-    motion = dynamics.perform(opened, trajectory, laboratory["dynamics"], stream)
+    motion = dynamics.perform(session, trajectory, laboratory["dynamics"], stream)
     world = Rotation.from_euler("xyz", base.rpy).as_matrix(), np.array(base.position)
     markers, bodies = {}, {}
     if dataset.robot.plane:
@@ -138,7 +138,7 @@ def _record_take(
         write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)
     k, rate = np.arange(len(motion.truth)), dataset.motion.rate
     recorded = MotionTake(name, "1.23", rate, k, k / rate, markers, bodies, {})
-    write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=STARTED)
+    write_motive(folder / "optitrack" / f"{name}.csv", recorded, start=CAPTURE_START)
     step = {"take": name, "part": part, "k": k, "t": k / rate}
     return pd.DataFrame(step | spread("q", dataset.robot.joints, motion.truth))
 
@@ -154,4 +154,4 @@ def _record_forces(folder: Path, settings) -> None:
         felt = record_force(cables, robots, transducer, force.tare, seconds, stream)
         wrench, rate = (felt.time, felt.force, felt.torque), transducer.rate
         (file := folder / c.file).parent.mkdir(parents=True, exist_ok=True)
-        write_daqft(file, ForceRecord(*wrench, rate, "FT00001", STARTED, {}))
+        write_daqft(file, ForceRecord(*wrench, rate, "FT00001", CAPTURE_START, {}))

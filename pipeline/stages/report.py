@@ -20,7 +20,7 @@ DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
 
 
 def run() -> None:
-    """Decide the claims on the numbers of every run; write the dataset's claims.json, report.md,
+    """Decide the claims with the numbers of every run; write the dataset's claims.json, report.md,
     errata.md, model_card.md, recordings.md and summary.json, and datasets.md and equations.md. The
     default dataset's results are also written to the README.
     """
@@ -35,7 +35,7 @@ def run() -> None:
     captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
     datasets = [
         {"dataset": each.dataset, "scale": each.scale, "recordings": whose.recordings}
-        for each, whose in zip(runs, decided, strict=False)  # the last needs no run
+        for each, whose in zip(runs, decided, strict=False)  # the last has no run
     ]
     claims = {"datasets": datasets, "claims": verdict_data(decided)}
     parts = {

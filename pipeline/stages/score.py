@@ -30,7 +30,7 @@ MOTION, ARTICULATE, READINGS = INGEST / "motion", Path("data/articulate"), Path(
 FIT, FILTER, WRENCH = Path("data/fit"), Path("data/filter"), Path("data/wrench")
 PREDICT, OUT = Path("data/predict"), Path("data/score")
 OF_WRENCH = ("sigma_s", "force_moments", "force_test")  # tables that the report shows unchanged
-FITTED = {"ridge": "ridges", "sigma_b_weights": "sigma_b_weights"}  # table of one, of all models
+FITTED = {"ridge": "ridges", "sigma_b_weights": "sigma_b_weights"}  # one model: all models
 # share of the recorded variance that lies between recordings of one motion
 SHARE_BETWEEN = "recorded_share_of_variance_between_recordings"
 LONG = ("deviation",)  # tables that no verdict uses
@@ -44,7 +44,7 @@ def run() -> None:
     with contracts.replacing(OUT) as folder:
         (folder / "tables").mkdir()
         if settings.dataset.robot is None:
-            print("score: the dataset has no robot; its forces alone are scored")
+            print("score: the dataset has no robot; only its forces are scored")
             scored = {"motion": ({}, {}), "filter": ({}, {}), "recordings": _quality()}
         else:
             scored = _score_robot(settings, folder)
@@ -71,7 +71,7 @@ def _score_robot(settings, folder: Path) -> dict[str, Scored]:
     """Write the tables of the figures; return the scores of motion, filters and recordings."""
     models = [model for model in settings.models if contracts.exists("moments", FIT / model)]
     for model in settings.models.keys() - {*models}:
-        print(f"score: {model} is left out: the recordings give it no fit")
+        print(f"score: {model} is left out: it has no fit to the recordings")
     for name, together in FITTED.items():
         fitted = [model for model in settings.models if contracts.exists(name, FIT / model)]
         parts = [contracts.read(name, FIT / model).assign(model=model) for model in fitted]
@@ -106,7 +106,7 @@ def _score_motion(
         for source, own in std.items()
     ]
     tables = {"deviation": pd.concat(rows, ignore_index=True)}
-    # without k = 0, where nothing has moved
+    # without k = 0, before the first step
     std = {source: own[1:] for source, own in std.items()}
     off = {model: own[1:] for model, own in off.items()}
     stream = rng.stream(settings.seed, "score.constant_noise")
@@ -127,8 +127,8 @@ def _score_motion(
                 tested = noise_tests(fitted_model(FIT / model), recorded, q, stream)
                 modelled[model], following[model] = tested
             except ModelDomainError as error:
-                print(f"score: {model} has no spread at the recorded level: {error}")
-        # a model without a level has no standard deviation to compare
+                print(f"score: {model} cannot have the recorded total variance: {error}")
+        # a model without the recorded total variance is not compared
         std = {"recorded": std["recorded"]} | {name: own.std for name, own in modelled.items()}
         tables |= curves.spread_tables(modelled, following, noise, names)
     return curves.std_scores(std, off, names) | metrics, tables
@@ -162,12 +162,12 @@ def _score_filters(
     known = (training, poses[0], [frames[take] for take in takes], 1 / dataset.motion.rate)
     means, covariances, without = autocorrelated_filter(*known, recorded.chain)
     # true poses have no measurement noise
-    pose, held = 0 * poses if true else poses
-    filters = {NONE: training_mean(training, q), MEMORY: Filtered(means - q, covariances, pose)}
+    noise, closed_noise = 0 * poses if true else poses
+    filters = {NONE: training_mean(training, q), MEMORY: Filtered(means - q, covariances, noise)}
     for name, posterior in posteriors.items():
         error = (values(posterior, "m") - values(posterior, "q")).reshape(q.shape)
         covariance = matrices(posterior, "c", names).reshape(*q.shape, len(names))
-        filters[name] = Filtered(error, covariance, pose if name in models else held)
+        filters[name] = Filtered(error, covariance, noise if name in models else closed_noise)
     step = steps[["take", "part", "k", "t"]]
     errors = [
         step.assign(model=name, **spread("e", names, f.error), **spread("s", names, f.bound))
@@ -183,7 +183,7 @@ def _score_filters(
 
 
 def _score_recordings(joints: pd.DataFrame, pose: np.ndarray, rate: float) -> Scored:
-    """Score losses, repairs and the depth camera's noise; ``pose`` (n, n) rad² of a pose."""
+    """Score losses, repairs and depth noise; ``pose`` (n, n) rad² is the noise of a pose."""
     metrics, tables = _quality()
     takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
     tables["takes"] = quality.side_by_side(takes)
@@ -197,7 +197,7 @@ def _score_recordings(joints: pd.DataFrame, pose: np.ndarray, rate: float) -> Sc
 
 
 def _quality() -> Scored:
-    """Return the sums over the takes of what instruments lost and what was repaired."""
+    """Return the losses and repairs of the instruments, summed over the takes."""
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
     summary = quality.summarise(pd.concat(records, ignore_index=True))

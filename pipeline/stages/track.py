@@ -30,13 +30,13 @@ def run() -> None:
         if dataset.robot is None:
             print("track: the dataset has no robot; nothing to do")
             return
-        # the quality of the force records is not about takes
+        # the quality of force records does not belong to takes
         parts = ["motion", "depth"] if dataset.depth is not None else ["motion"]
         quality = pd.concat([contracts.read("quality", INGEST / part) for part in parts])
         limits, repairs, source = dict(vars(dataset.limits)), [], "motion capture"
         if dataset.mocap is None:
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
-            print("track: no motion capture; the controller's log is taken for the joint angles")
+            print("track: no motion capture; the joint angles are from the controller's log")
             source, log = "joint log", dataset.joint_log
             limits |= {"disturbance": log.disturbed_beyond, "greatest_residual": log.residual_limit}
         else:
@@ -63,7 +63,7 @@ def run() -> None:
 
 
 def _write_frames(settings, folder: Path) -> list[dict]:
-    """Write the table ``frames`` on the motion's clock; return rows on each take's clock."""
+    """Write the table ``frames`` on the motion's clock; return quality rows of the clocks."""
     dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
     takes = with_markers(frames, contracts.read("markers", MOTION))
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
@@ -76,7 +76,7 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
     """Return the joint angles of every take from its markers, and rows of losses and repairs."""
     mocap = dataset.mocap
     if dataset.limits.longest_gap is not None:
-        # a take with a longer gap is left out later, with the length of its gap
+        # a take with a longer gap is left out later, and the gap's length is reported
         mocap = replace(mocap, max_gap=dataset.motion.steps)
     takes = contracts.read("markers", MOTION).groupby(["take", "part"], sort=False)
     follow, joints, repairs = follower(dataset.robot, mocap), [], []

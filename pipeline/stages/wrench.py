@@ -71,7 +71,7 @@ def _configuration(
     record = record[record["configuration"] == name]
     if absent := [row for row in rows if row not in record or record[row].isna().any()]:
         raise ConfigError(
-            f"the log holds no {', '.join(absent)}, which the attachments require; remove them",
+            f"the log has no {', '.join(absent)}, which the attachments require; remove them",
             key=f"dataset.force.configurations.{name}.attachment",
         )
     measured = measuring.measured_wrenches(record, nominal, force.length)

@@ -158,9 +158,9 @@ LOOP = '<joint name="back" type="fixed"><parent link="l2"/><child link="l0"/></j
 LEANING = "".join(chain(2, kind="prismatic")).replace("0 0 1", "0.6 0.8 0")
 COUPLED = robot_text(TWO[0], *chain(2, inside=LIMIT + '<mimic joint="j1"/>')[1:])
 REFUSED = [  # URDF, options, words of the refusal
-    ("<robot", {}, r"robot\.urdf: this is no URDF"),
+    ("<robot", {}, r"robot\.urdf: this is not a URDF file"),
     ("<robot name='a'/>", {}, "no joint 'j1'"),
-    ("<?xml version='1.0' encoding='klingon'?><robot/>", {}, "no URDF .unknown encoding"),
+    ("<?xml version='1.0' encoding='klingon'?><robot/>", {}, "not a URDF file .unknown encoding"),
     ("<robot><xacro:arm/></robot>", {}, "a xacro: expand it with xacro robot.urdf > arm.urdf"),
     (robot_text(*TWO).replace("0.1 0.2", "${x} 0.2"), {}, "a xacro: expand it"),
     (robot_text(*TWO, TWO[0]), {}, "check it with check_urdf"),
@@ -181,9 +181,9 @@ REFUSED = [  # URDF, options, words of the refusal
     (robot_text(*TWO), {"locked": {"j1": 0.0}}, "j1 cannot be locked"),
     (robot_text(*TWO), {"locked": {"elbow": 0.0}}, "robot.locked: no joint 'elbow'"),
     (robot_text(*TWO), {"plane": True}, "axes of j2 are not parallel to j1"),
-    (robot_text(*TWO), {"urdf": "absent.urdf"}, "No such file or directory.; name it from the"),
+    (robot_text(*TWO), {"urdf": "absent.urdf"}, "No such file or directory.; state its path"),
     # rows that the arm cannot move
-    (robot_text(*TWO).replace("1 0 0", "0 0 1"), {"task": ["z", "x"]}, "cannot move z; leave"),
+    (robot_text(*TWO).replace("1 0 0", "0 0 1"), {"task": ["z", "x"]}, "cannot move z; remove"),
     (robot_text(LEANING.replace("1 0 0", "0.8 0.6 0")), {}, "cannot move z"),
 ]
 

@@ -53,7 +53,7 @@ def test_every_option_composes(compose, number):
         ({"seed": None}, "no value for seed"),
         ({"seed": "???"}, "seed"),
         ({"sede": "1"}, "unknown key 'sede'; there are dataset, .*; did you mean seed"),
-        ({"overrides": "3"}, "overrides: must hold keys and values"),
+        ({"overrides": "3"}, "overrides: must contain keys and values"),
     ],
 )
 def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, words):
@@ -69,8 +69,8 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("filter.partcles", "5", "unknown key 'partcles'; .*; did you mean particles"),
         ("filter.particles", "0", "greater than or equal to 1, got 0"),
         ("filter.scheme", "systemtic", "'systematic', .* did you mean systematic"),
-        ("dataset.motion", "null", "without a robot and its motion"),
-        ("dataset", NOTHING, "a dataset has a robot or a force transducer"),
+        ("dataset.motion", "null", "requires a robot and its motion"),
+        ("dataset", NOTHING, "a dataset needs a robot or a force transducer"),
         ("dataset.robot.task", "[x, phi]", "by commanded x and z; keep both rows"),
         ("dataset.mocap.markers", "{link1: {a: [x, 0, 0]}}", "valid number.*got 'x'"),
         ("dataset.force.configurations.C9", "{file: C9.csv}", "no value for dataset.force"),
@@ -264,8 +264,8 @@ def test_values_of_both_files_are_in_the_configuration(sheet, compose):
             (key, value, f"also in youbot.yaml: dataset.{key}; keep each in one file")
             for key, value in (("mocap.gate", 0.1), ("name", "a"), ("depth.workspace", None))
         ),
-        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: there is ???"),
-        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: there is ???"),
+        ("mocap.base.position", ["???", 0.0, 0.0], "fill in mocap.base.position[0]: the value"),
+        ("mocap.markers.link2.link2_a", "???", "fill in mocap.markers.link2.link2_a: the value"),
         ("about.licence", "???", "fill in about.licence: "),
         ("about", None, "needs about"),
         ("about.page", "1", "'page'"),

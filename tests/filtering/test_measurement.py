@@ -223,7 +223,7 @@ def test_an_instrument_that_the_dataset_does_not_have_is_refused(tables):
         ({"mocap": None}, "the dataset does not have"),
         ({"mocap": replace(MOCAP, deviation=None)}, "needs its markers or body"),
         ({"mocap": replace(MOCAP, markers={"link_5": HAND})}, "'flange' needs its markers"),
-        ({"robot": replace(LWR4, plane=True)}, "not of one in a plane"),
+        ({"robot": replace(LWR4, plane=True)}, "space, not in a plane"),
     ):
         with pytest.raises(ConfigError, match=words):
             measured_takes(replace(DATASET, **changed))

@@ -86,7 +86,7 @@ def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
     quiet = replace(
         data, noise=np.concatenate([data.noise[:, :REST], 0.9 * data.noise[:, REST:]], 1)
     )
-    with pytest.raises(ModelDomainError, match="not above that of the measurement noise"):
+    with pytest.raises(ModelDomainError, match="does not exceed the measurement noise"):
         estimate(quiet, options)
     with pytest.raises(ModelDomainError, match="measured too well"):
         build_model({"kind": options.kind, "reason": "measured too well"})

@@ -77,13 +77,13 @@ def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it
         fit.run(model)
     printed = capsys.readouterr().out
     for model in ("gaussian", "wishart"):
-        assert f"no model {model}: the variance of the recorded process noise" in printed
-        with pytest.raises(ModelDomainError, match="not above that of the measurement"):
+        assert f"no model {model}: the recorded process noise" in printed
+        with pytest.raises(ModelDomainError, match="does not exceed the measurement"):
             fitted_model(fit.OUT / model)
         assert not contracts.exists("moments", fit.OUT / model)
     assert "sigma_b" not in metrics_of("wishart") and "sigma_b_paper" in metrics_of("wishart")
     predict.run()
-    assert "predict: wishart is left out: the variance" in capsys.readouterr().out
+    assert "predict: wishart is left out: the recorded process noise" in capsys.readouterr().out
     predicted = set(contracts.read("predictions", predict.OUT)["model"])
     assert "additive" in predicted and not {"wishart", "gaussian"} & predicted
 

@@ -116,7 +116,7 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
         ("empty.csv", "", "empty"),
         ("take.csv", "Format Version,1.23,Length Units,Meters\n\n", "no row starts with 'Frame'"),
         ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
-        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "this is no URDF"),
+        ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "not a URDF file"),
         ("a.urdf", "<robot name='a'><joint name='j' type='revolute'/></robot>", "j has no limits"),
         ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no joint of one coordinate"),
         ("t.csv", "1,5,2,5\n" * 5, "decimal commas?"),

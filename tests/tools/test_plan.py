@@ -72,7 +72,7 @@ def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(work):
     jump = {"t": np.r_[np.arange(20), 50] / 10}
     for changes, words, message in (
         ({"x": 9.0}, [], r"does not reach the pose .*\[step 0\]"),
-        ({"t": np.arange(21) / 2000}, [], r"joints' speeds; .*\[step "),
+        ({"t": np.arange(21) / 2000}, [], r"speed limits; .*\[step "),
         ({}, ["--margin", "0.5"], r"below the margin of 0.5 m \[step 0\]"),
         (jump, [], r"steps must be equal .*path.csv, line 22"),
         ({"x": "a"}, [], r"holds 'a', not a finite number \[.*path.csv, line 2"),

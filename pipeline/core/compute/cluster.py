@@ -33,12 +33,12 @@ from pipeline.core.errors import ComputeError
 from pipeline.core.options.analysis import Compute
 
 OPTION = "pipeline/conf/compute/dask.yaml"  # explains how to start a cluster
-# no log of messages, which would keep their trials; no warning about the size of the function
+# no log of messages, which would keep trials in memory; no warning of a large function
 SILENT = {
     "distributed.admin.low-level-log-length": 0,
     "distributed.admin.large-graph-warning-threshold": "1TB",
 }
-BLOCK = 0.2  # s of trials that are one task, long beside its submission
+BLOCK = 0.2  # s, duration of the trials of a task, long compared with its submission
 AHEAD = 16  # blocks per worker that are submitted before the first result is taken
 LOST = (
     "the connection to the Dask scheduler is lost; start it again and rerun the stage; earlier "
@@ -86,8 +86,8 @@ def results_of_cluster(function: bytes, trials: Iterator, compute: Compute, labe
 
 
 class _Client(Client):
-    """Client that closes where it finds no scheduler; closing by garbage collection can deadlock
-    with the start of another client.
+    """Client that closes itself if it finds no scheduler; closing by garbage collection can
+    deadlock with the start of another client.
     """
 
     def __init__(self, address: str, timeout: float) -> None:
@@ -104,7 +104,7 @@ class _Client(Client):
 
 @contextmanager
 def connect(compute: Compute) -> Iterator[Client]:
-    """Yield a client of the cluster of ``compute``, or of one started here; else ComputeError."""
+    """Yield a client of the cluster of ``compute``, or of a new cluster; else ComputeError."""
     for logger in ("distributed", "distributed.client"):  # ComputeError reports lost connections
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     address, timeout = compute.dask.address, compute.dask.timeout
@@ -120,7 +120,7 @@ def connect(compute: Compute) -> Iterator[Client]:
         # AssertionError: Dask's thread has not started within 10 s, as on a busy machine
         except (OSError, ValueError, AssertionError) as error:
             message = f"no Dask scheduler answers within {timeout:g} s ({error}); start one as "
-            message += f"{OPTION} says, or name the address of one that runs"
+            message += f"{OPTION} says, or give the address of a running one"
             raise ComputeError(message, address=address) from None
         try:
             yield client
@@ -161,7 +161,7 @@ def result_of(
         except KilledWorker as error:
             raise ComputeError(
                 f"{error.allowed_failures + 1} workers ended while they ran a trial, "
-                "as happens when memory runs out; give them more memory, or start fewer a machine",
+                "as happens when memory runs out; give them more memory or start fewer per machine",
                 trials=error.task.removesuffix(f"-{client.id}"),
             ) from None
         except ImportError as error:
@@ -190,7 +190,7 @@ def run_on_worker(shared: bytes, block: list[bytes]) -> tuple[float, list[bytes]
 
 @cache
 def fingerprint() -> dict[str, str]:
-    """State by name of all that results depend on beside the trials, as at the first call."""
+    """Return by name everything that results depend on besides the trials, at the first call."""
     project = Path("dvc.yaml")
     changed = str(project.stat().st_mtime_ns) if project.exists() else "none"
     return {

@@ -15,8 +15,8 @@ from pipeline.core.errors import ComputeError
 if TYPE_CHECKING:
     from pipeline.core.options.analysis import Compute
 
-START = 6.0  # s of processor time until workers compute; they have to save more than that
-LOADING = 2.0  # s of a first trial that count as loading compiled code
+START = 6.0  # s of processor time to start workers; they must save more than this
+LOADING = 2.0  # s of the first trial attributed to loading compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
 
 
@@ -60,7 +60,7 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
         yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
-    pace = 0.0  # s a trial: time of the first beyond loading, then the mean of the others
+    pace = 0.0  # s per trial: first trial without loading, then the mean of later trials
     for taken, trial in enumerate(trials):
         begin = time.perf_counter()
         result = call_pickled(function, pickle.dumps(trial))

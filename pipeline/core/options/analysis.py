@@ -23,7 +23,7 @@ class Filter:
 @options()
 class ArticulationSection:
     gamma1: NotNegative  # weight of a mean over points
-    gamma2: NotNegative  # weight of a sum over three segments; 1 and 1/3 weigh two means equally
+    gamma2: NotNegative  # weight of a sum over three segments: γ1 = 1, γ2 = 1/3 weigh means equally
     length_range: Annotated[float, Field(gt=0, lt=1)]  # share of the nominal length
     minimum_points: Count  # a frame with fewer points of the arm is a gap
     max_gap: Whole  # greatest number of consecutive gaps

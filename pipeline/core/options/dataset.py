@@ -1,4 +1,4 @@
-"""Options of a dataset: robot, motion and the instruments that recorded it; null for none."""
+"""Options of a dataset: robot, motion and recording instruments; null: not in the dataset."""
 
 from dataclasses import field
 from enum import StrEnum
@@ -86,19 +86,19 @@ class Depth:
     scale_key: str | None = None  # name of a factor in the description of each TIFF
     disparity: Bounds | None = None  # a and b of depth = a/(b - disparity), m
     rate: Positive  # 1/s
-    start: float | None = None  # s on its clock as the motion capture starts; null: first frame
+    start: float | None = None  # s, camera's clock when motion capture starts; null: first frame
     # s, motion capture's clock minus the camera's clock since its start; null: estimated
     clock_offset: float | None = None
-    camera: Pose  # of x right, y down, z forward, or of the clouds' frame, in the arm's base frame
+    camera: Pose  # pose of the frame x right, y down, z forward (or clouds' frame) in the base
     workspace: Workspace
     search: NotNegative  # s, bound of the estimated offset of the clocks
 
     @model_validator(mode="after")
     def _one_source_of_times_and_depths(self) -> Self:
         if self.index is not None and self.frames is not None:
-            raise Fault("frames", "index and frames exclude each other: both give the times")
+            raise Fault("frames", "give index or frames, not both: each of them defines the times")
         if (self.disparity is not None) != (self.encoding == "disparity"):
-            message = "the encoding disparity, and no other, needs [a, b] of depth = a/(b − δ)"
+            message = "[a, b] of depth = a/(b − δ) is for the encoding disparity only, and required"
             raise Fault("disparity", message)
         return self
 
@@ -118,20 +118,20 @@ class JointLogSection:
     # signals that show a disturbance (currents, torques …) → file in each folder, or columns
     others: dict[str, str | list[Column]] = field(default_factory=dict)
     time: Column | None = 0  # null: rows at dataset.motion.rate
-    # of a log with uneven times: rows at the rate, or measured at their times; null: an error
+    # for uneven times: rows are at the rate, or at their logged times; null: an error
     clock: Literal["rows", "times"] | None = None
     separator: str | None = None  # comma, semicolon, tab, or a blank for any number; null: detected
     decimal: str | None = None  # point or comma; null: detected
     angle_unit: AngleUnit = AngleUnit.rad  # also of the speeds
     time_unit: TimeUnit = TimeUnit.s
-    # factor on commanded angles and speeds beside the unit: one, or one for each logged joint
+    # factor on commanded angles and speeds after their unit: a number, or one per logged joint
     target_factor: FiniteFloat | list[FiniteFloat] = 1.0
-    # s by which the command is early on the measured angles' clock: one, or one for each movement
+    # s, lead of the command on the measured angles' clock: a number, or a number per movement
     target_delay: FiniteFloat | dict[str, FiniteFloat] = 0.0
     mismatch: Positive = 0.05  # greatest 0.9 quantile of a joint's tracking error over its motion
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, commanded angles of robot.joints after the motion
-    rest: Whole  # steps of motion.steps at rest on either side; 0: the motion starts in passing
+    rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
     rest_speed: float = 1e-4  # rad/s, greatest commanded speed at rest
     tolerance: float  # rad, greatest difference of repeated commands
     disturbed: Literal["leave_out", "refuse"] = "leave_out"  # treatment of disturbed repetitions
@@ -144,9 +144,9 @@ class JointLogSection:
         if len(set(self.joints)) != count:
             raise Fault("joints", "must name each logged joint once")
         if len(self.start) != len(self.end):
-            raise Fault("end", f"must hold {len(self.start)} values as start, got {len(self.end)}")
+            raise Fault("end", f"must have {len(self.start)} values as start, got {len(self.end)}")
         if isinstance(self.target_factor, list) and len(self.target_factor) != count:
-            raise Fault("target_factor", f"must be a number or a list of {count}, one a joint")
+            raise Fault("target_factor", f"must be a number or a list of {count}, one per joint")
         for name, columns in self.signals.items():
             if len(columns) not in (1, count):
                 raise Fault(f"signals.{name}", f"must name {count} columns or one array")
@@ -157,7 +157,7 @@ class JointLogSection:
 
 @options()
 class Encoders:
-    """Logs of the controller beside the motion capture, for measurement: encoders."""
+    """Controller logs recorded during motion capture, for measurement: encoders."""
 
     training: str  # glob of the logs, one for each training take and with its name
     test: str  # glob of the logs, one for each test take and with its name
@@ -180,11 +180,11 @@ class ForceLog:
     torque_unit: str | None = None
     time_unit: str | None = None
     rate: Positive | None = None  # Hz
-    counts: bool | None = None  # whether a Net F/T log holds counts (true) or units (false)
+    counts: bool | None = None  # whether a Net F/T log has counts (true) or units (false)
     topic: str | None = None  # of a bag with more than one WrenchStamped
-    calibration: str | None = None  # the transducer's .cal file, from the recordings' folder
+    calibration: str | None = None  # transducer's .cal file, relative to the recordings' folder
     full_scale: list[Positive] | None = None  # N, then N·m; null: the calibration's ratings
-    frozen_after: Positive = 0.5  # s, identical samples for longer are frozen
+    frozen_after: Positive = 0.5  # s, identical samples for longer count as frozen
     # greatest share of saturated samples, and of frozen ones, in a record
     max_faulty: Annotated[float, Field(ge=0, lt=1)] = 0.01
 
@@ -206,7 +206,7 @@ class Arrangement:
     # rad, mean elevation of each cable above the x-y plane; null: all cables are in the plane
     elevation: list[float] | None = None
     elevation_bounds: Bounds | None = None  # rad
-    # m, end of each cable from the point of the moments; null: all there, only forces are modelled
+    # m, end of each cable from the point of the moments; null: at this point, only forces modelled
     attachment: list[list[float]] | None = None
     attachment_bounds: Bounds | None = None  # m, of each coordinate
 
@@ -214,12 +214,12 @@ class Arrangement:
     def _one_value_a_cable(self) -> Self:
         cables, axes = len(self.direction), 2 if self.elevation is None else 3
         if len(self.tension) != cables:
-            raise Fault("tension", f"must hold {cables} values, one a cable as direction")
+            raise Fault("tension", f"must have {cables} values, one per cable as direction")
         for name, rows in (("elevation", self.elevation), ("attachment", self.attachment)):
             if (rows is None) != (getattr(self, f"{name}_bounds") is None):
-                raise Fault(name, f"{name} and {name}_bounds go together")
+                raise Fault(name, f"give both {name} and {name}_bounds, or neither")
             if rows is not None and len(rows) != cables:
-                raise Fault(name, f"must hold one {name} for each of {cables} cables")
+                raise Fault(name, f"must have one {name} for each of {cables} cables")
         if any(len(place) != axes for place in self.attachment or []):
             raise Fault("attachment", f"each attachment must have {axes} coordinates")
         return self
@@ -228,7 +228,7 @@ class Arrangement:
 @options(kw_only=True)
 class Force:
     tare: NotNegative  # s, unloaded at the start of each record
-    tension_std: list[float]  # N, of each robot; a configuration of fewer has the first of them
+    tension_std: list[float]  # N, of each robot; a configuration with k robots uses the first k
     kappa_bounds: Bounds  # 1, the paper's σ_θ
     tension_std_bounds: Bounds  # N
     tension_bounds: Bounds  # N
@@ -246,7 +246,7 @@ class Robot:
     joints: Annotated[list[str], Field(min_length=1)]
     tool: str | None = None  # URDF frame of the tip; null: the only last link beyond the joints
     base: str | None = None  # URDF link in whose axes the task is; null: the root
-    # rad or m: joints that are held still; 0 where not named
+    # rad or m: fixed positions of other joints; 0 if absent
     locked: dict[str, float] = field(default_factory=dict)
     plane: bool = False  # whether the task is in the plane of parallel joints, else in space
     # rows of x, z, phi in a plane, else of x, y, z, rx, ry, rz; null: all
@@ -294,8 +294,8 @@ class About:
     """Text of a datasheet, which no stage reads."""
 
     subject: str  # robot, instruments, motion
-    source: str  # who recorded it, and where it comes from
-    licence: str  # terms on which others may use it
+    source: str  # who recorded it, and where it is published
+    licence: str  # terms of use
 
 
 @options()
@@ -322,9 +322,9 @@ class Dataset:
         if self.robot is None or self.motion is None:
             parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
             if there := [name for name in parts if getattr(self, name) is not None]:
-                raise Fault(there[0], f"without a robot and its motion there is no {there[0]}")
+                raise Fault(there[0], f"{there[0]} requires a robot and its motion")
             if self.force is None:
-                raise Fault("robot", "a dataset has a robot or a force transducer")
+                raise Fault("robot", "a dataset needs a robot or a force transducer")
             return self
         longest = self.limits.longest_gap or 0
         if self.mocap is not None and longest > (most := self.mocap.max_gap):
@@ -339,8 +339,8 @@ class Dataset:
         arm, log = self.robot.joints, self.joint_log
         if absent := [name for name in arm if name not in log.joints]:
             found = f"{', '.join(absent)} of robot.joints is not logged"
-            raise Fault("joint_log.joints", f"{found}; the log holds {', '.join(log.joints)}")
+            raise Fault("joint_log.joints", f"{found}; the log has {', '.join(log.joints)}")
         if len(log.start) != len(arm):
-            found = f"must hold {len(arm)} values, one for each of robot.joints"
+            found = f"must have {len(arm)} values, one for each of robot.joints"
             raise Fault("joint_log.start", f"{found}, got {len(log.start)}")
         return self

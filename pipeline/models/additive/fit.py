@@ -1,4 +1,4 @@
-"""Σ_ω of the additive model: the mean sample covariance, or a shrunk one less Σ_m."""
+"""Estimators of Σ_ω of the additive model: mean sample covariance, or shrunk minus Σ_m."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -32,13 +32,13 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Σ_ω as recorded."""
+    """Return the recorded Σ_ω as the known parameters."""
     known = _estimate(mean_covariance(recorded.noise), {})
     return [Truth("additive", known.parameters, known.estimates)]
 
 
 def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
-    """Entries of Σ_ω in rad² by name, and the correlations of joints with noise."""
+    """Return Σ_ω by entry in rad², and the correlations between joints with noise."""
     std, n = np.sqrt(np.diag(covariance)), len(covariance)
     entries = {
         f"sigma_omega_{i + 1}{j + 1}_rad2": covariance[i, j] for i in range(n) for j in range(i, n)
@@ -52,8 +52,8 @@ def _estimate(covariance: ndarray, diagnostics: dict[str, float]) -> Estimate:
 
 
 def shrunk_covariance(noise: ndarray) -> tuple[ndarray, float]:
-    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in
-    [0, 1]: the variance of Σ̂_ω over takes divided by its squared distance from the target (Ledoit
+    """(n, n) Σ̂_ω shrunk towards a scaled identity, (1−ρ)Σ̂_ω + ρ·tr Σ̂_ω/n·I in rad², and ρ in [0,
+    1]. ρ is the variance of Σ̂_ω over takes divided by its squared distance from the target (Ledoit
     and Wolf, J. Multivariate Analysis 88, 2004). ``noise`` ω is (takes, M, n); raises
     ModelDomainError for a single take.
     """

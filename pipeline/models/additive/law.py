@@ -1,5 +1,5 @@
 """Additive Gaussian model: q_{k+1} = q_k + J(q_k)⁺ẋᵈ_kΔt + ω_{k+1}, ω ~ N(0, Σ_ω) (Eq.
-InvDiffRndm), the speed-scaled law without noise that grows with speed.
+InvDiffRndm): the speed-scaled law without the noise that grows with speed.
 """
 
 from typing import Any

@@ -1,9 +1,9 @@
-"""(α, u) of the Gaussian matrix model: options, estimators by moments, by the paper's distance of
-moments and by maximum likelihood, and the ridge that (α, u) lie on.
+"""(α, u) of the Gaussian matrix model: options, estimators (moments, the paper's distance of
+moments, maximum likelihood), and the ridge of the objective over (α, u).
 
-Each estimator is minimised in α for every u = max ‖J̲⁺‖_F + ũ, Eq. (bound-u). The trace of a step's
-covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m. If ‖J̲⁺‖ varies little over the motion only αu
-matters. The data determine u only if the objective is least inside the searched interval.
+Every objective is minimised in α for every u = max ‖J̲⁺‖_F + ũ, Eq. (bound-u). The trace of a
+step's covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m. If ‖J̲⁺‖ varies little over the motion,
+the data determine only αu. The data determine u if the minimum is inside the searched interval.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,21 +24,21 @@ from pipeline.models.model import axis_log_density, frobenius, principal_axes, t
 from pipeline.models.steps import Estimate, Recorded, Truth
 from pipeline.statistics.takes import takes_moments
 
-EXTENSIONS = np.linspace(0.005, 1.0, 200)  # ũ of the grid, as shares of the greatest ‖J̲⁺‖
-LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)  # of the likelihood, with a search of α at each
-BOUND = 1.1  # u of known parameters over the greatest norm of the poses, inside the grid
-ALPHA_RANGE = 30.0  # factor of the search of α about the value of the second moments
+EXTENSIONS = np.linspace(0.005, 1.0, 200)  # grid of ũ divided by the greatest ‖J̲⁺‖
+LIKELY_EXTENSIONS = np.geomspace(0.005, 1.0, 25)  # grid of the likelihood
+BOUND = 1.1  # u of :func:`truths` divided by the greatest norm ‖J⁺‖
+ALPHA_RANGE = 30.0  # α is searched from 1/30 to 30 times the value of the second moments
 TOLERANCE = 1e-4  # of ln α
-REACH, NODES = 0.4, 9  # of ln α on either side of the most likely, for each take's likelihood
+REACH, NODES = 0.4, 9  # half width and points of the grid of ln α for the likelihood of a take
 RMS_NORM = "rms_norm_of_the_inverse_jacobian"
 Estimator = Literal["moments", "paper", "likelihood"]
-Best = Callable[[ndarray], tuple[ndarray, ndarray]]  # ũ (G,) → least objective at each, and its α
+Best = Callable[[ndarray], tuple[ndarray, ndarray]]  # ũ (G,) → least objectives, their α
 
 
 @validation.options(kw_only=True)
 class Options(base.Options):
-    """``estimator``: ``moments`` (the recorded total variance, then the variance over time),
-    ``paper`` (the distance of one-step moments, step by step) or ``likelihood``.
+    """``estimator``: ``moments`` (total variance, then the variance by step), ``paper`` (distance
+    of the one-step moments) or ``likelihood``.
     """
 
     estimator: Estimator = "moments"
@@ -46,13 +46,13 @@ class Options(base.Options):
 
 
 class GaussianFit(NamedTuple):
-    """Optimum and its ridge: for ``extensions`` (G,) the least ``objectives`` and ``alphas``."""
+    """Optimum, and ridge: least ``objectives`` (G,) and ``alphas`` at ``extensions`` (G,)."""
 
     alpha: float
     u: float  # û = max_k ‖J̲_k⁺‖_F + ũ
     extension: float  # ũ > 0
     objective: float  # least value: rad⁴ (moments), rad and rad² mixed (paper) or −Σ ln p
-    at_end: bool  # True if ũ is at an end of its interval and so not determined
+    at_end: bool  # True if ũ is at an end of its interval: not determined
     unbounded: bool  # True at the upper end: a greater u fits as well
     extensions: ndarray
     objectives: ndarray
@@ -65,7 +65,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     """
     squares = _square_speeds(recorded)
     if not np.any(squares):
-        message = "the motion is at rest at every step: alpha and u have no effect to fit"
+        message = "the motion is at rest at every step: alpha and u cannot be estimated"
         raise ModelDomainError(message)
     if options.estimator == "paper":
         poses = recorded.q.mean(axis=0)
@@ -112,7 +112,7 @@ def estimator_options(options: Options) -> dict[str, Options]:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """(α, u) of the recorded mean variance."""
+    """Return (α, u) with the recorded mean variance as the known parameters."""
     squares = frobenius(recorded.chain.inverse_jacobian(recorded.q)) ** 2
     speeds, m = _square_speeds(recorded), len(recorded.chain.task)
     total_variance = np.trace(base.mean_covariance(recorded.noise))
@@ -142,8 +142,8 @@ def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
 def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """Greatest gap between Σ_k and the solution of the log-det problem as printed, at ``checks``
-    evenly spread steps, and the table ``ridge``.
+    """Greatest relative difference between Σ_k and the solution of the log-det problem as printed,
+    at ``checks`` evenly spaced steps; and the table ``ridge``.
     """
     if estimate is None:
         return {}, {}
@@ -161,7 +161,7 @@ def diagnose(
 
 
 def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
-    """Minimise over ``extensions`` ũ (G ≥ 3,) of the ``largest`` norm, then between neighbours."""
+    """Minimise over the grid ``extensions`` ũ (G ≥ 3,), then between its best neighbours."""
     from scipy.optimize import minimize_scalar
 
     objectives, alphas = best(extensions)
@@ -182,11 +182,11 @@ def _search(best: Best, extensions: ndarray, largest: float) -> GaussianFit:
 def fit_moments(
     recorded: Recorded, speeds: ndarray, norms: ndarray
 ) -> Callable[[ndarray], GaussianFit]:
-    """Return the estimator by moments, a function of the numbers of any takes.
+    """Return the estimator by moments as a function of take indices.
 
     α follows from the recorded total variance for every u = max ‖J⁺‖·(1 + EXTENSIONS). û minimises
-    Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step k minus the
-    measurement's. ``speeds`` ‖v‖²/m and ``norms`` ‖J⁺‖_F are (takes, M).
+    Σ_k (α²g_k − t_k)² in rad⁴, t_k the trace of the sample covariance of ω at step k minus tr Σ_m.
+    ``speeds`` ‖v‖²/m and ``norms`` ‖J⁺‖_F are (takes, M).
     """
     variances, every = base.take_variances(recorded), norms**2 * speeds
     largest = float(np.sqrt((norms**2)[speeds > 0].max()))
@@ -221,9 +221,9 @@ def fit_distance(
 
     ``mean`` (M, n) in rad, relative to the nominal step, and ``covariance`` (M, n, n) in rad² are
     recorded moments of one step, ``speeds`` ‖v_k‖ and ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m. The
-    model's mean is the nominal step, so the first term is a constant. The absolute value mends the
-    printed objective, which is least without any noise. In α² the minimum is the median of
-    tr Cov(q̃_k)/g_k with the weights g_k.
+    model's mean is the nominal step, so the first term is a constant. The absolute value corrects
+    the printed objective, whose minimum is α = 0. The optimal α² is the median of tr Cov(q̃_k)/g_k
+    with the weights g_k.
     """
     moving, largest = speeds > 0, float(norms.max())
     traces = np.trace(covariance, axis1=-2, axis2=-1)
@@ -243,9 +243,9 @@ def fit_distance(
 
 
 def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray], tuple]]:
-    """(α̂, û) of greatest likelihood of the steps with a command, and a function of the numbers of
-    any takes that returns their (α̂, û). The density is exact, of a step plus the measurement
-    noise, u = max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS). Raises SingularJacobianError, ModelDomainError.
+    """Maximum-likelihood (α̂, û) of the steps with a command, and a function of take indices that
+    returns their (α̂, û). The density of a step plus measurement noise is exact; u is on the grid
+    max ‖J⁺‖_F·(1 + LIKELY_EXTENSIONS). Raises SingularJacobianError, ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
@@ -254,7 +254,7 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
     inverse, v = recorded.chain.inverse_jacobian(q), task_step(recorded.chain, v)
     norms, speeds = frobenius(inverse), np.vecdot(v, v)
     largest, squared, reach = float(norms.max()), float(np.mean(noise**2)), np.log(ALPHA_RANGE)
-    parts = (noise @ axes) ** 2  # along the axes of Σ_m, principal axes for every α
+    parts = (noise @ axes) ** 2  # along the principal axes of Σ_m
 
     def gain_at(extension: float) -> ndarray:
         return noise_scale(norms, 1.0, largest * (1 + extension), *inverse.shape[-2:]) * speeds
@@ -292,7 +292,7 @@ def fit_likelihood(recorded: Recorded) -> tuple[GaussianFit, Callable[[ndarray],
         optima, lowest = np.array([_vertex(*each) for each in zip(log_alphas, cost, strict=True)]).T
         i, last = int(lowest.argmin()), len(lowest) - 1
         if np.isnan(optima[i]):
-            message = "the likelihood of these takes is greatest beyond where it was evaluated"
+            message = "the maximum of these takes' likelihood is outside the evaluated range"
             raise ModelDomainError(message, takes=takes.tolist())
         extension, near = fit.extensions[i], slice(i - 1, i + 2)
         if 0 < i < last:

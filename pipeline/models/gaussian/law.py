@@ -1,5 +1,5 @@
 """Gaussian random matrix model of the inverse Jacobian: J⁺ ~ N_{n,m}(J̲⁺, I⊗Σ_k) (Eqs.
-GausMod–const2; Algorithm 2), the inverse where m = n.
+GausMod–const2; Algorithm 2); J⁺ = J⁻¹ for m = n.
 
 The rows of the noise matrix are independent with covariance Σ_k = s·I, so one step is exactly
 N(J̲⁺v, s‖v‖²·I), isotropic in joint space. A step in the null space of J has no noise.
@@ -20,14 +20,13 @@ UNBOUNDED = 1e9  # u, far above the norm of any inverse Jacobian
 
 def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm) for
-    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in squares of the
-    inverse Jacobian's mixed units (1/m and 1). Raises ModelDomainError for u below the norm, where
-    the problem has no solution.
+    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in the squared
+    units of J⁺ (1/m and 1). Raises ModelDomainError for u below the norm: no solution.
     """
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
         raise ModelDomainError(
-            "the bound u must not be below the norm of the mean matrix, which it is at "
+            "the bound u must be at least the norm of the mean matrix; it is below the norm at "
             f"{int((norm > u).sum())} of {norm.size} poses",
             u=u,
             largest_norm=float(norm.max()),
@@ -37,9 +36,9 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
 
 @dataclass(frozen=True)
 class GaussianModel(NormalModel):
-    """Random inverse Jacobian, Eq. (GausMod) of J⁺, of level ``alpha`` α ≥ 0 under the bound ``u``
-    > 0 on its Frobenius norm, beyond which it has no noise. A step, Eq. (RMTInvDiff), has the law
-    of Algorithm 2. Raises ModelDomainError for another α or u.
+    """Random inverse Jacobian J⁺, Eq. (GausMod), with the noise level ``alpha`` α ≥ 0. The noise is
+    zero where ‖J⁺‖_F exceeds the bound ``u`` > 0. A step, Eq. (RMTInvDiff), has the law of
+    Algorithm 2. Raises ModelDomainError for α or u out of range.
     """
 
     alpha: float
@@ -61,7 +60,7 @@ class GaussianModel(NormalModel):
         return (scale * np.vecdot(v, v))[..., None, None] * np.eye(q.shape[-1])
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "GaussianModel":
-        """Return the model of another α and the same u; raises ModelDomainError without noise."""
+        """Return the model with another α and the same u; ModelDomainError for zero noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         return replace(self, alpha=float(np.sqrt(factor)) * self.alpha)
 

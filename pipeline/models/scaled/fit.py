@@ -12,11 +12,11 @@ from pipeline.models import steps as base
 from pipeline.models.model import principal_axes, root, without_measurement
 from pipeline.models.steps import Estimate, Recorded, Truth
 
-FLAT = 1e-5  # greatest slope at a minimum, by an entry of L and along any X + tN of unit size
+FLAT = 1e-5  # greatest slope at a minimum, by an entry of L or along X + tN, ‖N‖ = 1
 SEARCHES = 20
 SEARCH = {"maxiter": 2000, "maxfun": 4000, "maxcor": 20, "ftol": 1e-14, "gtol": 1e-7}
 Structure = Literal["diagonal", "full"]
-# f and its derivatives by each matrix, symmetric
+# f and its symmetric derivatives by the matrices
 Objective = Callable[[list[ndarray]], tuple[float, list[ndarray]]]
 
 
@@ -69,16 +69,16 @@ def fit_scaled(
     n = noise.shape[-1]
     w, x = noise.reshape(-1, n), dq.reshape(-1, n)
     rest = ~np.any(x, axis=-1)
-    for group in (w, w[rest]) if np.any(rest) else (w,):  # A alone has to explain the noise at rest
+    for group in (w, w[rest]) if np.any(rest) else (w,):  # at rest B has no effect
         _require_bounded_density(group, measurement)
-    # each joint in units of its noise and its speed, for the search
+    # the search uses the rms noise and the rms step of a joint as its units
     scale, speed = np.sqrt(np.diag(w.T @ w / len(w))), np.sqrt(np.mean(x**2, axis=0))
     if not np.all(speed > 0):
         message = "noise that grows with speed cannot be determined where a joint never moves"
         raise ModelDomainError(message, rms_step=speed.tolist())
     outer = np.outer(scale, scale)
     each = [np.eye(n)[:, [j]] for j in range(n)] if structure == "diagonal" else [np.eye(n)]
-    directions, half = 2 * each, len(each)  # P of A = ΣPXPᵀ, X ⪰ 0, then of B
+    directions, half = 2 * each, len(each)  # P of A = ΣPXPᵀ, X ⪰ 0, then P of B
     unit_noise, unit_speed, added = (w / scale).T.copy(), (x / speed).T.copy(), measurement / outer
 
     def covariances(matrices: list[ndarray]) -> tuple[ndarray, ndarray]:
@@ -90,7 +90,7 @@ def fit_scaled(
         value, *slopes = negative_log_likelihood(unit_noise, unit_speed, floor + added, gain)
         return value, [p.T @ slope @ p for slope in slopes for p in directions[:half]]
 
-    # begins with half of the variances at rest and half at the rms speeds of the joints
+    # start: half of the variance from A, half from B at the rms speeds of the joints
     matrices, value = minimise(loss, [0.5 * np.eye(p.shape[1]) for p in directions])
     floor, gain = covariances(matrices)
     log_likelihood = -value - 0.5 * n * np.log(2 * np.pi) - np.log(scale).sum()
@@ -103,7 +103,7 @@ def _require_bounded_density(noise: ndarray, measurement: ndarray) -> None:
     scale = np.sqrt(np.diag(total))
     regular = np.all(np.isfinite(scale)) and np.all(scale > 0)
     if not (regular and np.linalg.eigvalsh(total / np.outer(scale, scale))[0] > 1e-12):
-        message = "the recorded noise lies in a plane or is not finite: no likelihood is greatest"
+        message = "the recorded noise lies in a plane or is not finite: the likelihood is unbounded"
         raise ModelDomainError(message, std=scale.tolist())
 
 
@@ -111,9 +111,9 @@ def negative_log_likelihood(
     w: ndarray, x: ndarray, floor: ndarray, gain: ndarray
 ) -> tuple[float, ndarray, ndarray]:
     """−mean ln N(w; 0, Σ) up to a constant, Σ = F + D(x)BD(x), and its derivatives (n, n) by F and
-    by B; infinite if a Σ is singular. ``w`` and ``x`` (n, N) are noise and speeds of the steps,
-    F (n, n) includes the measurement's covariance. With Σ = LLᵀ the derivative by Σ is
-    Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, computed entry by entry over all steps at once.
+    B; infinite if a Σ is singular. ``w`` and ``x`` (n, N) are noise and speeds of N steps. F (n, n)
+    includes Σ_m. With Σ = LLᵀ the derivative by Σ is Σ⁻¹ − (Σ⁻¹w)(Σ⁻¹w)ᵀ, computed entry by entry
+    over all steps at once.
     """
     n, count = w.shape
     lower, inverse = np.zeros((2, n, n, count))
@@ -145,13 +145,13 @@ def negative_log_likelihood(
 
 
 def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[ndarray], float]:
-    """Positive semidefinite matrices at a local minimum of ``objective`` f, and f there; the search
-    begins at ``matrices`` (k, k), where f is finite, of a scale near one.
+    """Return positive semidefinite matrices at a local minimum of ``objective`` f, and the value of
+    f. The search starts at ``matrices`` (k, k), of order 1, where f is finite.
 
     A quasi-Newton search in L, X = LLᵀ, needs no constraint (Burer and Monteiro 2003): ∂f/∂L = 2GL
-    for G = ∂f/∂X. A singular L may be stationary without being a minimum, which has GX = 0 and
-    G ⪰ 0: if G has a negative part −N, f falls along X + tN, and the search continues from there.
-    Raises SolverError if the search does not end at a minimum.
+    for G = ∂f/∂X. At a minimum GX = 0 and G ⪰ 0. A singular L may be stationary without G ⪰ 0: if G
+    has a negative part −N, f decreases along X + tN, and the search continues along it. Raises
+    SolverError if the search does not end at a minimum.
     """
     from scipy.optimize import minimize
 
@@ -172,7 +172,7 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
     for _ in range(SEARCHES):
         start = np.concatenate([root(matrix).ravel() for matrix in matrices])
         result = minimize(in_factors, start, jac=True, method="L-BFGS-B", options=SEARCH)
-        # result.success is not decisive: the line search may stop at differences of rounding
+        # not result.success: the line search may stop at rounding errors
         steepest = float(np.abs(result.jac).max())
         if not (steepest < FLAT and np.isfinite(result.fun)):
             break
@@ -185,7 +185,7 @@ def minimise(objective: Objective, matrices: Sequence[ndarray]) -> tuple[list[nd
             if objective(tried)[0] < result.fun:
                 matrices = tried
                 break
-        else:  # f falls in no direction, or by no more than rounding
+        else:  # f decreases in no direction by more than rounding
             return matrices, float(result.fun)
     message = "the search over positive semidefinite matrices did not end at a minimum"
     raise SolverError(f"{message}: {result.message}", slope=steepest)

@@ -21,9 +21,9 @@ from pipeline.models.model import SCALED_LAW, Law, NormalModel, root, trace_fact
 
 @dataclass(frozen=True)
 class ScaledModel(NormalModel):
-    """Noise of covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n), relative to the
-    step; ``gain`` is None for the additive model, Eq. (InvDiffRndm). Both may be singular. Raises
-    ModelDomainError if one is no covariance.
+    """Model with the noise covariance ``floor`` A (n, n) in rad² at rest and ``gain`` B (n, n)
+    relative to the step. ``gain`` is None for the additive model, Eq. (InvDiffRndm). Both may be
+    singular. Raises ModelDomainError if one is not a covariance.
     """
 
     floor: ndarray
@@ -37,8 +37,8 @@ class ScaledModel(NormalModel):
         return [root(each) for each in (self.floor, self.gain) if each is not None]
 
     def law(self, chain: Chain) -> Law:
-        """Law of a compiled step, with a set of normal variates for each covariance; raises
-        ModelDomainError for covariances of another size than the ``chain``.
+        """Law of a compiled step, with one set of normal variates per covariance. Raises
+        ModelDomainError if the covariances and the ``chain`` differ in their number of joints.
         """
         n, parameters = len(chain.lower), np.array(self._roots)
         if parameters.shape[1:] != (n, n):
@@ -58,7 +58,7 @@ class ScaledModel(NormalModel):
         return self.floor + self.gain * (dq[..., :, None] * dq[..., None, :])
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "ScaledModel":
-        """Return the model of A and B times one factor; raises ModelDomainError without noise."""
+        """Return the model with A and B times one factor; ModelDomainError for zero noise."""
         factor = trace_factor(self.covariance(chain, q, v), trace)
         gain = None if self.gain is None else factor * self.gain
         return replace(self, floor=factor * self.floor, gain=gain)

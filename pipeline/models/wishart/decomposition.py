@@ -1,14 +1,14 @@
-"""Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for whole batches.
+"""Decompositions J = J₁J₂ of the mean Jacobian (Eq. LUDecom), and their factors for batches.
 
 J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper says "LU or QR depending
-on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each decomposition is another law:
+on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each gives another law of a step:
 
 - ``pivoted_lu``: J₁ = PᵀL, J₂ = U. The law depends on the units of the task rows (m and rad), the
-  axes of the task (of the arm's base) and the order of the joints, not on the order of the rows.
-- ``qr``: of J. As the law of B is invariant under rotations, it is computed as the same model with
-  J₁ = I and J₂ = J. The law depends on the units of the rows alone.
-- ``qr_transposed``: of Jᵀ, J₁ = Rᵀ and J₂ = Qᵀ. ‖a‖ = ‖J⁺v‖: no dependence on units, axes, order.
-- ``given``: J₁ is a constant, as diag(ℓ, ℓ, 1), which turns metres into angles of lever arm ℓ.
+axes of the task (of the arm's base) and the order of the joints, not on the order of the rows. -
+``qr``: QR of J. It is computed with J₁ = I and J₂ = J, the same law, because the law of B is
+invariant under rotations. The law depends only on the units of the rows. - ``qr_transposed``: QR of
+Jᵀ, J₁ = Rᵀ, J₂ = Qᵀ, ‖a‖ = ‖J⁺v‖. No dependence on units, axes, order. - ``given``: J₁ is a
+constant, e.g. diag(ℓ, ℓ, 1), which converts m to rad at a lever arm ℓ.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pipeline.models.wishart.fit import Options
 
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
-LEAST_CONDITION = 1e-9  # least over greatest singular value of a given J₁
+LEAST_CONDITION = 1e-9  # least divided by greatest singular value of a given J₁
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class Decomposition:
         if self.left is None and self.name in COMPUTED:
             return
         if self.left is None or self.name != "given":
-            message = f"the decomposition must be one of {', '.join(COMPUTED)} or given, which "
-            message += "alone needs the first factor of the Jacobian"
+            message = f"the decomposition must be one of {', '.join(COMPUTED)}, or given with the "
+            message += "first factor of the Jacobian"
             raise ModelDomainError(message, decomposition=self.name)
         try:
             matrix = np.array(self.left, dtype=float)
@@ -60,17 +60,17 @@ class Decomposition:
     def require_size(self, m: int) -> None:
         """Raise ModelDomainError for a given J₁ of another size than ``m`` task rows."""
         if self.left is not None and len(self.left) != m:
-            message = f"the given first factor must have as many rows as the task, {m}, and has "
+            message = f"the given first factor must have as many rows as the task, {m}, got "
             raise ModelDomainError(message + str(len(self.left)), left=self.left)
 
 
 PIVOTED_LU = Decomposition("pivoted_lu")
-CONTROL = Decomposition("qr_transposed")  # for comparison: it depends on no unit, axis or order
+CONTROL = Decomposition("qr_transposed")  # for comparison: independent of units, axes and order
 
 
 def decomposition_of(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """Decomposition that ``options`` name for these ``task`` rows and ``joints``; ``by_shape`` is
-    pivoted LU for a square Jacobian and QR for more joints than task rows.
+    """Return the decomposition of ``options``. ``by_shape`` is pivoted LU for as many ``joints`` as
+    ``task`` rows, and QR for more joints.
     """
     by_shape = "pivoted_lu" if len(task) == len(joints) else "qr"
     name = by_shape if options.decomposition == "by_shape" else options.decomposition
@@ -92,12 +92,12 @@ def split(
     jacobian: ndarray, v: ndarray, decomposition: Decomposition
 ) -> tuple[ndarray, ndarray, ndarray]:
     """Return :func:`factors`, Eq. (LUDecom), of ``jacobian`` J (..., m, n) and task step ``v``
-    (..., m), whose leading axes broadcast; not finite or rounding if J lacks full row rank.
+    (..., m), whose leading axes broadcast. The result is meaningless if J lacks full row rank.
     """
     m, n = jacobian.shape[-2:]
     decomposition.require_size(m)
     batch = np.broadcast_shapes(jacobian.shape[:-2], v.shape[:-1])
-    # [J | v] with the batch last: several times as fast for matrices this small
+    # [J | v] with the batch axes last, which is several times as fast for small matrices
     rows = np.empty((m, n + 1, *batch))
     rows[:, :n] = np.moveaxis(np.broadcast_to(jacobian, (*batch, m, n)), (-2, -1), (0, 1))
     rows[:, n] = np.moveaxis(np.broadcast_to(v, (*batch, m)), -1, 0)
@@ -129,7 +129,7 @@ def _eliminate(rows: ndarray) -> None:
             rows[k], rows[i] = np.where(swap, rows[i], rows[k]), np.where(swap, rows[k], rows[i])
         multiples = rows[k + 1 :, k] / rows[k, k]
         rows[k + 1 :] -= multiples[:, None] * rows[k]
-        rows[k + 1 :, k] = 0.0  # removes rounding
+        rows[k + 1 :, k] = 0.0  # exactly
 
 
 def orthonormalize(rows: ndarray, n: int) -> ndarray:

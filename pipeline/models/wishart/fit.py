@@ -1,5 +1,5 @@
-"""σ_B of the Wishart model: options, estimators by moments, by the paper's convex problem on every
-step and by maximum likelihood, and σ̂_B as a function of the weight that the paper does not state.
+"""σ_B of the Wishart model: options, estimators (moments, the paper's convex problem at every step,
+maximum likelihood), and σ̂_B as a function of α₂/α₁, which the paper does not state.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:  # it loads numba
     from pipeline.models.wishart.perturbation import Perturbations
 
 RATIOS = np.geomspace(1e-5, 1e-1, 25)  # α₂/α₁ of the curve, in rad
-TOLERANCE = 1e-3  # of ln of the ratio at which σ̂_B meets the moment estimate
-SIGMA_B_RANGE = (0.01, 2.0)  # of the likelihood; all σ_B with a density are below the upper end
-MARGIN = 1e-4  # of ln σ_B, below the greatest that has a density
+TOLERANCE = 1e-3  # of ln α₂/α₁ at which σ̂_B equals the moment estimate
+SIGMA_B_RANGE = (0.01, 2.0)  # of the likelihood search; a density exists only below the upper end
+MARGIN = 1e-4  # in ln σ_B, distance of the search from the limit of the density
 COARSE = 0.05  # of ln σ_B, tolerance of the search before the spline
-REACH, NODES = 0.4, 9  # of the spline over ln σ_B on either side; its error is below 1e-4
+REACH, NODES = 0.4, 9  # half width in ln σ_B and nodes of the spline; error below 1e-4
 Estimator = Literal["moments", "paper", "likelihood"]
 
 
@@ -41,32 +41,31 @@ class Options(base.Options):
 
     estimator: Estimator = "moments"
     decomposition: Literal["by_shape", "pivoted_lu", "qr", "qr_transposed", "given"] = "by_shape"
-    left: list[list[float]] | None = None  # rows of J₁, for the decomposition given alone
-    # for the paper's estimator alone: ε of B⁻¹ ⪰ εI, and a factor on the α₂/α₁ that follows from
-    # the noise at rest
+    left: list[list[float]] | None = None  # rows of J₁, only for the decomposition given
+    # only for the paper's estimator: ε of B⁻¹ ⪰ εI, factor on the α₂/α₁ from the noise at rest
     floor: Annotated[float, Field(gt=0, lt=1)] = 0.2
     ratio_factor: Annotated[float, Field(gt=0)] = 1.0
 
     @model_validator(mode="after")
     def _require_left(self) -> Self:
         if (self.decomposition == "given") != (self.left is not None):
-            raise validation.Fault("left", "the decomposition given, and no other, needs left")
+            raise validation.Fault("left", "is required for, and only for, the decomposition given")
         if self.left is not None and any(len(row) != len(self.left) for row in self.left):
             raise validation.Fault("left", "must be square: the rows of J1")
         return self
 
 
 class DispersionFit(NamedTuple):
-    """σ̂_B of all takes and of any takes."""
+    """σ̂_B of all takes, and a function for σ̂_B of resampled takes."""
 
     sigma_b: float
-    from_takes: Callable[[ndarray], dict[str, float]]  # numbers of the takes → σ̂_B
+    from_takes: Callable[[ndarray], dict[str, float]]  # take indices → σ̂_B
     diagnostics: Mapping[str, float] = {}
     problems: tuple = ()  # weights (α₁, α₂) and objectives (takes·M,) of the convex problems
 
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
-    """Estimate σ_B by the estimator of ``options``; raises what that estimator raises."""
+    """Estimate σ_B by the estimator of ``options``; raises the errors of the estimator."""
     decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
     match options.estimator:
         case "moments":
@@ -96,7 +95,7 @@ def estimator_options(options: Options) -> dict[str, Options]:
 
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
-    """Parameters with each of ``dispersions``."""
+    """Return known parameters with σ_B = each of ``dispersions``."""
     decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
     return [
         Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, decomposition), {"sigma_b": sigma_b})
@@ -112,9 +111,9 @@ def _parameters(sigma_b: float, decomposition: Decomposition) -> dict[str, Any]:
 def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
-    """Greatest gap between the closed form and (BsampOpt) at ``checks`` of the moving steps, and
-    the table ``sigma_b_weights``: σ̂_B of (BsampOpt) over α₂/α₁ for the recorded takes and, with an
-    ``estimate``, for as many takes drawn from its model.
+    """Greatest relative difference between the closed form and the solver of (BsampOpt) at
+    ``checks`` moving steps, and the table ``sigma_b_weights``. The table has σ̂_B of (BsampOpt)
+    over α₂/α₁, for the recorded takes and for as many takes drawn from the model of ``estimate``.
     """
     decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
     metrics = {}
@@ -147,7 +146,7 @@ def diagnose(
 
 
 def _convex_check(recorded, decomposition, fit, floor, checks, rng) -> dict[str, float]:
-    """Gap of :func:`fit_paper`'s ``fit`` at ``checks`` random moving steps."""
+    """Greatest relative difference of ``fit`` from the solver at ``checks`` random moving steps."""
     from pipeline.models.convex import perturbation_gap  # here: CVXPY takes long to import
 
     weights, objectives = fit.problems
@@ -172,8 +171,8 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
 
 
 def _meeting_ratio(sigma_b: Callable, curve: ndarray, target: float) -> float | None:
-    """α₂/α₁ in rad at which ``sigma_b`` falls through ``target``; None if it does not. ``curve`` is
-    σ̂_B at RATIOS.
+    """α₂/α₁ in rad at which ``sigma_b`` decreases through ``target``, or None. ``curve`` is σ̂_B at
+    RATIOS.
     """
     from scipy.optimize import brentq
 
@@ -185,9 +184,9 @@ def _meeting_ratio(sigma_b: Callable, curve: ndarray, target: float) -> float | 
 
 
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
-    """σ̂_B at which the mean of tr Cov over the takes and steps plus the trace of the measurement
-    noise is the recorded total variance. Raises SingularJacobianError, and ModelDomainError as
-    :func:`take_variances` and :func:`dispersion_of_trace`.
+    """Return σ̂_B at which the mean of tr Cov over takes and steps plus tr Σ_m equals the recorded
+    total variance. Raises SingularJacobianError, and ModelDomainError as :func:`take_variances` and
+    :func:`dispersion_of_trace`.
     """
     a, back, _ = factors(recorded.chain, recorded.q, recorded.v, decomposition)
     squares = [each.mean(axis=1) for each in step_squares(a, back)]
@@ -213,8 +212,8 @@ def solve_problems(
     steps: tuple[ndarray, ...], weights: tuple[float, float], floor: float
 ) -> tuple[ndarray, Perturbations]:
     """Solve Eqs. (BsampOpt) and (const10), as B⁻¹ ⪰ εI with ``floor`` ε, for :func:`problem_steps`
-    with ``weights`` (α₁, α₂). Return σ̂_B² (takes, M) of each, Eq. (NormStd) with E[B] = I, and the
-    optimal perturbations, take by take.
+    with ``weights`` (α₁, α₂). Return σ̂_B² (takes, M), Eq. (NormStd) with E[B] = I, and the optimal
+    perturbations, take by take.
     """
     from pipeline.models.wishart.perturbation import fit_perturbations
 
@@ -229,10 +228,10 @@ def solve_problems(
 def fit_paper(
     recorded: Recorded, decomposition: Decomposition, floor: float, ratio_factor: float = 1.0
 ) -> DispersionFit:
-    """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with ``floor`` ε of
-    B⁻¹ ⪰ εI. α₂/α₁ is ``ratio_factor`` times a ratio that follows from the noise recorded at rest,
-    or from the known Σ_m for a motion that never rests; ModelDomainError without either. Resampled
-    takes keep the weights of all takes.
+    """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with B⁻¹ ⪰ εI for
+    ``floor`` ε. α₂/α₁ is ``ratio_factor`` times the ratio of :func:`objective_weights` for the
+    noise recorded at rest, or for the known Σ_m if the motion never rests. Raises ModelDomainError
+    without either. Resampled takes keep the weights of all takes.
     """
     from pipeline.models.wishart.perturbation import objective_weights
 
@@ -265,9 +264,9 @@ def fit_paper(
 
 
 def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
-    """σ̂_B of greatest Σ ln p(q̃_{k+1} | q̃_k) over steps with a command. p is the exact density of
-    a step plus the measurement noise, without which the slowest steps would determine σ̂_B.
-    Raises SingularJacobianError and ModelDomainError.
+    """Maximise Σ ln p(q̃_{k+1} | q̃_k) over steps with a command for σ̂_B. p is the exact density
+    of a step plus measurement noise; without measurement noise the slowest steps would determine
+    σ̂_B. Raises SingularJacobianError and ModelDomainError.
     """
     from scipy.optimize import minimize_scalar
 
@@ -292,7 +291,7 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     def from_takes(takes: ndarray) -> dict[str, float]:
         best = _spline_maximum(nodes, log_likelihoods[takes].sum(axis=0))
         if not at_end and best in (nodes[0], nodes[-1]):
-            message = "the likelihood of these takes is greatest beyond where it was evaluated"
+            message = "the maximum of these takes' likelihood is outside the evaluated range"
             raise ModelDomainError(message, takes=takes.tolist())
         return {"sigma_b": float(np.exp(best))}
 

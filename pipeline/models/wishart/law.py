@@ -1,6 +1,6 @@
 """Random Jacobian J = J₁BJ₂ with B ~ W_m(d, I/d) (Eqs. LUDecom, Thetaa; Algorithm 1).
 
-A step needs only B⁻¹a, a = J₁⁻¹v, whose law is exact: with r = ‖a‖, R orthonormal, Re₁ = a/r,
+A step depends on B only by B⁻¹a, a = J₁⁻¹v. With r = ‖a‖, R orthonormal and Re₁ = a/r, exactly
 
     B⁻¹a = r·R·[z, z·T]ᵀ,   z = d/χ²(d − m + 1),   T = N(0, I_{m−1})/sqrt(χ²(d − m + 2)),
 
@@ -28,16 +28,16 @@ from pipeline.models.model import WISHART_LAWS, Law, normal_log_density, princip
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
-# ends of ln(d − m − 3): σ_B at the limit of the covariance, and a step without noise
+# ends of ln(d − m − 3): σ_B at the limit of the covariance, and a noise-free step
 LOG_EXCESS = (-12.0, 60.0)
 
 
 @dataclass(frozen=True)
 class WishartModel:
-    """Random Jacobian of dispersion ``sigma_b`` σ_B around J₁J₂ of a ``decomposition``, Eq.
-    (LUDecom). A step is Eq. (RMTInvDiff) with the law of Algorithm 1, without noise in the null
-    space of J. Raises ModelDomainError for a σ_B that is not positive, and given a chain for a σ_B
-    without a density or a given J₁ of another size.
+    """Random Jacobian J₁BJ₂ with the dispersion ``sigma_b`` σ_B for a ``decomposition``, Eq.
+    (LUDecom). A step, Eq. (RMTInvDiff), has the law of Algorithm 1 and no noise in the null space
+    of J. Raises ModelDomainError for σ_B ≤ 0. Its methods raise ModelDomainError for a σ_B without
+    a density or a given J₁ of another size than the task.
     """
 
     sigma_b: float
@@ -51,7 +51,7 @@ class WishartModel:
         m = len(chain.task)
         self.decomposition.require_size(m)
         d = degrees_of_freedom(self.sigma_b, m)
-        # one χ² variate for three task rows, and for one, which has no direction (models.kernel)
+        # one χ² variate is enough for three task rows (models.kernel) and for one
         degrees = (d - m + 1,) if m in (1, 3) else (d - m + 1, d - m + 2)
         parameters = np.array([d])
         if self.decomposition.left is not None:
@@ -165,7 +165,7 @@ def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:
     mean = np.matvec(back, a)
     size = across * np.vecdot(a, a)[..., None, None]
     along = (variance - across) * mean[..., :, None] * mean[..., None, :]
-    # einsum, as matmul takes three times as long for matrices this small
+    # einsum: matmul takes three times as long for small matrices
     return size * np.einsum("...ij,...kj->...ik", back, back) + along
 
 
@@ -186,27 +186,27 @@ def step_variances(d: float, m: int) -> tuple[float, float]:
 
 
 class StepSquares(NamedTuple):
-    """Squared lengths of steps in rad², or their means."""
+    """Squared lengths of steps in rad², or means of the squared lengths."""
 
     every: ndarray  # ‖a‖²‖J₂⁺‖_F²
-    nominal: ndarray  # ‖J₂⁺a‖², of the nominal step
+    nominal: ndarray  # ‖J₂⁺a‖² (nominal step)
 
 
 def step_squares(a: ndarray, back: ndarray) -> StepSquares:
-    """Squares (...,) of the steps of ``a`` J₁⁻¹v (..., m) and ``back`` J₂⁺ (..., n, m)."""
+    """Squares (...,) of the steps of ``a`` = J₁⁻¹v (..., m) and ``back`` = J₂⁺ (..., n, m)."""
     mean, every = np.matvec(back, a), np.einsum("...ij,...ij->...", back, back)
     return StepSquares(np.vecdot(a, a) * every, np.vecdot(mean, mean))
 
 
 def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
-    """σ_B, for B (m, m), at which the covariance of steps of these mean ``squares`` has the mean
-    ``trace`` in rad², which grows with σ_B. Raises ModelDomainError for a trace that is not
-    positive, for steps at rest, and for a σ_B at its limit sqrt((m + 1)/(m + 3)) to rounding.
+    """Return σ_B of B (m, m) at which steps with the mean ``squares`` have the mean covariance
+    ``trace`` in rad². Raises ModelDomainError for trace ≤ 0, for steps at rest, and if σ_B would
+    reach its limit sqrt((m + 1)/(m + 3)).
     """
     from scipy.optimize import brentq  # here: loading a model does not need SciPy
 
     if not (trace > 0 and squares.every > 0):
-        message = "no sigma_B: a Wishart step needs a positive variance, and a motion that is not "
+        message = "no sigma_B: a Wishart step needs a positive variance and a motion that is not "
         raise ModelDomainError(message + "at rest at every step", trace_rad2=trace)
 
     def excess(x: float) -> float:
@@ -216,8 +216,8 @@ def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
 
     low, high = LOG_EXCESS
     if not excess(low) > 0:
-        limit = f"the limit of its covariance, {largest_dispersion(m, inverse_moments=2):.4g}"
-        message = f"the variance of a Wishart step needs a sigma_B at {limit}"
+        limit = f"the limit {largest_dispersion(m, inverse_moments=2):.4g} of a finite covariance"
+        message = f"a Wishart step with this variance would need sigma_B at {limit}"
         raise ModelDomainError(message, trace_rad2=trace)
     d = m + 3 + np.exp(brentq(excess, low, high, xtol=1e-12, rtol=1e-14))
     return float(np.sqrt((m + 1) / d))

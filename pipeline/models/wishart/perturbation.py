@@ -1,18 +1,18 @@
-"""Samples of the perturbation matrix B from the process noise: the convex problem
-(BsampOpt)–(const10), in bulk and in compiled code.
+"""Samples of the perturbation matrix B from the process noise: compiled solution of the convex
+problem (BsampOpt)–(const10) for many steps.
 
 With B⁻¹ = I + S, S (m, m), a = J₁⁻¹v, r = ‖a‖, e = a/r the problem is: minimise α₁‖ω − J₂⁺Sa‖ +
 α₂‖S‖_F over symmetric S with I + S > 0. The S of least norm with Sa = s is (saᵀ + asᵀ)/r² −
-(aᵀs)aaᵀ/r⁴, of norm ‖y‖, y = (eeᵀ + √2(I − eeᵀ))s/r. What is left is: minimise ‖ω − Ay‖ + λ‖y‖,
-λ = α₂/α₁. Where I + S ⪰ εI binds, δ = 1 − ε, S also has a part across a: with y = xe + d,
-X = δ + x > 0, it is c·ddᵀ/‖d‖², c ≥ 0, and ‖d‖² ≤ 2X(δ + c) (Schur), an equality where c > 0.
-The minimum of ‖ω − Ay‖ + λ‖(y, c)‖ is stationary where, for some s > 0,
+(aᵀs)aaᵀ/r⁴, of norm ‖y‖, y = (eeᵀ + √2(I − eeᵀ))s/r. The problem becomes: minimise ‖ω − Ay‖ + λ‖y‖,
+λ = α₂/α₁. If the constraint I + S ⪰ εI is active, S also has a part orthogonal to a. With δ = 1 −
+ε, y = xe + d and X = δ + x > 0, this part is c·ddᵀ/‖d‖², c ≥ 0, and ‖d‖² ≤ 2X(δ + c) (Schur), with
+equality for c > 0. The minimum of ‖ω − Ay‖ + λ‖(y, c)‖ is stationary where, for some s > 0,
 
     (AᵀA + sI)y = Aᵀω + s·c·e,   λ(s) = X·‖(y, c)‖·s / ((X + c)·‖ω − Ay‖).
 
-The equality is quadratic in c, and λ(s) grows with s, as F is convex: from the closest fit at s = 0
-to y = 0 at s = ∞. Nothing cancels in ‖ω − Ay‖² = s²·uᵀ(AᵀA)⁻¹u + ‖ω⊥‖², u = y − ce, ω⊥ the part
-of ω across the range of A.
+The equality is quadratic in c. λ(s) increases with s, because F is convex, from the closest fit at
+s = 0 to y = 0 at s = ∞. No cancellation occurs in ‖ω − Ay‖² = s²·uᵀ(AᵀA)⁻¹u + ‖ω⊥‖², u = y − ce, ω⊥
+the part of ω orthogonal to the range of A.
 """
 
 from typing import NamedTuple
@@ -23,14 +23,14 @@ from numpy import ndarray
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.errors import ModelDomainError, SolverError
 
-STEPS = 300  # places tried on the way to a root
-LEAST_PIVOT = 1e-14  # share of a pivot of AᵀA in its entry: below it rounding decides the fit
-LEAST_REST = 1e-28  # share of ‖ω‖² below which the part of ω across the range of A is rounding
-ENDS = 1e-24, 1e24  # of s, as shares of the trace of AᵀA
-LEAST = 1e-20  # of λ(s)/λ: below it values are alike
-SETTLED = 1e-12  # of ln λ, and of ln s between the ends of a bracket
+STEPS = 300  # greatest number of values of s tried for a root
+LEAST_PIVOT = 1e-14  # pivot of AᵀA divided by its diagonal entry; below it A is singular
+LEAST_REST = 1e-28  # ‖ω⊥‖²/‖ω‖² below which ω⊥ is rounding
+ENDS = 1e-24, 1e24  # of s/tr AᵀA
+LEAST = 1e-20  # least value used of λ(s)/λ
+SETTLED = 1e-12  # tolerance of ln λ, and of ln s over a bracket
 HALF = float(np.sqrt(0.5))
-APEX = 1e-9  # share of δ below which δ + x is at its bound, where there is no d
+APEX = 1e-9  # (δ + x)/δ below which δ + x is at its bound and d = 0
 
 
 class Perturbations(NamedTuple):
@@ -38,18 +38,17 @@ class Perturbations(NamedTuple):
 
     s: ndarray  # (N, m, m) S = B⁻¹ − I
     objective: ndarray  # (N,) F at the optimum
-    bound: ndarray  # (N,) True where B⁻¹ ⪰ εI held the perturbation back
+    bound: ndarray  # (N,) True where the constraint B⁻¹ ⪰ εI is active
 
 
 def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[float, float]:
-    """(α₁, α₂) of (BsampOpt), which the paper leaves open, α₁ + α₂ = 1, for B (m, m): a residual of
-    ``rest_noise``, rms ‖ω‖ at rest in rad, costs as much as a perturbation of B⁻¹ by its own norm,
-    α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. Raises ModelDomainError where either is not positive.
+    """Return (α₁, α₂) of (BsampOpt), α₁ + α₂ = 1, for B (m, m); the paper does not state them. A
+    residual of ``rest_noise`` (rms ‖ω‖ at rest in rad) costs as much as a perturbation of norm
+    ‖I_m‖_F: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. ModelDomainError if either is ≤ 0.
     """
     if not (0 < rest_noise < np.inf and 0 < factor < np.inf):
         raise ModelDomainError(
-            "the weights of a perturbation need noise recorded at rest, and a factor on "
-            "alpha2/alpha1, that are positive and finite",
+            "the noise at rest and the factor on alpha2/alpha1 must be positive and finite",
             rest_noise=rest_noise,
             factor=factor,
         )
@@ -60,8 +59,8 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
 def fit_perturbations(
     noise: ndarray, a: ndarray, back: ndarray, weights: tuple[float, float], floor: float
 ) -> Perturbations:
-    """Solve (BsampOpt) for N steps, with (const10) in the form B⁻¹ ⪰ εI, ε the ``floor``; where the
-    first term vanishes, Eq. (Omegki) holds.
+    """Solve (BsampOpt) for N steps, with (const10) as B⁻¹ ⪰ εI for ``floor`` ε. Eq. (Omegki) is
+    satisfied where the first term vanishes.
 
     ``noise`` ω (N, n) in rad, measured minus nominal; ``a`` J₁⁻¹v (N, m), zero at rest, where S =
     0, and ``back`` J₂⁺ (N, n, m); ``weights`` (α₁, α₂). Raises ModelDomainError for noise that is
@@ -102,7 +101,7 @@ def fit_perturbations(
     x = np.vecdot(e, y)
     d = y - x[:, None] * e
     across = np.vecdot(d, d)
-    x = np.where(c > 0, across / (2 * (delta + c)) - delta, x)  # which does not cancel
+    x = np.where(c > 0, across / (2 * (delta + c)) - delta, x)  # no cancellation
     block = c / np.where(across > 0, across, 1.0)
     beside = HALF * (_outer(e, d) + _outer(d, e))
     s[k] = _outer(x[:, None] * e, e) + beside + _outer(block[:, None] * d, d)
@@ -114,13 +113,13 @@ def _outer(x: ndarray, y: ndarray) -> ndarray:
     return x[:, :, None] * y[:, None, :]
 
 
-# rows of the buffer of one problem: Aᵀω, e, y, what y moves by with c, y − ce, and two more
+# rows of the buffer of one problem: Aᵀω, e, y, ∂y/∂c, y − ce, scratch
 PULL, E, Y, MOVED, U, SPARE = range(6)
 
 
 @inner
 def _dot(x: ndarray, p: int, y: ndarray, q: int) -> float:
-    """Product of row ``p`` of ``x`` and row ``q`` of ``y``; views of rows would take longer."""
+    """Dot product of row ``p`` of ``x`` and row ``q`` of ``y``; views of rows would take longer."""
     total = 0.0
     for i in range(x.shape[1]):
         total += x[p, i] * y[q, i]
@@ -130,7 +129,7 @@ def _dot(x: ndarray, p: int, y: ndarray, q: int) -> float:
 @inner
 def factorize(matrix: ndarray, ridge: float, factor: ndarray) -> float:
     """Write L and D of ``matrix`` + ``ridge``·I = LDLᵀ into ``factor`` (m, m): L below the
-    diagonal, 1/D on it, (LD)ᵀ above; return the least share of a pivot in its diagonal entry.
+    diagonal, 1/D on it, (LD)ᵀ above; return the least ratio of a pivot to its diagonal entry.
     """
     share = 1.0
     for i in range(len(matrix)):
@@ -170,8 +169,8 @@ def _solve(factor: ndarray, case: ndarray, side: int, solution: int) -> float:
 def place(
     s: float, delta: float, rest: float, gram: ndarray, factors: ndarray, case: ndarray
 ) -> tuple[float, float, float]:
-    """c, λ(s) and ‖ω − Ay‖ at ``s`` > 0; y is written. ``rest`` is the square of ω across A,
-    ``factors`` that of AᵀA ``gram`` and one more.
+    """Return c, λ(s) and ‖ω − Ay‖ at ``s`` > 0, and write y into ``case``. ``rest`` is ‖ω⊥‖²;
+    ``factors`` contains the factor of ``gram`` AᵀA, and scratch.
     """
     m, shifted = len(gram), factors[1]
     factorize(gram, s, shifted)
@@ -203,9 +202,9 @@ def place(
 def find_optima(
     pull: ndarray, e: ndarray, gram: ndarray, rest: ndarray, ratio: float, delta: float, steps: int
 ) -> tuple[ndarray, ndarray, ndarray, ndarray]:
-    """Return y (N, m), c (N,) and ‖ω − Ay‖ (N,) of N problems, and (N,) False where A is all but
-    singular or λ(s) is not λ after ``steps`` places; ``pull`` is Aᵀω (N, m), ``e`` (N, m), ``gram``
-    AᵀA (N, m, m), ``rest`` ‖ω⊥‖² (N,).
+    """Return y (N, m), c (N,) and ‖ω − Ay‖ (N,) of N problems, and flags (N,), False if A is nearly
+    singular or the search for λ(s) = λ fails in ``steps`` iterations; ``pull`` is Aᵀω (N, m), ``e``
+    (N, m), ``gram`` AᵀA (N, m, m), ``rest`` ‖ω⊥‖² (N,).
     """
     count, m = pull.shape
     y, c, left, solved = np.zeros((count, m)), np.zeros(count), np.zeros(count), np.zeros(count) > 0
@@ -224,18 +223,18 @@ def find_optima(
 
 @inner
 def _root(ratio, delta, rest, trace, steps, gram, factors, case) -> tuple[float, float, bool]:
-    """c and ‖ω − Ay‖ where λ(s) is ``ratio``, and True where it is within ``steps`` places.
+    """Return c and ‖ω − Ay‖ at λ(s) = ``ratio``, and True if found in ``steps`` iterations.
 
-    By the Illinois rule on f = ln λ(s)/λ in t = ln s: an end that stays twice has its value halved.
+    Illinois rule on f = ln λ(s)/λ in t = ln s: the value at an end that is kept twice is halved.
     """
     low, high = np.log(ENDS[0] * trace), np.log(ENDS[1] * trace)
     c, weight, left = place(np.exp(low), delta, rest, gram, factors, case)
-    if weight >= ratio:  # the closest fit
+    if weight >= ratio:  # closest fit
         return c, left, True
     t, stride, kept, below, above = np.log(1e-2 * trace), 2.0, 0, 0.0, 0.0
     for step in range(steps):
         c, weight, left = place(np.exp(t), delta, rest, gram, factors, case)
-        # where X is at its bound λ(s) may jump from zero
+        # at the bound of X, λ(s) may jump from zero
         f = np.log(max(weight, LEAST * ratio) / ratio)
         if abs(f) <= SETTLED or high - low <= SETTLED:
             return c, left, True

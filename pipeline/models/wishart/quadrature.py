@@ -1,4 +1,4 @@
-"""Density of J₂⁺B⁻¹a with normal noise by quadrature, compiled.
+"""Density of J₂⁺B⁻¹a plus normal noise by compiled quadrature.
 
 T = N(0, I)/√g, g ~ χ²(d−m+2) (:mod:`.law`). Given z and g a step with measurement noise Σ_m is
 normal with mean z·b, b = J₂⁺a, and covariance Σ_m + (z²/g)MMᵀ, M = r·J₂⁺(I − eeᵀ) of rank m − 1. In
@@ -8,9 +8,9 @@ k_i = u_iᵀb,
     −2 ln N = ‖y⊥ − z·b⊥‖² + Σ_i [(c_i − z·k_i)²/(1 + λ_i z²/g) + ln(1 + λ_i z²/g)] + constant.
 
 The density is integrated over s = ln z and h = ln g by an adaptive rule (Naylor and Smith, Applied
-Statistics 31, 1982). A first rule is centred on the mode of the integrand and scaled by its Fisher
-information, the second by the mean and covariance under the first. In coordinates sinh t the
-trapezoidal rule converges fast for exponential and normal tails.
+Statistics 31, 1982). The first rule is centred on the mode of the integrand and scaled by its
+Fisher information; the second uses the mean and covariance found by the first. In coordinates sinh
+t the trapezoidal rule converges fast for exponential and normal tails.
 """
 
 import numpy as np
@@ -19,13 +19,13 @@ from numpy import ndarray
 from pipeline.core.compiled import compiled, inner
 from pipeline.models.wishart.law import frames
 
-NODES = 17  # of the rule for each of s and h
-ALONG, DIRECTION = 3, 3  # terms of a step before its directions, and of each direction
+NODES = 17  # of the rule in s and in h
+ALONG, DIRECTION = 3, 3  # terms of a step, then terms per direction
 RANGE = 3.0  # of t: ± sinh 3 = ± 10 standard deviations
-ASCENTS, HALVINGS = 60, 8  # greatest numbers of steps of Fisher scoring, and of halvings of a step
+ASCENTS, HALVINGS = 60, 8  # greatest numbers of Fisher scoring steps and of step halvings
 SETTLED = 1e-3  # tolerance of the mode in standard deviations
-LEAST_SHARE = 1e-3  # of the first covariance in the second, in case all mass is at one node
-FADED = -45.0  # ln of the share of the greatest term below which a node has no mass
+LEAST_SHARE = 1e-3  # of the first covariance added to the second, in case all mass is at one node
+FADED = -45.0  # ln of a node's term relative to the greatest term; below it the mass is zero
 
 
 def blurred_log_density(
@@ -83,8 +83,8 @@ def _log_integrand(case: ndarray, d: float, law: tuple, s: float, h: float) -> f
 
 @inner
 def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, float, float]:
-    """Mode (s, h) by Fisher scoring with halved steps, and the covariance (ss, sh, hh) there."""
-    # starts at the step without measurement noise, or at the middle of the law
+    """Mode (s, h) by Fisher scoring with step halving, and the covariance (ss, sh, hh) there."""
+    # start: z of the step without measurement noise, at least 0.1
     (shape, freedom), s, h = law, np.log(max(case[0], 0.1)), np.log(d)
     ss = sh = hh = 0.0
     for _ in range(ASCENTS):
@@ -106,7 +106,7 @@ def _mode(case: ndarray, d: float, law: tuple) -> tuple[float, float, float, flo
         step_s, step_h = ss * of_s + sh * of_h, sh * of_s + hh * of_h
         if step_s * of_s + step_h * of_h < SETTLED**2:
             break
-        longest = max(abs(step_s), abs(step_h), 1.0)  # no further than a factor e at once
+        longest = max(abs(step_s), abs(step_h), 1.0)  # at most a factor e per step
         step_s, step_h = step_s / longest, step_h / longest
         value = _log_integrand(case, d, law, s, h)
         for _ in range(HALVINGS):
@@ -127,7 +127,7 @@ def _integrate(terms: ndarray, d: float, law: tuple[float, float], rule: ndarray
     exponent, mass = np.empty(shape_of_grid), np.empty(shape_of_grid)
     rows = np.empty((4, nodes))
     factor, spread, squares, product = rows[0], rows[1], rows[2], rows[3]
-    # the exponent does not contain the normal's determinant, a square root for each direction
+    # the exponent leaves out the determinant of the normal law: a square root per direction
     faded = FADED * max(1, (terms.shape[1] - ALONG) // DIRECTION - 1)
     for n in range(len(terms)):
         case = terms[n]
@@ -136,7 +136,7 @@ def _integrate(terms: ndarray, d: float, law: tuple[float, float], rule: ndarray
             root_s = np.sqrt(ss)
             slant = sh / root_s
             root_h = np.sqrt(hh - slant * slant)
-            # one exponential a node: e^h is a product of two factors, the determinant a square root
+            # one exponential per node: e^h is a product of two factors
             for j in range(nodes):
                 factor[j] = np.exp(root_h * xi[j])
             top = -np.inf

@@ -107,5 +107,5 @@ def test_what_is_no_decomposition_or_of_another_size_than_the_task_is_refused(ch
         lambda: factors(chain, poses, step, other),
         lambda: WishartModel(0.2, other).law(chain),
     ):
-        with pytest.raises(ModelDomainError, match="as many rows as the task, 3, and has 2"):
+        with pytest.raises(ModelDomainError, match="as many rows as the task, 3, got 2"):
             call()
