@@ -118,7 +118,7 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
         ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
         ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "this is no URDF"),
         ("a.urdf", "<robot name='a'><joint name='j' type='revolute'/></robot>", "j has no limits"),
-        ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no joint of one coordinate"),
+        ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no revolute or prismatic"),
         ("t.csv", "1,5,2,5\n" * 5, "decimal commas:"),
         ("take.bag", "#ROSBAG V2.0\n", "damaged"),
         ("c.npz", b"PK\3\4" + bytes(200), "unpack an archive"),

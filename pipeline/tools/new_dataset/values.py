@@ -224,7 +224,7 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
             named = [f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()]
             found["signals"] = Entry(f"{{{', '.join(named)}}}")
         count = len(next(iter(signals.values())))
-        none = _suggestion("null: the rows follow each other at motion.rate")
+        none = _suggestion("null: rows are evenly spaced at motion.rate")
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
     stated = {tuple(take.facts.get("joint_names", ())) for take in takes.values()}
     if len(stated) == 1 and (names := stated.pop()):
