@@ -104,9 +104,7 @@ def foreign(text: str) -> tuple[str, str] | None:
 
 
 def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]:
-    """Return the cells of one line, unquoted and stripped; RecordingError with the line ``number``
-    where a quote does not close.
-    """
+    """Return the stripped cells of line ``number``; RecordingError if a quote does not close."""
     try:
         cells = next(csv.reader([line], delimiter=separator, strict=True), [])
     except csv.Error as error:
@@ -232,9 +230,7 @@ def filled_width(cells: list[str]) -> int:
 
 
 def counts_on(cells: list[str]) -> bool:
-    """Return whether ``cells`` are column numbers as pandas labels columns: an empty cell or a
-    word, then 0, 1, 2, …
-    """
+    """Return whether ``cells`` are pandas' column numbers: empty or a word, then 0, 1, 2, …"""
     if len(cells) < 3 or is_number(cells[0]):
         return False
     numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
@@ -283,8 +279,6 @@ def bare(label: str) -> str:
 
 
 def unit_of(label: str) -> str | None:
-    """Return the unit in brackets behind a label, or None; an index, as in ``q[0]`` or ``q(1)``, is
-    no unit.
-    """
+    """Return the unit in brackets behind a label, or None; ``q[0]`` and ``q(1)`` have no unit."""
     match = UNIT.fullmatch(label)
     return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None

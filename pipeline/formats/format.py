@@ -120,9 +120,7 @@ def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
-    """Return the first of the ``formats`` that recognises ``file``, or None; RecordingError if the
-    file is unreadable.
-    """
+    """Return the first of ``formats`` that recognises ``file``; RecordingError if unreadable."""
     with readable(file):
         return recognised(Head.read(file), formats)
 

@@ -1,6 +1,5 @@
-"""Tables of numbers as any program writes them. The last line defines the number of cells per row.
-Rows begin at the first line with numbers in the numeric columns of the last lines; the lines above
-are the header.
+"""Tables of numbers of any program. The last line defines the number of cells per row. Rows begin
+at the first line with numbers in the numeric columns of the last lines, below the header.
 """
 
 import re
@@ -222,8 +221,7 @@ def _sheet(
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
     """Return the index of the label line in a LabVIEW file (0 in other files) and the number of
-    header lines of further segments. These lines are deleted from ``lines`` and ``places``; a row
-    without the cell of the column Comment gets an empty cell.
+    deleted header lines of further segments. Rows without a cell in the column Comment get one.
     """
     ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
     if not ends or ends[-1] + 1 >= len(lines):
@@ -276,9 +274,8 @@ def _first_row(
 def _header(
     lines: list[str], places: list[int], mark: str, last: list[str], numeric: list[int], file: Path
 ) -> tuple[list[str], list[str], int]:
-    """Return the labels, the units below the labels and the labels' line number; RecordingError for
-    a header line that seems to be a damaged row or a row of another form, and for more labels than
-    cells.
+    """Return labels, units and the labels' line number; RecordingError for a header line that seems
+    to be a damaged row or a row of another form, and for more labels than cells.
     """
 
     def fault(problem: str, line: int) -> RecordingError:

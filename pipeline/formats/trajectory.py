@@ -78,9 +78,7 @@ def _even_rows(
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and the poses x, velocities v and joint angles q of ``trajectory``, if present,
-    without rounding.
-    """
+    """Write t and, if present, poses x, velocities v and joint angles q, without rounding."""
     joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
     chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")

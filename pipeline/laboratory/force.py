@@ -44,9 +44,7 @@ def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> 
 def wander(
     sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw Ornstein–Uhlenbeck paths (samples, m) of standard deviation ``sd`` (m,), exact in law at
-    the sampling times.
-    """
+    """Draw exact Ornstein–Uhlenbeck paths (samples, m) of standard deviation ``sd`` (m,)."""
     decay = np.exp(-1 / (rate * correlation_time))
     innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
     return _autoregressive(innovation, decay, rng.standard_normal(len(sd)) * sd)

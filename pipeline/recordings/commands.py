@@ -48,9 +48,7 @@ def constant_speed(q: np.ndarray) -> np.ndarray:
 
 
 class Pairing(NamedTuple):
-    """Assignment of the command to joint i: column ``order[i]`` times ``factor[i]``, ``delay`` rows
-    later.
-    """
+    """Command of joint i: column ``order[i]`` times ``factor[i]``, delayed by ``delay`` rows."""
 
     factor: np.ndarray  # (n,)
     order: np.ndarray  # (n,) int
@@ -73,10 +71,9 @@ def shift_rows(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.nd
 
 
 def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the 0.9 quantile (n,) of the tracking error over rows, divided by the joint's motion;
-    ``actual`` and ``target`` (N, n) in rad. The quantile is the greater of two: over rows with a
-    moving command, and over rows with a resting command. The divisor is at least LEAST_MOTION times
-    the motion of the farthest joint, and at least STILL.
+    """Return the 0.9 quantile (n,) of the tracking error divided by the joint's motion; ``actual``
+    and ``target`` (N, n) in rad. The quantile is the greater one of rows with moving and with
+    resting command. The divisor is at least STILL and LEAST_MOTION of the greatest motion.
     """
     residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))

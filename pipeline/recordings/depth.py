@@ -73,9 +73,7 @@ def frame_rows(
 
 
 def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarray, float]]:
-    """Yield per frame the arm's points (I, 2), m in the arm's plane, and the share of measured
-    pixels or points.
-    """
+    """Yield the arm's points (I, 2), m in the arm's plane, and the measured share per frame."""
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
     encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))

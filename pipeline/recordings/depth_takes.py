@@ -117,9 +117,7 @@ def find_offset(
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Return per depth take its rows of ``frames`` and of ``markers``; RecordingError for a depth
-    take without motion capture.
-    """
+    """Return rows of ``frames`` and ``markers`` per depth take; RecordingError without markers."""
     by_take, takes = dict(list(markers.groupby("take"))), []
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
@@ -133,9 +131,8 @@ def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` (from :func:`with_markers`) on the
-    motion capture's clock, and the quality of the offset. The offset is stated, else estimated from
-    the centroids of the arm's points and of the labelled markers, in the plane of the arm. Raises
-    RecordingError as :func:`find_offset`.
+    motion capture's clock, and the quality of the offset. Unless stated, :func:`find_offset`
+    compares the centroids of the arm's points and of the labelled markers in the arm's plane.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []
@@ -165,9 +162,7 @@ def on_motion_clock(
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
-    """Return per frame the arm's points (I, 2), m in the arm's plane; ``rows`` are a take's rows of
-    the table ``frames``.
-    """
+    """Return the arm's points (I, 2), m in the arm's plane, of all frames of a take."""
     take = rows["take"].iloc[0]
     return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
 

@@ -64,9 +64,7 @@ def named_takes(
 
 
 def listing(folder: Path) -> pd.DataFrame:
-    """Return path, size in bytes and SHA-256 of every file below ``folder``; RecordingError if the
-    folder has no file.
-    """
+    """Return path, bytes and SHA-256 of all files below ``folder``; RecordingError for no file."""
     rows = []
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         with file.open("rb") as data:

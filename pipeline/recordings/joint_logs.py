@@ -86,9 +86,8 @@ def joint_log_rows(
         require_pair(*pair, file=raw, take=name)
     if len(rows) < 2:
         message = f"{len(rows)} repetition(s) found, at least two required, of the motion from"
-        message += f" {[*options.start]} to {[*options.end]} rad in {steps} steps with {rest} rows"
-        message += " of rest before and after; the movements hold"
-        message += f" {'; '.join(sorted(set(observed))) or 'no motion'}"
+        message += f" {[*options.start]} to {[*options.end]} rad in {steps} steps between {rest} of"
+        message += f" rest; the movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
     measured = np.stack([take["actual"] for take in rows.values()])
     commanded = np.stack([take["target"] for take in rows.values()])
@@ -164,9 +163,7 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
 def _leave_out_disturbed(
     rows: dict[str, dict], takes: Mapping[str, LoggedTake], dataset: Dataset, quality: list[dict]
 ) -> None:
-    """Delete disturbed takes from ``rows`` or, by option, raise RecordingError; append to
-    ``quality``.
-    """
+    """Delete disturbed takes from ``rows``, or raise RecordingError; add to ``quality``."""
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)

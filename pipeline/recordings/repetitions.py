@@ -7,9 +7,7 @@ import numpy as np
 
 from pipeline.core.angles import apart
 
-# rad, least travel of a motion (less is the controller's start), and greatest distance of equal
-# ends
-REACH = 0.01
+REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
 REST_SPEED = 1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
 PHASE_ROUNDS = 4  # each round squares the error of the phase
 # least scale of the score of a whole take and of its greatest window, over the median of the takes;
@@ -184,9 +182,7 @@ def beside_others(signal: np.ndarray) -> np.ndarray:
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
-    """Return the greatest mean distance (takes,) from the median take over a joint and window,
-    divided by the usual mean distance.
-    """
+    """Return the greatest relative distance (takes,) from the median in a joint and window."""
     beside, length = signal - np.median(signal, axis=0), signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))

@@ -30,8 +30,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     """Return the signals that ``options`` name in ``file``, by default the measured and commanded
     angles by their array names. ``ARRAY:COLUMN`` (from 0) names one column of an array. Raises
     RecordingError for a damaged file; with the array and row (from 0), for a number that is not
-    finite or a time that does not increase; with the option, for a name that is missing, ambiguous
-    or no array of numbers.
+    finite or a time that does not increase; with the option, for a missing or ambiguous array.
     """
     head = Head.read(file)
     if head.content.startswith(HDF5):

@@ -54,8 +54,7 @@ class LogOptions:
     names: Sequence[str] = ()  # names of the joints; joint names in a log must equal them
     # signal → factor of its values, one number or one per joint (default 1)
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
-    # signal → labels or numbers (from 0) of the columns of its joints; None: all columns behind
-    # the time
+    # signal → columns of its joints (labels, or numbers from 0); None: all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
     circular: np.ndarray | bool = True  # (joints,) whether a joint revolves, else it is linear
 
@@ -198,9 +197,7 @@ def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
 def _values(
     file: Path, topic: str, signal: str, joints: tuple[str, ...], counts: Counter
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return the times (N,) in s, the values (N, joints) and the joints of a ``signal``; ``counts``
-    is updated.
-    """
+    """Return times (N,) s, values (N, joints) and joints of a ``signal``; update ``counts``."""
     from pipeline.formats.rosbag import messages
 
     name = FIELDS.get(signal, "effort")

@@ -34,8 +34,7 @@ COMMANDED = _words(
 )
 STATE = {"state", "states"}  # a measured signal, unless another word of the name is in COMMANDED
 JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
-# components of a pose
-PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}
+PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of poses
 COORDINATES = {*"xyzw"}  # last words of the components of a vector or a quaternion
 FOLLOWS = 0.05  # greatest difference of commanded and measured angles, over the measured range
 INTEGRAL = 0.1  # greatest error of the integral of a speed, over the motion
@@ -159,10 +158,9 @@ def signals_of(
     time: np.ndarray | None = None,
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return signal → column labels of the joints, and signal → reason of a guess. Column names
-    determine a signal. If no name is a command's and ``load(label)`` returns values (N,) at
-    ``time`` (N,), the command is the only group whose values are close to the measured angles and
-    which is neither the derivative of these angles nor a quaternion.
+    """Return signal → column labels of the joints, and signal → reason of a guess, by column names.
+    Without a name for the command, the command is the only group whose values follow the measured
+    angles, except derivatives and quaternions; ``load(label)`` returns (N,) at ``time`` (N,).
     """
     groups = columns_by_name(labels)
     groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
@@ -173,9 +171,7 @@ def signals_of(
 def signals_of_groups(
     groups: Mapping[str, list[str]], values: Mapping[str, np.ndarray], time: np.ndarray | None
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return the signals as :func:`signals_of`, from group name → column labels and group name →
-    ``values`` (N, joints).
-    """
+    """Return :func:`signals_of` groups of columns, and ``values`` (N, joints) per group."""
     fits = {n for n in groups if n not in values or not _is_quaternion(values[n])}
     actual = [name for name in named_like("actual", groups) if name in fits]
     target = [name for name in named_like("target", groups) if name in fits and name not in actual]
@@ -221,9 +217,7 @@ def _is_quaternion(values: np.ndarray) -> bool:
 
 
 def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:
-    """Return whether in nine of ten rows two signals (N, joints) differ by less than FOLLOWS of the
-    measured range.
-    """
+    """Return whether 90 % of the rows differ by less than FOLLOWS of the measured range."""
     motion = np.ptp(measured, axis=0).max(initial=0.0)
     return bool(motion) and bool(np.quantile(np.abs(commanded - measured), 0.9) < FOLLOWS * motion)
 

@@ -140,9 +140,7 @@ def _values(group: dict, *names: str) -> list:
 
 
 def _processor(content: bytes) -> int:
-    """Return the processor: the fourth byte of the parameter block, whose number is the first byte;
-    0 where ``content`` is no C3D.
-    """
+    """Return the processor, byte 4 of the parameter block; 0 where ``content`` is no C3D."""
     at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
     is_c3d = len(content) >= BLOCK and content[1] == KEY and at < len(content)
     return content[at] if is_c3d and content[at] in (INTEL, DEC, MIPS) else 0

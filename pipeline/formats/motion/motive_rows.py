@@ -37,9 +37,7 @@ Samples = dict[str, dict[int, list[float]]]  # name → index of the frame → n
 
 
 class TypedRows:
-    """Parser of rows, which collects their content; ValueError for a cell or row that the format
-    does not allow at its place.
-    """
+    """Parser that collects the content of rows; ValueError for an invalid cell or row."""
 
     def __init__(self) -> None:
         self.cells = iter(())  # remaining cells of the current row

@@ -181,8 +181,7 @@ def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) ->
 class TakeVerdict(NamedTuple):
     """Distance of a take from N other takes, for all joints together and for each joint."""
 
-    # rows: all joints, then each joint; own, mean, std (of the others) in nats per step, and p
-    evidence: pd.DataFrame
+    evidence: pd.DataFrame  # all joints, then each joint: own, mean, std (nats per step) and p
     p_whole: float  # p of the greatest |t| of the whole take
     ends: np.ndarray  # (SPANS + 1,) s, limits of the spans
     span_t: np.ndarray  # (n, SPANS) t by joint and span
@@ -236,9 +235,7 @@ def judge(
 
 
 def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return t of ``one`` (...) from ``theirs`` (N, ...), and t (N, ...) of each of ``theirs`` from
-    the remaining N − 1.
-    """
+    """Return t of ``one`` (...) from ``theirs`` (N, ...), and of each of ``theirs`` likewise."""
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))

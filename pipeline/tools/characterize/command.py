@@ -146,9 +146,7 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 
 
 def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFrame], dict]:
-    """Return motions, tables and metrics of the stages; of the plain models only, if a stage raises
-    an error for the motion.
-    """
+    """Return motions, tables and metrics; of the plain models only, if a stage fails."""
     dataset, metrics = settings.dataset, {}
     try:
         _run_stage(ingest.run, "motion")

@@ -91,9 +91,7 @@ def as_json(findings: list[Finding]) -> str:
 
 
 def as_table(findings: list[Finding], folder: Path) -> str:
-    """Return the findings as text, grouped if names differ only in numbers; ? marks a question and
-    ! a stop.
-    """
+    """Return the findings as text, grouped by name without numbers; ? is a question, ! a stop."""
     groups: dict[str, list[Finding]] = {}
     reasons: dict[str, list[str]] = {}
     for one in findings:

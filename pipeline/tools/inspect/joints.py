@@ -155,9 +155,7 @@ def compare_tables(findings: Sequence[Finding]) -> None:
 def _scales(
     finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], *stated: str | None
 ) -> tuple[float, float]:
-    """Return s and rad per unit of times and angles, by the ``stated`` units, else by likely units,
-    which are added as questions.
-    """
+    """Return s and rad per unit of times and angles; add questions for units not ``stated``."""
     clock, angle = (spelled(unit or "") for unit in stated or ("", ""))
     if clock not in TIME_UNITS:
         step = float(np.median(np.diff(time)))

@@ -91,9 +91,7 @@ def _clouds(name: str, robot: Robot) -> Clouds:
 
 
 def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return the positions (K, L, 3) of base, joint origins and tip, in m in the base frame, at the
-    joint angles ``q`` (K, n).
-    """
+    """Return base, joint origins and tip (K, L, 3), m in the base frame, at ``q`` (K, n)."""
     described = describe(robot)
     links = dict.fromkeys([*(joint.child for joint in described.joints), described.tip])
     chains = link_chains(robot, links, "robot.joints")
