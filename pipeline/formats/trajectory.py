@@ -22,9 +22,9 @@ def read_trajectory(file: Path) -> pd.DataFrame:
     """Return the trajectory in ``file``, one row per time step: t in s; poses x (m, m, rad) and
     velocities v (m/s, m/s, rad/s), joint angles q in rad, or both. The file has the columns ``t``
     and ``x, z, phi, vx, vz, vphi``, one ``q:JOINT`` per joint, or both. Raises RecordingError, with
-    the line if known, for a missing column, fewer than two rows, a cell that is no finite number,
-    steps that are not positive or differ by more than a microsecond, an angle that jumps by more
-    than half a turn, and a last row without line end.
+    the line if known, for a missing column, fewer than two rows, a cell without a finite number and
+    a last row without line end. Time steps must be positive and equal to a microsecond; angles must
+    not jump by more than half a turn.
     """
 
     def choose(labels: list[str]) -> list[str]:

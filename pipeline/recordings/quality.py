@@ -99,7 +99,7 @@ def require_enough(takes: pd.DataFrame) -> None:
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return one row per step and recording: number found, number kept, text of the rest."""
+    """Return one row per step and recording: numbers found and kept, and what is left out."""
     names = [set(table["file"]) for table in files]
     present, unread = set().union(*names), set.intersection(*names)  # unnamed: listed by each part
     places = Counter(name.partition("/")[0] for name in unread)

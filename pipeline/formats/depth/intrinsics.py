@@ -160,24 +160,24 @@ def _values(file: Path) -> tuple[Mapping, bool]:
     """
     text = read_text(file)
     body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
-    is_json, held = whole.lstrip().startswith("{"), []
+    is_json, documents = whole.lstrip().startswith("{"), []
     try:
         if is_json:
-            held = [json.loads(whole, parse_float=str, parse_int=str)]
+            documents = [json.loads(whole, parse_float=str, parse_int=str)]
         elif body.lstrip().startswith("<"):
-            held = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
+            documents = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
         else:
             # OpenCV's first line is not valid YAML
             body = re.sub(r"^%YAML:1\.0.*\n", "", body)
-            held = [one for one in yaml.load_all(body, yaml.BaseLoader) if one]
+            documents = [one for one in yaml.load_all(body, yaml.BaseLoader) if one]
     except (yaml.YAMLError, ElementTree.ParseError, ValueError, RecursionError):
-        held = []
+        documents = []
     # Open3D's file has the camera and its pose, a ROS print has many messages
-    plain = [one.get("intrinsic", one) for one in held if isinstance(one, Mapping)]
+    plain = [one.get("intrinsic", one) for one in documents if isinstance(one, Mapping)]
     plain = [dict(one) for one in plain if isinstance(one, Mapping)]
     for one in plain:
         one.pop("header", None)
-    if not plain or len(plain) < len(held) or any(other != plain[0] for other in plain):
+    if not plain or len(plain) < len(documents) or any(other != plain[0] for other in plain):
         message = "no calibration in YAML, XML or JSON, or truncated, or several calibrations that "
         message += "differ; export one again"
         raise RecordingError(message, file=file)

@@ -36,18 +36,18 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     if head.content.startswith(HDF5):
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
-    held = read_alone(read, Path(file), file=file, advice="save it again")
-    arrays = {name: np.atleast_2d(one.T) for name, one in held.items() if one.ndim in (1, 2)}
+    data = read_alone(read, Path(file), file=file, advice="save it again")
+    arrays = {name: np.atleast_2d(one.T) for name, one in data.items() if one.ndim in (1, 2)}
     groups, columns = {}, {}
     for name, rows in arrays.items():
-        groups[name] = [f"{name}:{j}" for j in range(len(rows))] if held[name].ndim == 2 else [name]
+        groups[name] = [f"{name}:{j}" for j in range(len(rows))] if data[name].ndim == 2 else [name]
         columns |= zip(groups[name], rows, strict=True)
 
     def numbers(quantity: str, names: Sequence[object]) -> np.ndarray:
         labels = [label for name in map(str, names) for label in groups.get(name, [name])]
         chosen = [columns[label] for label in labels if label in columns]
         if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
-            present = ", ".join(f"{name} {one.shape}" for name, one in sorted(held.items()))
+            present = ", ".join(f"{name} {one.shape}" for name, one in sorted(data.items()))
             message = f"the {quantity} must be an array with one row of numbers per time, found "
             message += f"{names}; name the array, or its columns as ARRAY:COLUMN. The file has "
             message += present or "no arrays"
@@ -63,17 +63,17 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
 
     named = [options.time]
     if isinstance(options.time, int):
-        named = named_like("time", [name for name in arrays if held[name].ndim == 1])
+        named = named_like("time", [name for name in arrays if data[name].ndim == 1])
     clock, time = (named[0] if len(named) == 1 else None), None
     if clock is not None:
         time = numbers("time", named)[:, 0] * TIME_UNITS[options.time_unit]
     chosen = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
-        tables = {name: [name] for name in arrays if held[name].ndim == 2}
-        numbers_mib = sum(held[name].size for name in tables) * 8 / MIB
+        tables = {name: [name] for name in arrays if data[name].ndim == 2}
+        numbers_mib = sum(data[name].size for name in tables) * 8 / MIB
         require("memory_mib", numbers_mib, "MiB of numbers in unnamed arrays", file)
-        values = {name: held[name].astype(float) for name in tables}
+        values = {name: data[name].astype(float) for name in tables}
         with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers may be huge or NaN
             found, guessed = signals_of_groups(tables, values, time)
         if guessed and not possibly_speed(found["target"]):

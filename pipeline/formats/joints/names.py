@@ -64,7 +64,7 @@ class Meaning:
 
     @property
     def is_angle(self) -> bool:
-        """Whether the name can be the name of a joint angle."""
+        """True if the name can be the name of a joint angle."""
         placed = len(self.rest) == 1 and self.rest[0] in PLACES
         return self.quantity in ("position", "") and not placed
 
@@ -124,12 +124,12 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         role = parsed.role or ("actual" if parsed.quantity == "position" else "")
         if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in COORDINATES:
             worded.setdefault(role, []).append(label)
-    groups = {name: [held[n] for n in sorted(held)] for name, held in numbered.items()}
+    groups = {name: [group[n] for n in sorted(group)] for name, group in numbered.items()}
     joints = {frozenset((meaning(n).rest, meaning(n).number) for n in w) for w in worded.values()}
     plain = any(meaning(n).is_angle and meaning(n).role and not meaning(n).rest for n in groups)
-    named = {label for held in worded.values() for label in held}
+    named = {label for group in worded.values() for label in group}
     if len(joints) == 1 and not plain and any(meaning(label).number is None for label in named):
-        groups = {name: held for name, held in groups.items() if not named & {*held}} | worded
+        groups = {name: group for name, group in groups.items() if not named & {*group}} | worded
     return groups
 
 
@@ -163,8 +163,8 @@ def signals_of(
     angles, except derivatives and quaternions; ``load(label)`` returns (N,) at ``time`` (N,).
     """
     groups = columns_by_name(labels)
-    groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
-    values = {n: np.column_stack([*map(load, held)]) for n, held in groups.items()} if load else {}
+    groups = {n: group for n, group in groups.items() if len(group) > 1 or len(groups) < 4}
+    values = {n: np.column_stack([*map(load, group)]) for n, group in groups.items()} if load else {}
     return signals_of_groups(groups, values, time)
 
 
@@ -179,8 +179,8 @@ def signals_of_groups(
         alike = [n for n in actual or fits - {*target} if len(groups[n]) == len(groups[target[0]])]
         if not actual:  # measured angles may have the command's name without cmd: J1 and J1_cmd
             own = meaning(groups[target[0]][0]).rest
-            held = {name: meaning(groups[name][0]) for name in alike}
-            alike = [n for n, m in held.items() if m.is_angle and not m.role and m.rest == own]
+            meanings = {name: meaning(groups[name][0]) for name in alike}
+            alike = [n for n, m in meanings.items() if m.is_angle and not m.role and m.rest == own]
         actual = alike if len(alike) == 1 else actual
     signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
     guessed: dict[str, str] = {}

@@ -195,12 +195,12 @@ class TakeVerdict(NamedTuple):
 
     @property
     def behaves(self) -> bool:
-        """Whether neither the whole take nor a span differs from the other takes."""
+        """True if neither the whole take nor a span differs from the other takes."""
         return bool(min(self.p_whole, self.p_spans) > self.limit)
 
     @property
     def shows(self) -> bool:
-        """Whether there are enough takes to show a difference."""
+        """True if there are enough takes to show a difference."""
         return bool(2 * self.limit <= MOST_CHANCE)
 
 
@@ -235,7 +235,7 @@ def judge(
 
 
 def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return t of ``one`` (...) from ``theirs`` (N, ...), and of each of ``theirs`` likewise."""
+    """Return t of ``one`` (...) from N takes ``theirs``, and t of every take in ``theirs``."""
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
@@ -300,7 +300,7 @@ def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int
         axes.set(title=look["label"], xlim=(0, t[-1]))
     grid[0].set_ylabel("innovation (rad)")
     unlike = "behaves as" if verdict.behaves else "does NOT behave as"
-    compared = f"{unlike if verdict.shows else 'beside'} the {int(verdict.others.sum())}"
+    compared = f"{unlike if verdict.shows else 'and'} the {int(verdict.others.sum())}"
     figure.suptitle(f"{take} {compared} other takes", fontsize=9)
     labels = [take, "±2σ by the model", "95 % of the other takes"]
     figure.legend([error, bound, band], labels, loc="outside lower center", ncols=3)

@@ -69,7 +69,7 @@ def run(model: str, to: Path | None = None) -> None:
 
 
 def write_export(record: dict[str, Any], file: Path) -> None:
-    """Write ``record`` to ``file`` and the reader beside it, and print how to load it."""
+    """Write ``record`` to ``file``, the reader into the same folder, and print how to load it."""
     reader = file.parent / READER_NAME
     contracts.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", file)
     contracts.write_text(reader_source(), reader)

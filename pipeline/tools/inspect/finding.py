@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pipeline.core.errors import PipelineError
 
-UNKNOWN, ROBOT = "unknown", "robot"  # kinds beside those of pipeline.formats.format.Kind
+UNKNOWN, ROBOT = "unknown", "robot"  # kinds in addition to pipeline.formats.format.Kind
 WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
 PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height

@@ -77,7 +77,7 @@ def add_table(finding: Finding, form: Format) -> None:
         facts["columns_without_numbers"] = sheet.left_out
     # rows may share a time if the table merges two sources
     later = np.greater_equal if missing else np.greater
-    steps = {n: np.diff(held) for n, held in values.items() if len(held) > 2}
+    steps = {n: np.diff(column) for n, column in values.items() if len(column) > 2}
     clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
     if labels:
@@ -93,7 +93,7 @@ def add_table(finding: Finding, form: Format) -> None:
         second = TIME_UNITS.get(spelled(sheet.unit(clocks[0]) or ""))
         if second and facts["step_of_time"]:
             finding.rate = round(1 / (facts["step_of_time"] * second), 3)
-    columns = {labels[n]: held for n, held in values.items()} if labels else {}
+    columns = {labels[n]: column for n, column in values.items()} if labels else {}
     signals: dict[str, list[str]] = {}
     if len(columns) == len(values):  # labels are unique
         signals, guesses = signals_of([*columns], time, columns.__getitem__)

@@ -164,8 +164,8 @@ class Draft:
         }
 
     def answer(self, key: str, value: str) -> None:
-        """Replace the ??? of ``key`` by ``value`` (YAML). ConfigError without any change for a key
-        that is not open; the first fault that the value causes is raised likewise.
+        """Replace the ??? of ``key`` by ``value`` (YAML). Raises ConfigError, without any change,
+        for a key that is not open, and the first fault that the value causes.
         """
         if key not in (open_values := self.open_values()):
             keys = ", ".join(open_values) or "none"
