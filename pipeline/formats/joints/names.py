@@ -164,7 +164,7 @@ def signals_of(
     """
     groups = columns_by_name(labels)
     groups = {n: group for n, group in groups.items() if len(group) > 1 or len(groups) < 4}
-    values = {n: np.column_stack([*map(load, group)]) for n, group in groups.items()} if load else {}
+    values = {n: np.column_stack([*map(load, g)]) for n, g in groups.items()} if load else {}
     return signals_of_groups(groups, values, time)
 
 
