@@ -64,7 +64,7 @@ def _require_followable(chain: Chain, q: np.ndarray, speed: np.ndarray, motion: 
     lower, upper, fastest = chain.lower, chain.upper, chain.max_speed
     for fits, fault in (
         (chain.within_limits(q), f"leaves the joint limits {lower} to {upper} rad"),
-        (slow, f"exceeds the speed limits {fastest} rad/s; use more time or a shorter path"),
+        (slow, f"is faster than the joints' limits {fastest} rad/s; allow more time"),
     ):
         if not fits.all():
             raise ConfigError(f"{motion} {fault}", step=int(np.argmin(fits)))

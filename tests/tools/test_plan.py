@@ -84,7 +84,7 @@ def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(work):
     for words, message in (
         (["other", "path.csv", "out"], "no fitted parameters"),
         (["wishart", "none.csv", "out"], "cannot be read .*none.csv"),
-        (["wishart", "path.csv", "data"], "exists and is no plan"),
+        (["wishart", "path.csv", "data"], "exists and contains no plan"),
     ):
         with pytest.raises(PipelineError, match=message):
             run(words)
