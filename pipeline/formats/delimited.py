@@ -1,6 +1,4 @@
-"""Delimited text as instruments write it: whole lines, the numbers between the separators, and the
-units that labels state.
-"""
+"""Delimited text of instruments: lines, cells, numbers, and the units in column labels."""
 
 import csv
 import io
@@ -18,15 +16,15 @@ from pipeline.formats.format import decoded, file_content
 
 # alternatives begin with different characters, so that no text takes long to match
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
-GREATEST = 1e20  # of a measured number: above any time in ns, and its square is finite
-# a blank cell, and what C runtimes, Python, MATLAB and spreadsheets print for a missing sample
+GREATEST = 1e20  # greatest measured number: above any time in ns, and its square is finite
+# blank cell, and words of C runtimes, Python, MATLAB and spreadsheets for a missing number
 MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
-LONGEST_GAP = 10  # median steps of a column, across which cells without a number are interpolated
-SPARSEST = 50  # rows for each number of a column, at most
-SPACE = " "  # as a separator: any number of blanks
-# files that look like tables: beginning, name, and what to do
+LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
+SPARSEST = 50  # greatest number of rows per number in a column
+SPACE = " "  # separator that stands for any number of blanks
+# formats that resemble tables: pattern of the beginning, name, remedy
 NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
 FOREIGN = (
     (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
@@ -39,10 +37,10 @@ FOREIGN = (
 )
 
 _LBF, _KGF, _INCH = 4.4482216152605, 9.80665, 0.0254
-# N; lb, klb, kg and g as ATI's programs name forces
+# unit → N; ATI's programs write forces in lb, klb, kg and g
 FORCE_UNITS = {"N": 1.0, "kN": 1e3, "lbf": _LBF, "klbf": 1e3 * _LBF, "kgf": _KGF, "gf": 1e-3 * _KGF}
 FORCE_UNITS |= {"lb": _LBF, "klb": 1e3 * _LBF, "kg": _KGF, "g": 1e-3 * _KGF}
-# N·m
+# unit → N·m
 TORQUE_UNITS = {"Nm": 1.0, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 TORQUE_UNITS |= dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf"), _LBF * _INCH)
 TORQUE_UNITS |= dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf"), _LBF * 12 * _INCH)
@@ -62,23 +60,23 @@ _WORDS = {
     "mm": "millimeter millimeters millimetre millimetres",
 }
 SPELLINGS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
-UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # a label and, in brackets, its unit
+UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # label and its unit in brackets
 KNOWN = {*FORCE_UNITS, *TORQUE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, "A", "V", "Hz", "-"}
 
 
 class Samples(NamedTuple):
-    """Rows of chosen columns, in which every cell has a number."""
+    """Complete rows of chosen columns: every cell has a number."""
 
     values: np.ndarray  # (M, columns)
-    rows: np.ndarray  # (M,) their numbers in the table, from 0
-    # rows_without_numbers and incomplete_end_rows, left out; interpolated_cells
+    rows: np.ndarray  # (M,) row numbers in the table, from 0
+    # rows_without_numbers and incomplete_end_rows (both left out), interpolated_cells
     counts: dict[str, int]
 
 
 @dataclass(frozen=True)
 class Text:
-    """Whole lines of a file, and ``cut``: the text after the last line end, or None. A number in
-    ``cut`` may have lost digits, so that no reader uses it.
+    """Complete lines of a file, and the text ``cut`` after the last line end, or None. No reader
+    uses ``cut``, since a number in it may have lost digits.
     """
 
     lines: list[str]
@@ -87,28 +85,26 @@ class Text:
 
 def read_text(file: Path) -> Text:
     """Return the lines of ``file`` without line ends and byte-order mark; RecordingError for a file
-    that cannot be read, is empty or is no text.
+    that is unreadable, empty or no text.
     """
     content = file_content(file)
     if not content.strip():
         raise RecordingError("the file is empty; export or copy it again", file=file)
     if (text := decoded(content)) is None:
-        message = "this is not plain text (it holds zero bytes); export it as UTF-8 text"
+        message = "this is not plain text (the file has zero bytes); export it as UTF-8 text"
         raise RecordingError(message, file=file)
     *lines, last = text.split("\n")
     return Text(lines, last or None)
 
 
 def foreign(text: str) -> tuple[str, str] | None:
-    """Return name and remedy of the format in FOREIGN that ``text`` begins like, else None."""
+    """Return name and remedy of the first format in FOREIGN that matches ``text``, or None."""
     fits = (known for mark, *known in FOREIGN if re.match(rf"\s*(?:FILE_VERSION.*\n)?{mark}", text))
     return next(map(tuple, fits), None)
 
 
 def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]:
-    """Return the cells of one line, unquoted and stripped; RecordingError at line ``number`` where
-    its quotes do not close.
-    """
+    """Return the stripped cells of line ``number``; RecordingError if a quote does not close."""
     try:
         cells = next(csv.reader([line], delimiter=separator, strict=True), [])
     except csv.Error as error:
@@ -127,20 +123,20 @@ def numbers_of(
     decimal: str = ".",
     gaps: bool = False,
 ) -> np.ndarray:
-    """Return (N, len(columns)) float64 of N ``rows``, each correctly rounded, NaN where ``gaps``
-    and a cell is missing; other columns may hold anything. Raises RecordingError with the row's
-    number in ``line_numbers`` (N) for another number of cells than in the first row, a cell that is
-    no number or beyond GREATEST, and a missing one unless ``gaps``.
+    """Return the numbers (N, len(columns)) in the ``columns`` of N ``rows``, correctly rounded to
+    float64; a missing number is NaN if ``gaps``. Raises RecordingError, with the line number from
+    ``line_numbers`` (N,), for a row whose number of cells differs from the first row; in the
+    ``columns``, for a cell that is no number or beyond GREATEST, and a missing one unless ``gaps``.
     """
 
     def cells_at(row: int) -> list[str]:
         return cells_of(rows[row], separator, file=file, number=line_numbers[row])
 
     marks = [row.count(separator) for row in rows]
-    for row in (row for row, held in enumerate(marks) if held != marks[0]):
-        # a separator within quotes separates nothing
-        if (held := len(cells_at(row))) != (first := len(cells_at(0))):
-            message = f"the row has {held} cells where the first has {first}: truncated or damaged"
+    for row in (row for row, count in enumerate(marks) if count != marks[0]):
+        # quoted separators do not separate cells, so count the cells
+        if (width := len(cells_at(row))) != (first := len(cells_at(0))):
+            message = f"the row has {width} cells where the first has {first}: truncated or damaged"
             raise RecordingError(message, file=file, line=line_numbers[row])
     form = {"sep": separator, "decimal": decimal, "header": None, "dtype": "float64"}
     form |= {"usecols": sorted({*columns}), "keep_default_na": False, "na_values": [*MISSING]}
@@ -170,12 +166,12 @@ def numbers_of(
 def complete_rows(
     values: np.ndarray, clock: int | None, leading: list[int]
 ) -> tuple[Samples | None, tuple[str, int, int] | None]:
-    """Return the rows of ``values`` (N, columns) that have a number in a ``leading`` column, or the
-    problem, column and row that prevents it. Tables merged of several sources have missing cells:
-    those between two numbers of their column are interpolated linearly over the column ``clock``
-    (default the rows), and rows before its first or after its last number are left out. Refused
-    are rows without a time, cells in a gap of more than LONGEST_GAP median steps of their column,
-    and columns with fewer than two numbers or one in SPARSEST rows.
+    """Return the rows of ``values`` (N, columns) with a number in a ``leading`` column, and None;
+    or None, and the first fault as problem, column and row. A missing cell between two numbers of
+    its column is interpolated linearly over the column ``clock`` (default the row number). Rows
+    before the first or after the last number of a column are left out. Faults are a row without a
+    time, a gap of more than LONGEST_GAP median steps of the column, and a column with fewer than
+    two numbers or fewer than one number in SPARSEST rows.
     """
     rows, missing = np.arange(len(values)), np.isnan(values)
     if not missing.any():
@@ -211,7 +207,7 @@ def complete_rows(
 
 
 def split_line(line: str, mark: str) -> list[str]:
-    """Return the cells of a line; quotes that do not close are kept, for the reader to refuse."""
+    """Return the cells of a line; a quote that does not close stays in its cell."""
     if '"' in line:
         with suppress(RecordingError):
             return cells_of(line, mark, file=Path(), number=0)
@@ -234,9 +230,7 @@ def filled_width(cells: list[str]) -> int:
 
 
 def counts_on(cells: list[str]) -> bool:
-    """Return whether cells are labels that are numbers, as pandas writes them: nothing or a word,
-    then 0, 1, 2 …
-    """
+    """Return whether ``cells`` are pandas' column numbers: empty or a word, then 0, 1, 2, …"""
     if len(cells) < 3 or is_number(cells[0]):
         return False
     numbers = [int(cell) for cell in cells[1:] if re.fullmatch(r"\d{1,4}", cell)]
@@ -244,49 +238,47 @@ def counts_on(cells: list[str]) -> bool:
 
 
 def is_rowlike(line: str) -> bool:
-    """Return whether a line has not more words than numbers."""
+    """Return whether a line has a number, and at most as many words as numbers."""
     pieces = re.split(r'[,;\s"]+', line)
     words = [piece for piece in pieces if piece not in MISSING and re.search(r"^[^\W\d]", piece)]
     return len(words) <= count_numbers(pieces) > 0
 
 
 def separator_of(line: str) -> str:
-    """Return the separator of a line of numbers."""
+    """Return the separator of the cells in a line of numbers."""
     if mark := next((mark for mark in ";\t" if mark in line), ""):
         return mark
     pieces = line.split()
-    # commas that never touch a blank are decimal marks of cells that blanks keep apart
+    # if no comma touches a blank, blanks separate the cells and commas are decimal marks
     spaced = len(pieces) > 1 and not any("," in (piece[0], piece[-1]) for piece in pieces)
-    # a date and a time have a blank between them too
+    # a blank may also be between a date and a time
     numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
     return SPACE if spaced and numbers and '"' not in line else ","
 
 
 def plain_unit(unit: str) -> str:
-    """Return ``unit`` without what joins its factors: N·m, N-m and N m are Nm."""
+    """Return ``unit`` without the signs between its factors: N·m, N-m and N m become Nm."""
     return re.sub(r"[-·⋅*.\s]", "", unit)
 
 
 def spelled(unit: str) -> str:
-    """Return a unit of time, angle or length in this project's spelling, of a speed its angle's."""
+    """Return a unit of time, angle or length in the spelling of SPELLINGS, without ``/s``."""
     plain = unit.strip().lower().removesuffix("/s")
     return SPELLINGS.get(plain, plain)
 
 
 def is_unit(word: str) -> bool:
-    """Return whether a cell is a unit, bare or in brackets."""
+    """Return whether a cell is a unit, with or without brackets."""
     plain = word.strip("()[] ")
     return plain in KNOWN or plain_unit(plain) in KNOWN or spelled(plain) in KNOWN
 
 
 def bare(label: str) -> str:
-    """Return the label without a unit in brackets behind it."""
+    """Return the label without the unit in brackets behind it."""
     return UNIT.fullmatch(label)[1] if unit_of(label) else label
 
 
 def unit_of(label: str) -> str | None:
-    """Return the unit in brackets behind a label, None where there is none; an index, as in
-    ``q[0]`` or ``q(1)``, is no unit.
-    """
+    """Return the unit in brackets behind a label, or None; ``q[0]`` and ``q(1)`` have no unit."""
     match = UNIT.fullmatch(label)
     return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None

@@ -1,7 +1,7 @@
-"""Formats of files: recognisers and readers of files, and patterns of their names.
+"""File formats: their declaration, discovery and recognition, and patterns of file names.
 
-A format is a module below this folder with a ``FORMAT`` (or a tuple of several). Formats are found
-by their place: ``inspect`` recognises a new one, ``new-dataset`` proposes it, the stages read it.
+A format is a module below this folder with a ``FORMAT`` (or a tuple of several). All such modules
+are found: ``inspect`` recognises a new format, ``new-dataset`` proposes it, the stages read it.
 """
 
 import codecs
@@ -21,12 +21,12 @@ from typing import Any
 from pipeline.core.bounds import call_alone, read_whole
 from pipeline.core.errors import ConfigError, RecordingError
 
-BYTES = 1 << 16  # of a file's head: the labels and rows of some hundred columns
+BYTES = 1 << 16  # size of a file's head: labels and rows of some hundred columns
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
 
 
 class Kind(StrEnum):
-    """Content of a file; ``read`` of every format of a kind takes and returns the same."""
+    """Content of a file; all formats of one kind have the same signature of ``read``."""
 
     MOTION = "motion"  # read(file, unit) → pipeline.formats.motion.take.MotionTake
     JOINTS = "joints"  # read(file, options) → pipeline.formats.joints.log.JointLog
@@ -42,14 +42,14 @@ class Kind(StrEnum):
 
 
 def decoded(content: bytes) -> str | None:
-    """Return the text in ``content`` up to the last whole character, with line feeds as line ends;
-    UTF-8, UTF-16, else Latin-1. None where it is no text.
+    """Return ``content`` decoded as UTF-8, UTF-16 or else Latin-1, up to the last complete
+    character, with line feeds as line ends; None where ``content`` is no text.
     """
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
     elif b"\0" in content:
-        encoding = "utf-16-le"  # without its mark, if every second byte is zero
+        encoding = "utf-16-le"  # without byte-order mark, if every second byte is zero
         if any(content[1:400:2]):
             return None
     try:
@@ -68,7 +68,7 @@ class Head:
 
     @classmethod
     def read(cls, file: Path) -> "Head":
-        """Return the first bytes of ``file``, none of a folder; OSError where it cannot be read."""
+        """Return the first BYTES of ``file``, no bytes of a folder; OSError if unreadable."""
         if Path(file).is_dir():
             return cls(Path(file), b"")
         with Path(file).open("rb") as stream:
@@ -81,53 +81,53 @@ class Head:
 
     @cached_property
     def text(self) -> str | None:
-        """The beginning as text, None where it is not text."""
+        """The beginning as text, None if it is no text."""
         return decoded(self.content)
 
     @cached_property
     def lines(self) -> list[str]:
-        """Lines with content."""
+        """Lines that are not blank."""
         return [line for line in (self.text or "").split("\n") if line.strip(' \t,;"')]
 
 
 @dataclass(frozen=True)
 class Format:
-    """One format of files: a module-level ``FORMAT`` declares it."""
+    """One file format, declared by a module-level ``FORMAT``."""
 
-    name: str  # as a person calls it
+    name: str  # name in reports
     kind: Kind
     read: Callable
-    # whether a file begins like one; None where only an option of the dataset tells
+    # returns whether a file has the format; None if only an option of the dataset selects it
     recognises: Callable[[Head], bool] | None = None
-    option: str | None = None  # its name in options of the dataset
+    option: str | None = None  # name of the format in options of the dataset
 
 
 @cache
 def formats_in(package: ModuleType, *kinds: Kind) -> tuple[Format, ...]:
     """Return the formats of the ``kinds`` (default all) in and below ``package``, in the order of
-    their modules; tables last, since files of other formats begin like tables.
+    their modules, but tables last, since files of other formats also look like tables.
     """
     modules = walk_packages(package.__path__, f"{package.__name__}.")
     declared = [getattr(import_module(module.name), "FORMAT", ()) for module in modules]
-    formats = [one for held in declared for one in (held if isinstance(held, tuple) else (held,))]
+    formats = [one for each in declared for one in (each if isinstance(each, tuple) else (each,))]
     chosen = [one for one in formats if not kinds or one.kind in kinds]
     return tuple(sorted(chosen, key=lambda one: one.kind == Kind.TABLE))
 
 
 def recognised(head: Head, formats: Sequence[Format]) -> Format | None:
-    """Return the first of the ``formats`` that the file begins like."""
+    """Return the first of the ``formats`` that recognises ``head``, or None."""
     return next((one for one in formats if one.recognises and one.recognises(head)), None)
 
 
 def format_of(file: Path, formats: Sequence[Format]) -> Format | None:
-    """Return the first of the ``formats`` that ``file`` begins like; RecordingError if unread."""
+    """Return the first of ``formats`` that recognises ``file``; RecordingError if unreadable."""
     with readable(file):
         return recognised(Head.read(file), formats)
 
 
 @contextmanager
 def readable(file: Path) -> Iterator[None]:
-    """Raise RecordingError with the ``file`` for an OSError within."""
+    """Raise RecordingError with the ``file`` in place of an OSError in the context."""
     try:
         yield
     except OSError as error:
@@ -136,14 +136,14 @@ def readable(file: Path) -> Iterator[None]:
 
 
 def file_content(file: Path) -> bytes:
-    """Return all bytes of ``file``; RecordingError where it cannot be read or is too large."""
+    """Return all bytes of ``file``; RecordingError if it is unreadable or too large."""
     with readable(file):
         return read_whole(file)
 
 
 def read_alone(function: Callable, *arguments: object, file: Path, advice: str) -> Any:
-    """Return ``function(*arguments)`` from a process with bounds on time and memory, which a
-    library may end; RecordingError with the ``advice`` where it fails on the ``file``.
+    """Return ``function(*arguments)`` from a separate process with bounds on time and memory;
+    RecordingError with the ``advice`` where the function or its process fails on the ``file``.
     """
     with advised(advice):
         return call_alone(function, *arguments, file=file)
@@ -151,7 +151,7 @@ def read_alone(function: Callable, *arguments: object, file: Path, advice: str) 
 
 @contextmanager
 def advised(advice: str, **evidence: object) -> Iterator[None]:
-    """Add ``evidence`` to the error of a sandbox, and the ``advice`` where a library failed."""
+    """Add ``evidence`` to a RecordingError of a sandbox, and ``advice`` if a library failed."""
     try:
         yield
     except RecordingError as error:
@@ -161,12 +161,12 @@ def advised(advice: str, **evidence: object) -> Iterator[None]:
 
 
 def begins(*marks: bytes) -> Callable[[Head], bool]:
-    """Return a recogniser of files that begin with one of the ``marks``."""
+    """Return a recogniser of files whose first bytes are one of the ``marks``."""
     return lambda head: head.content.startswith(marks)
 
 
 def is_xml(*names: str) -> Callable[[Head], bool]:
-    """Return a recogniser of XML in which an element has one of the ``names``."""
+    """Return a recogniser of XML with an element of one of the ``names``."""
     element = re.compile(rf"<({'|'.join(names)})[\s>]")
     return lambda head: (
         (head.text or "").lstrip().startswith("<") and element.search(head.text) is not None
@@ -175,14 +175,14 @@ def is_xml(*names: str) -> Callable[[Head], bool]:
 
 def is_bag(path: Path) -> bool:
     """Return whether ``path`` has a bag's suffix, or is a folder with ROS 2's metadata.yaml."""
-    if os.path.isfile(path):  # False where access is denied, as Path.is_file is not
+    if os.path.isfile(path):  # False where access is denied, where Path.is_file raises
         return path.suffix in BAG_SUFFIXES
     return os.path.isfile(path / "metadata.yaml")
 
 
 def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
     """Return the sorted paths below ``folder`` that match the glob ``pattern``; ConfigError with
-    the ``key`` of a pattern that is no relative glob.
+    the ``key`` of the pattern if it is no relative glob.
     """
     try:
         return sorted(folder.glob(pattern))
@@ -192,5 +192,5 @@ def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
 
 
 def is_literal(part: str) -> bool:
-    """Return whether a ``part`` of a glob, a name between slashes, has no wildcard."""
+    """Return whether a ``part`` of a glob (between two slashes) has no wildcard."""
     return not any(mark in part.replace("[[]", "") for mark in "*?[")

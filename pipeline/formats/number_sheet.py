@@ -1,5 +1,5 @@
-"""Tables of numbers as any program writes them: the last line says how many cells a row has, rows
-begin at the first line with numbers in the columns of the last lines; the header is above them.
+"""Tables of numbers of any program. The last line defines the number of cells per row. Rows begin
+at the first line with numbers in the numeric columns of the last lines, below the header.
 """
 
 import re
@@ -24,33 +24,33 @@ from pipeline.formats.delimited import (
 from pipeline.formats.format import Format, Head, Kind
 
 SEPARATORS = (",", ";", "\t", delimited.SPACE)
-SAMPLED = 40  # last lines that separate columns of numbers from others
-REMARKS = 5  # lines of words below the rows, at most
-TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # endings of files that hold no table
+SAMPLED = 40  # last lines, by which numeric columns are recognised
+REMARKS = 5  # greatest number of lines of words below the rows
+TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # suffixes of files that are no table
 HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """Rows of numbers, and the lines above them."""
+    """Table of numbers: its rows and its header."""
 
     file: Path
     header: list[str]  # lines of settings, title, labels and units
-    labels: list[str]  # (width,) of the columns; empty where no line above the rows labels them
+    labels: list[str]  # (width,) column labels; empty if the table has none
     units: list[str]  # cells of a line of units below the labels
-    label_line: int  # of the labels, else of the first row
+    label_line: int  # line number of the labels, else of the first row
     rows: list[str]
-    lines: list[int]  # (N,) places of the rows in the file, from 1
+    lines: list[int]  # (N,) line numbers of the rows in the file, from 1
     separator: str
     decimal: str
     numeric: list[int]  # columns of numbers, from 0
-    # blank_rows, remark_rows (repeated headers too), cut_rows (the last, short or without end)
+    # blank_rows, remark_rows (with repeated headers), cut_rows (short last row or no line end)
     counts: dict[str, int]
 
     @property
     def width(self) -> int:
-        """Cells of a row, without those that are empty behind the last one with a label."""
+        """Number of cells per row, up to the last labelled or numeric column."""
         return max(len(self.labels), self.numeric[-1] + 1)
 
     @cached_property
@@ -60,7 +60,7 @@ class Sheet:
 
     @property
     def settings(self) -> dict[str, str]:
-        """Statements of the header ``name = value`` of a cell and ``name: value`` of a line."""
+        """Settings of the header: cells ``name = value`` and lines ``name: value``."""
         above = (split_line(line.lstrip("#% "), self.separator) for line in self.header)
         stated = [cell.partition("=") for cells in above for cell in cells if "=" in cell]
         lines = [line.strip().strip('"') for line in self.header if "=" not in line]
@@ -69,12 +69,12 @@ class Sheet:
 
     @property
     def angle_unit(self) -> str | None:
-        """Unit of all angles, where a setting of OpenSim states it."""
+        """Unit of all angles, if OpenSim's setting ``inDegrees`` states it."""
         return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
 
     @property
     def origin(self) -> str | None:
-        """Program that wrote the table, where a line of the header ends it as that program does."""
+        """Program that wrote the table, if the line that ends the header identifies it."""
         if any(line.strip(" ,;\t") == "endheader" for line in self.header):
             return "of OpenSim (MOT, STO)"
         if any(line.startswith(HEADER_END) for line in self.header):
@@ -83,27 +83,27 @@ class Sheet:
 
     @property
     def left_out(self) -> dict[str, str]:
-        """Columns that hold no numbers, by label or number, and their content."""
-        named = {}
+        """Label or number of each column without numbers → its content."""
+        contents = {}
         width = max(len(self.labels), delimited.filled_width(self.last))
         for column in {*range(width)} - {*self.numeric}:
             cell, label = ("".join(row[column : column + 1]) for row in (self.last, self.labels))
-            what = "nothing" if cell in MISSING else "words"
-            named[label or str(column)] = "dates or times" if DATE.search(cell) else what
-        return named
+            content = "nothing" if cell in MISSING else "words"
+            contents[label or str(column)] = "dates or times" if DATE.search(cell) else content
+        return contents
 
     def words(self, column: int) -> list[str]:
-        """Return (N,) the cells of a column as they are written; empty where a row has too few."""
+        """Return (N,) the text of a column's cells; empty text where a row is too short."""
         return [(split_line(row, self.separator)[column:] or [""])[0] for row in self.rows]
 
     def unit(self, column: int) -> str | None:
-        """Return the unit that the header states for a ``column``, behind its label or below it."""
+        """Return the unit of a ``column``, stated in the header behind or below the label."""
         behind = delimited.unit_of("".join(self.labels[column : column + 1]))
         return behind or "".join(self.units[column : column + 1]).strip("()[] ") or None
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
-        """Return the column of each quantity of ``wanted``, by its label, with or without a unit,
-        or by its number from 0; RecordingError with the option's ``key`` for none and for two.
+        """Return quantity → column number, from quantity → label (with or without its unit) or
+        column number from 0; RecordingError with the option's ``key`` unless one column fits.
         """
         columns, names = {}, [(label, delimited.bare(label)) for label in self.labels]
         for quantity, name in wanted.items():
@@ -111,17 +111,17 @@ class Sheet:
             if isinstance(name, int):
                 fits = [name] if 0 <= name < len(self.last) else []
             if len(fits) != 1:
-                there = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
+                present = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
                 message = f"{quantity}: {len(fits)} columns have the label or number (from 0) "
                 message += f"{name!r}, one is required; the labels above the {self.width} columns "
-                message += f"are {there}"
+                message += f"are {present}"
                 raise RecordingError(message, file=self.file, line=self.label_line, key=key)
             columns[quantity] = fits[0]
         return columns
 
     def values(self, columns: list[int], *, gaps: bool = False) -> np.ndarray:
-        """Return (N, len(columns)) numbers, NaN where ``gaps`` and a cell is missing; else
-        RecordingError with the line of a missing number.
+        """Return the numbers (N, len(columns)) of ``columns``. A missing number is NaN if ``gaps``,
+        else RecordingError with its line.
         """
         form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
         return delimited.numbers_of(self.rows, self.lines, columns, file=self.file, **form)
@@ -129,35 +129,36 @@ class Sheet:
     def samples(
         self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
     ) -> Samples:
-        """Return the rows in which a column of ``at`` (default all but the ``clock``) has a number,
-        each cell with one; see :func:`complete_rows`. RecordingError with the line of a cell that
-        has none.
+        """Return the rows with a number in one of the columns ``at`` (default all but ``clock``),
+        missing cells interpolated; see :func:`complete_rows`. RecordingError with the line of a
+        cell that cannot be interpolated.
         """
         others = [place for place, column in enumerate(columns) if column != clock]
         leading = [place for place in others if columns[place] in at] or others
         place = None if clock is None else columns.index(clock)
-        held, fault = complete_rows(self.values(columns, gaps=True), place, leading)
+        samples, fault = complete_rows(self.values(columns, gaps=True), place, leading)
         if fault is not None:
             problem, place, row = fault
             label = "".join(self.labels[columns[place] : columns[place] + 1])
             message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the "
             raise RecordingError(f"{message}row out", file=self.file, line=self.lines[row])
-        return held
+        return samples
 
 
 def read_sheet(
     file: Path, *, separator: str | None = None, decimal: str | None = None, key: str = ""
 ) -> Sheet:
-    """Return the table in ``file``, split by ``separator`` (comma, semicolon, tab or blank) with
-    the ``decimal`` mark; None finds them. Raises RecordingError for a known format that is no
-    table, lines that are neither header nor rows, and fewer cells than labels; with the option
-    below ``key``, for points and commas in one table, and whole numbers between commas under no
-    header, which may be decimal fractions. Raises ConfigError for other options.
+    """Return the table in ``file`` with the ``separator`` (comma, semicolon, tab or blank) and the
+    ``decimal`` mark; None detects them. Raises RecordingError for a known format that is no table,
+    a line that is neither header nor row, and a row with fewer cells than labels. Mixed decimal
+    marks, or integers between commas without a header (decimal commas?), raise it with ``key``, the
+    option to set. Raises ConfigError for other marks.
     """
     known = separator in (None, *SEPARATORS) and decimal in (None, ".", ",")
     if not known or (decimal is not None and decimal == separator):
-        message = f"separator {separator!r} and decimal {decimal!r}: must be a comma, semicolon, "
-        raise ConfigError(f"{message}tab or blank, and another point or comma", key=key)
+        message = f"separator {separator!r} must be a comma, semicolon, tab or blank, and decimal "
+        message += f"{decimal!r} a point or comma other than the separator"
+        raise ConfigError(message, key=key)
     return _sheet(delimited.read_text(file), Path(file), separator, decimal, key)
 
 
@@ -165,21 +166,21 @@ def _sheet(
     text: delimited.Text, file: Path, separator: str | None, decimal: str | None, key: str
 ) -> Sheet:
     if other := delimited.foreign("\n".join(text.lines[:3]) + "\n"):
-        raise RecordingError(f"this is a {other[0]}, which is not read: {other[1]}", file=file)
+        raise RecordingError(f"this is a {other[0]}, which is not read; {other[1]}", file=file)
     places = [number for number, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
     if not places:
-        raise RecordingError("the file holds no whole line; record again", file=file)
+        raise RecordingError("the file has no complete line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     tail = lines[: -REMARKS - 1 : -1]
     likely = next((line for line in tail if delimited.is_rowlike(line)), lines[-1])
     mark = separator or delimited.separator_of(likely)
     if mark == delimited.SPACE:
         lines = [mark.join(line.lstrip("#%").split()) for line in lines]
-    below = tail.index(likely)  # lines of words below the rows
+    below = tail.index(likely)  # number of lines of words below the rows
     start, repeated = _sections(lines, places, mark)
     end = len(lines) - below
     early, sampled = lines[start:end][:-SAMPLED], lines[start:end][-SAMPLED:]
-    # as a column may be empty in the last lines
+    # include earlier lines, since a column may be empty in the last lines
     sampled = early[:: len(early) // SAMPLED + 1] + sampled
     split = [split_line(line, mark) for line in sampled]
     before = {len(cells) for cells in split[-3:-1]}
@@ -188,39 +189,39 @@ def _sheet(
     last, numeric = split[-1], _numeric_columns(split)
     top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
     if top is None:
-        message = f"no row of numbers up to {lines[end - 1][:80]!r}; record or export it again"
+        message = f"no row of numbers up to the line {lines[end - 1][:80]!r}; export it again"
         raise RecordingError(message, file=file)
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
         stated = (split_line(line, mark) for line in lines[:start])
         units = next((["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"])
     header, again = lines[:top], text.lines[label_line - 1] if labels else None
-    said = [text.lines[place - 1] for place in places[top:end]]
-    held = [n for n, line in enumerate(said, top) if line != again and line[0] not in "#%"]
+    written = [text.lines[place - 1] for place in places[top:end]]
+    rows = [n for n, line in enumerate(written, top) if line != again and line[0] not in "#%"]
     counts = {"blank_rows": len(text.lines) - len(places) - repeated}
     counts["cut_rows"] = (text.cut is not None) + len(lines) - end
-    if remarks := end - top - len(held) + repeated:  # headers again, and remarks
+    if remarks := end - top - len(rows) + repeated:  # remarks and repeated headers
         counts["remark_rows"] = remarks
-    lines, places = [lines[n] for n in held], [places[n] for n in held]
+    lines, places = [lines[n] for n in rows], [places[n] for n in rows]
     signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines)]
-    if decimal is None and len(signs) > 1:  # those of the columns of numbers alone
-        rows = (enumerate(split_line(row, mark)) for row in lines)
-        numbers = "".join(cell for row in rows for column, cell in row if column in numeric)
+    if decimal is None and len(signs) > 1:  # ignore the marks in columns without numbers
+        split_rows = (enumerate(split_line(row, mark)) for row in lines)
+        numbers = "".join(cell for row in split_rows for column, cell in row if column in numeric)
         if len(signs := [sign for sign in signs if sign in numbers]) > 1:
             message = "decimal points and decimal commas in one table; mend it, or set decimal"
             raise RecordingError(message, file=file, key=key)
     sign = decimal or "".join(signs)
     if not sign and mark == "," and separator is None and len(last) > 1 and not labels:
-        message = "whole numbers between commas, or decimal commas? Set separator and decimal, or "
-        message += "save it with semicolons"
+        message = "the commas may separate whole numbers or be decimal commas: set separator and "
+        message += "decimal, or save it with semicolons"
         raise RecordingError(message, file=file, line=places[0], key=key)
     above = header, labels, units, label_line
     return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
-    """Return the line of the labels in a file of LabVIEW, 0 in others, and the number of lines in
-    the headers of further segments, which are taken out. Rows get the cell of the column Comment.
+    """Return the index of the label line in a LabVIEW file (0 in other files) and the number of
+    deleted header lines of further segments. Rows without a cell in the column Comment get one.
     """
     ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
     if not ends or ends[-1] + 1 >= len(lines):
@@ -237,7 +238,7 @@ def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]
 
 
 def _numeric_columns(split: list[list[str]]) -> list[int]:
-    """Return the columns with numbers in at least half of the cells that are filled."""
+    """Return the columns with numbers in at least half of their filled cells."""
     alike = []
     for cells in reversed(split):
         if len(cells) == len(split[-1]):
@@ -251,11 +252,13 @@ def _numeric_columns(split: list[list[str]]) -> list[int]:
 def _first_row(
     lines: list[str], start: int, mark: str, numeric: list[int], last: list[str]
 ) -> int | None:
-    """Return the first line from ``start`` on with numbers in the columns of numbers alone."""
+    """Return the index of the first line from ``start`` on whose ``numeric`` cells are numbers or
+    missing; None without such a line.
+    """
     for top in range(start, len(lines)):
         cells = split_line(lines[top], mark)
-        held = [cells[column] for column in numeric] if len(cells) == len(last) else []
-        if any(map(is_number, held)) and all(is_number(one) or one in MISSING for one in held):
+        values = [cells[column] for column in numeric] if len(cells) == len(last) else []
+        if any(map(is_number, values)) and all(is_number(one) or one in MISSING for one in values):
             break
     else:
         return None
@@ -271,8 +274,8 @@ def _first_row(
 def _header(
     lines: list[str], places: list[int], mark: str, last: list[str], numeric: list[int], file: Path
 ) -> tuple[list[str], list[str], int]:
-    """Return labels, the units below them, and the labels' line; RecordingError for a line that is
-    a damaged row or a row of another form, and for more labels than cells.
+    """Return labels, units and the labels' line number; RecordingError for a header line that seems
+    to be a damaged row or a row of another form, and for more labels than cells.
     """
 
     def fault(problem: str, line: int) -> RecordingError:
@@ -283,20 +286,20 @@ def _header(
             cells = line.split() if other == delimited.SPACE else split_line(line, other)
             filled = [cell for cell in cells if cell]
             if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
-                raise fault(f"numbers in another form than below, or damaged: {line[:80]!r}", place)
+                raise fault(f"numbers unlike the rows below, or damaged: {line[:80]!r}", place)
     above = [split_line(line.lstrip("#% "), mark) for line in lines]
     cells = above[-1] if above else []
     numbers = count_numbers([cells[column] for column in numeric if column < len(cells)])
     alike = len(cells) in (len(last), numbers)
     if numbers and alike and not counts_on(cells):
-        message = f"words and numbers in a damaged row: {lines[-1][:80]!r}"
+        message = f"words and numbers in one row: {lines[-1][:80]!r}"
         raise fault(message, places[len(lines) - 1])
     if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
         message = f"the row has {len(last)} cells under {len(labels)} labels up to {labels[-1]!r}"
         raise fault(message, places[len(lines)])
     units: list[str] = []
     for place, cells in reversed([*zip(places, above, strict=False)]):
-        cells = [cell for cell in cells if "=" not in cell]  # settings have no column
+        cells = [cell for cell in cells if "=" not in cell]  # cells of settings label no column
         if not re.search(r"\w", "".join(cells)):
             continue
         filled, width = delimited.filled_width(cells), len(last)
@@ -309,7 +312,7 @@ def _header(
 
 
 def _begins(head: Head) -> bool:
-    """Return whether the reader finds rows in the head, or refuses it with an option or a line."""
+    """Return whether the reader finds rows, or an error that names an option or a line."""
     if head.text is None or not head.lines or head.suffix in TREES or delimited.foreign(head.text):
         return False
     *lines, last = head.text.split("\n")

@@ -1,7 +1,7 @@
-"""ROS 1 and ROS 2 bags: their topics, the messages of one topic, one at a time, and messages of
-depth cameras as images, clouds and intrinsics (sensor_msgs; REP 118 for depth, REP 103 for units).
+"""Reader of ROS 1 and ROS 2 bags: topics, messages of one topic, and conversion of sensor_msgs to
+depth images, point clouds and intrinsics (depth by REP 118, units by REP 103).
 
-A process of its own reads a bag, since compressed parts (bz2, lz4, zstd) may unfold to any size.
+A separate process reads a bag, since compressed parts (bz2, lz4, zstd) can decompress to any size.
 """
 
 from collections import Counter
@@ -27,15 +27,15 @@ IMAGE, CLOUD, CAMERA_INFO = (
 )
 PIXELS = dict.fromkeys(("16UC1", "mono16"), np.dtype(np.uint16))
 PIXELS["32FC1"] = np.dtype(np.float32)
-DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # of a PointField
-_streams: list[Iterator] = []  # of the process that reads
+DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # datatype of a PointField
+_streams: list[Iterator] = []  # open message stream of the reading process
 
 
 @dataclass(frozen=True)
 class Summary:
     """Index of a bag."""
 
-    version: str  # of ROS
+    version: str  # ROS version
     duration: float  # s, from the first to the last message
     topics: dict[str, tuple[str, int]]  # topic → type and number of messages
 
@@ -47,49 +47,49 @@ def summary(file: Path) -> Summary:
 
 def _summary(file: Path) -> Summary:
     with _opened(file) as reader:
-        held: Counter[tuple[str, str]] = Counter()
+        counts: Counter[tuple[str, str]] = Counter()
         for connection in reader.connections:
-            held[connection.topic, connection.msgtype] += connection.msgcount
-        duration = reader.duration * 1e-9 if held.total() else 0.0
-        topics = {topic: (kind, number) for (topic, kind), number in held.items()}
+            counts[connection.topic, connection.msgtype] += connection.msgcount
+        duration = reader.duration * 1e-9 if counts.total() else 0.0
+        topics = {topic: (kind, number) for (topic, kind), number in counts.items()}
         return Summary("2" if reader.is2 else "1", duration, topics)
 
 
 def topics(file: Path) -> dict[str, str]:
-    """Return topic → type (``sensor_msgs/msg/Image``, of both ROS versions) of the topics with a
-    message in the bag ``file``; RecordingError as :func:`messages`.
+    """Return topic → message type (``sensor_msgs/msg/Image`` for both ROS versions) of the topics
+    with messages in the bag ``file``; RecordingError as :func:`messages`.
     """
     return {topic: kind for topic, (kind, number) in summary(file).topics.items() if number}
 
 
 def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -> str:
-    """Return the ``topic``, or the only one in the bag of one of the ``kinds`` of messages
-    (``sensor_msgs/msg/Image``); RecordingError with the topics where there is none, or several.
+    """Return ``topic``, by default the only topic whose message type is in ``kinds``, such as
+    ``sensor_msgs/msg/Image``; RecordingError with all topics where no topic fits, or several.
     """
-    held = topics(file)
-    fitting = [name for name, kind in held.items() if kind in kinds and topic in (None, name)]
+    present = topics(file)
+    fitting = [name for name, kind in present.items() if kind in kinds and topic in (None, name)]
     if len(fitting) == 1:
         return fitting[0]
     wanted = " or ".join(kind.rpartition("/")[2] for kind in kinds)
     message = f"{len(fitting)} topics of {wanted} {f'named {topic!r}' if topic else 'in the bag'}, "
-    message += f"choose one by option; there are {_named(held)}"
+    message += f"choose one by option; there are {_topic_list(present)}"
     raise RecordingError(message, file=file, **({"topic": topic} if topic else {}))
 
 
 def messages(
     file: Path, topic: str, pick: Callable[[Any], Any], numbers: Collection[int] | None = None
 ) -> Iterator[Any]:
-    """Yield ``pick(message)`` of the messages of ``topic`` in the bag ``file``, or those with the
-    ``numbers`` (from 0), in the order of recording. ``pick`` is pickled and called in the process
-    that reads; a message has the attributes of its ROS definition, and memory holds one. Raises
-    RecordingError for a bag that is missing, truncated, damaged or unindexed, for fewer messages
-    than it announces, and, with the message's number, as ``pick`` does.
+    """Yield ``pick(message)`` for every message of ``topic`` in the bag ``file`` (or the messages
+    ``numbers``, from 0), in the order of recording. ``pick`` is pickled and called in the reading
+    process, which keeps one message in memory; a message has the attributes of its ROS definition.
+    Raises RecordingError for a missing, truncated, damaged or unindexed bag, for fewer messages
+    than the bag announces, and, with the message's number, where ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
         with advised(MEND, **where, number=0):
-            held = sandbox.call(_start, Path(file), topic)
-        for number in range(held):
+            count = sandbox.call(_start, Path(file), topic)
+        for number in range(count):
             wanted = numbers is None or number in numbers
             with advised(MEND, **where, number=number):
                 picked = sandbox.call(_next, pick if wanted else None)
@@ -108,12 +108,12 @@ def _next(pick: Callable[[Any], Any] | None) -> Any:
 
 
 def _stream(file: Path, topic: str) -> Iterator[Any]:
-    """Yield the number of messages, and then each of them."""
+    """Yield the number of messages, then the messages."""
     with _opened(file) as reader:
         connections = [connection for connection in reader.connections if connection.topic == topic]
         if not connections:
-            held = _named({one.topic: one.msgtype for one in reader.connections})
-            raise RecordingError(f"no topic {topic!r}; there are {held}", file=file)
+            present = _topic_list({one.topic: one.msgtype for one in reader.connections})
+            raise RecordingError(f"no topic {topic!r}; there are {present}", file=file)
         announced, found = sum(connection.msgcount for connection in connections), 0
         yield announced
         for connection, _, raw in reader.messages(connections):
@@ -125,11 +125,11 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
 
 def seconds(message: object, **evidence: object) -> float:
     """Return the time in s in the ``header`` of a message, to a quarter of a microsecond;
-    RecordingError where there is none or it was never set.
+    RecordingError for a message without a header and for a time of 0.
     """
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is None or (stamp.sec, stamp.nanosec) == (0, 0):
-        message = "the message has no time in its header; record with a driver that writes it"
+        message = "the message has no time in its header; record with a driver that writes one"
         raise RecordingError(message, **evidence)
     return stamp.sec + stamp.nanosec * 1e-9
 
@@ -137,9 +137,9 @@ def seconds(message: object, **evidence: object) -> float:
 @contextmanager
 def _opened(file: Path) -> Iterator[AnyReader]:
     if (metadata := file / "metadata.yaml").is_file():
-        read_whole(metadata)  # refused beyond the bounds
+        read_whole(metadata)  # raises for a file beyond the bounds
     for database in (file, *file.glob("*.db3")):
-        if database.suffix == ".db3":  # SQLite may fill up what a file lacks
+        if database.suffix == ".db3":  # SQLite may replace the missing end of a file by zeros
             with database.open("rb") as stream:
                 head = stream.read(32)
             size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
@@ -148,19 +148,19 @@ def _opened(file: Path) -> Iterator[AnyReader]:
     reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
     with reader:
         if not all(isinstance(connection.msgcount, int) for connection in reader.connections):
-            raise ValueError("it does not say how many messages it holds")
+            raise ValueError("the bag does not state its number of messages")
         yield reader
 
 
-def _named(held: dict[str, str]) -> str:
-    named = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(held.items())]
-    return ", ".join(named) or "none"
+def _topic_list(types: dict[str, str]) -> str:
+    listed = [f"{topic} ({kind.rpartition('/')[2]})" for topic, kind in sorted(types.items())]
+    return ", ".join(listed) or "none"
 
 
 def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object) -> np.ndarray:
-    """Return (H, W) uint16 (16UC1) or float32 (32FC1) of an Image of ``shape`` = (H, W), of either
-    byte order, its rows padded or not; RecordingError (with ``evidence``) for another encoding or
-    size, and for other data than rows × step.
+    """Return the pixels (H, W) of an Image of ``shape`` = (H, W): uint16 (16UC1) or float32
+    (32FC1), either byte order, rows padded or not. RecordingError (with ``evidence``) for another
+    encoding or size, and where the data do not have rows × step bytes.
     """
     pixel, size = PIXELS.get(message.encoding), (message.height, message.width)
     if pixel is None or size != tuple(shape):
@@ -170,38 +170,39 @@ def image_pixels(message: object, *, shape: tuple[int, int], **evidence: object)
     return _records(message, message.step, pixel, "pixels", evidence).astype(pixel)
 
 
-def _records(message: object, row: int, kind: np.dtype, what: str, evidence: dict) -> np.ndarray:
-    """Return (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
+def _records(message: object, row: int, kind: np.dtype, items: str, evidence: dict) -> np.ndarray:
+    """Return the items (height, width) of ``kind`` in a message whose rows have ``row`` bytes."""
     height, width, size = message.height, message.width, kind.itemsize
     data = np.asarray(message.data, np.uint8)
     if row < width * size or len(data) != height * row:
-        said = f"{len(data)} bytes in {height} rows of {row} for {width} {what} of {size} bytes"
-        raise RecordingError(said, **evidence)
+        found = f"{len(data)} bytes in {height} rows of {row} for {width} {items} of {size} bytes"
+        raise RecordingError(found, **evidence)
     rows = np.ascontiguousarray(data.reshape(height, row)[:, : width * size])
     return rows.view(kind.newbyteorder(">" if message.is_bigendian else "<"))
 
 
 def cloud_points(message: object, **evidence: object) -> np.ndarray:
-    """Return (N, 3) float64 points of a PointCloud2 in m in its own frame, NaN where the sensor saw
-    nothing: float32 or float64 at any offset, of either byte order, rows padded or not.
-    RecordingError (with ``evidence``) for another field, and for other data than announced.
+    """Return the points (N, 3) float64 of a PointCloud2, in m in the sensor's frame, NaN without a
+    measurement. x, y and z may be float32 or float64 at any offset, of either byte order, rows
+    padded or not. RecordingError (with ``evidence``) for other types of x, y and z, and for
+    another size of the data than announced.
     """
     fields, step = {field.name: field for field in message.fields}, message.point_step
-    held = [fields[name] for name in "xyz" if name in fields]
-    formats = [DATATYPES.get(field.datatype) for field in held if field.count == 1]
-    ends = [f.offset + kind.itemsize for f, kind in zip(held, formats, strict=False) if kind]
+    axes = [fields[name] for name in "xyz" if name in fields]
+    formats = [DATATYPES.get(field.datatype) for field in axes if field.count == 1]
+    ends = [f.offset + kind.itemsize for f, kind in zip(axes, formats, strict=False) if kind]
     if len(ends) < 3 or max(ends) > step:
-        said = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
-        raise RecordingError(f"{said}there are {', '.join(fields) or 'none'}", **evidence)
-    layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in held]}
+        need = f"x, y and z must be single float32 or float64 within the {step} bytes of a point; "
+        raise RecordingError(f"{need}there are {', '.join(fields) or 'none'}", **evidence)
+    layout = {"names": [*"xyz"], "formats": formats, "offsets": [field.offset for field in axes]}
     kind = np.dtype(layout | {"itemsize": step})
     points = _records(message, message.row_step, kind, "points", evidence).ravel()
     return np.column_stack([points[name].astype(float) for name in "xyz"])
 
 
 def camera_info(message: object, *, width: int, height: int, **evidence: object) -> Intrinsics:
-    """Return the intrinsics from the K and D of a CameraInfo of ``width`` × ``height`` pixels;
-    RecordingError (with ``evidence``) for another size, K of zeros and another distortion model.
+    """Return the intrinsics from K and D of a CameraInfo of ``width`` × ``height`` pixels;
+    RecordingError (with ``evidence``) for another size, a zero K and another distortion model.
     """
     # ROS 1 writes K and D, ROS 2 k and d
     matrix, distortion = (

@@ -1,5 +1,5 @@
-"""Commanded trajectories as plain CSV: pose and velocity of the end-effector in the plane of the
-chain, commanded joint angles of any arm, or both.
+"""Commanded trajectories as plain CSV: pose and velocity of the end-effector in the plane of a
+planar arm, commanded joint angles of any arm, or both.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,12 +19,12 @@ STEP_TOLERANCE = 1.01e-6  # s: two times of six decimals round a step by a micro
 
 
 def read_trajectory(file: Path) -> pd.DataFrame:
-    """Return the trajectory in ``file``, a row a time step: t in s, the families x and v of the
-    task's rows (m, m, rad, and per second), q of the joints in rad, or all. The header names ``t``
-    and ``x, z, phi, vx, vz, vphi``, ``q:JOINT`` of each joint, or all. Raises RecordingError, with
-    the line where there is one, for missing columns, fewer than two rows, cells without a finite
-    number, steps that are not positive and equal within a microsecond, angles that jump by more
-    than half a turn, and a last row without line end.
+    """Return the trajectory in ``file``, one row per time step: t in s; poses x (m, m, rad) and
+    velocities v (m/s, m/s, rad/s), joint angles q in rad, or both. The file has the columns ``t``
+    and ``x, z, phi, vx, vz, vphi``, one ``q:JOINT`` per joint, or both. Raises RecordingError, with
+    the line if known, for a missing column, fewer than two rows, a cell without a finite number and
+    a last row without line end. Time steps must be positive and equal to a microsecond; angles must
+    not jump by more than half a turn.
     """
 
     def choose(labels: list[str]) -> list[str]:
@@ -39,20 +39,20 @@ def read_trajectory(file: Path) -> pd.DataFrame:
         row, column = np.argwhere(jumps)[0].tolist()
         before, after = table[turning[column]].iloc[row : row + 2]
         at = f"{turning[column]} jumps by {after - before:.4g} rad at t = {table.t[row + 1]:.6g} s"
-        need = "a commanded angle must go on beyond ±π, without jumps of 2π = 6.283 rad"
-        raise RecordingError(f"{at}: {need}; export it so", file=file)
+        need = "a commanded angle must be continuous beyond ±π, without jumps of 2π = 6.283 rad"
+        raise RecordingError(f"{at}: {need}; export unwrapped angles", file=file)
     return table.rename(columns=dict(zip(COLUMNS, FAMILIES, strict=True)))
 
 
 def read_poses(file: Path, task: Sequence[str]) -> pd.DataFrame:
-    """Return t in s and the rows of the ``task`` in m and rad; ``file`` may have other columns."""
+    """Return t in s and the ``task`` coordinates in m and rad; ``file`` may have more columns."""
     return _even_rows(file, lambda _: ["t", *task])
 
 
 def _even_rows(
     file: Path, choose: Callable[[list[str]], list[str]], otherwise: str = ""
 ) -> pd.DataFrame:
-    """Return the columns of ``choose(labels)``, time first, its steps equal."""
+    """Return the columns ``choose(labels)``, time first; RecordingError for unequal time steps."""
     sheet = read_sheet(file, separator=",", decimal=".")
     wanted, message, line = choose(sheet.labels), "", sheet.label_line
     if missing := [column for column in wanted if sheet.labels.count(column) != 1]:
@@ -71,14 +71,14 @@ def _even_rows(
     uneven = (np.abs(steps - step) > STEP_TOLERANCE) | (steps <= 0)
     if uneven.any():
         first = int(np.argmax(uneven))
-        message = f"the step is {steps[first]:.6g} s, elsewhere {step:.6g} s; steps must be equal"
-        message += " and positive"
+        message = f"the time step is {steps[first]:.6g} s, its median {step:.6g} s; all time steps "
+        message += "must be equal and positive"
         raise RecordingError(message, file=file, line=sheet.lines[first + 1])
     return pd.DataFrame(table, columns=wanted)
 
 
 def write_trajectory(file: Path, trajectory: pd.DataFrame) -> None:
-    """Write t and those of the families x, v and q that ``trajectory`` has, without rounding."""
+    """Write t and, if present, poses x, velocities v and joint angles q, without rounding."""
     joints, plane = columns("q", members(trajectory, "q")), bool(members(trajectory, "x"))
     chosen, header = ([*(names if plane else ["t"]), *joints] for names in (FAMILIES, COLUMNS))
     trajectory[chosen].to_csv(file, index=False, header=header, lineterminator="\n")

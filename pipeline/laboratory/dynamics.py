@@ -1,7 +1,7 @@
-"""The synthetic arm: its command, its motion and one session of takes.
+"""Synthetic arm: command, motion and takes of one session.
 
-The position-controlled robot has many small disturbances, none of them a random Jacobian: speed
-errors of the servo, sway of the end-effector, clearance of one joint, timing of the exposure.
+The position-controlled robot has many small disturbances, but no random Jacobian: speed errors of
+the servo, sway of the end-effector, clearance of one joint, and jitter of the exposure times.
 """
 
 from collections.abc import Callable
@@ -24,15 +24,15 @@ from pipeline.laboratory.options import (
     TrajectoryOptions,
 )
 
-LAGS = 4  # of a drive: position loop, velocity loop, current loop and the gear's elasticity
-SETTLED = 30  # lags after which the response has ended: four lags pass on 1e-9 of a start
-ROUNDING = 1e-9  # of a joint's speed limit, by which a step computed at the limit may be beyond it
+LAGS = 4  # first-order lags of a drive: position, velocity, current loop and gear elasticity
+SETTLED = 30  # duration of the response in time constants; the rest is below 1e-9
+ROUNDING = 1e-9  # relative rounding error of a step at the speed limit
 
 
 @dataclass(frozen=True)
 class JointPath:
-    """Joint angles ``joints`` (M+1, n) in rad, ``rate`` a second; between them the monotone cubic
-    interpolant of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984): no overshoot.
+    """Joint angles ``joints`` (M+1, n) in rad at ``rate`` (Hz), with the monotone cubic interpolant
+    of Fritsch and Butland (SIAM J. Sci. Stat. Comput. 5, 1984), which does not overshoot.
     """
 
     joints: np.ndarray
@@ -40,18 +40,18 @@ class JointPath:
 
     @property
     def duration(self) -> float:
-        """s, from the first pose to the last."""
+        """Time in s from the first pose to the last."""
         return (len(self.joints) - 1) / self.rate
 
     @cached_property
     def interpolant(self) -> Callable[..., np.ndarray]:
-        """Angles (..., n) in rad at times (...) in s, and their derivatives of an order."""
+        """Function (times (...) in s, order) → angles (..., n) or their derivatives."""
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
     def require_followable(self, chain: Chain) -> None:
-        """Raise ConfigError, with the first step, for a path beyond the limits of ``chain``."""
+        """Raise ConfigError, with the first step beyond the limits of ``chain``."""
         speed = np.diff(self.joints, axis=0) * self.rate
         _require_followable(chain, self.joints, speed, "the joint path")
 
@@ -64,7 +64,7 @@ def _require_followable(chain: Chain, q: np.ndarray, speed: np.ndarray, motion: 
     lower, upper, fastest = chain.lower, chain.upper, chain.max_speed
     for fits, fault in (
         (chain.within_limits(q), f"leaves the joint limits {lower} to {upper} rad"),
-        (slow, f"is faster than the joints, {fastest} rad/s; give it more time or a shorter way"),
+        (slow, f"is faster than the joints' limits {fastest} rad/s; allow more time"),
     ):
         if not fits.all():
             raise ConfigError(f"{motion} {fault}", step=int(np.argmin(fits)))
@@ -72,7 +72,7 @@ def _require_followable(chain: Chain, q: np.ndarray, speed: np.ndarray, motion: 
 
 def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.ndarray]:
     """Return commanded joint angles (..., n) in rad and speeds (..., n) in rad/s at times ``t``
-    (...) in s; out and back the speed rises and falls as a raised cosine, constant in between.
+    (...) in s. Out and back, the speed rises and falls as a raised cosine and is constant between.
     """
     if isinstance(motion, JointPath):
         return motion.interpolant(t), motion.interpolant(t, 1)
@@ -90,7 +90,7 @@ def desired_joints(t: np.ndarray, motion: Commanded) -> tuple[np.ndarray, np.nda
 
 
 def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
-    """Return commanded angles (M+1, n) in rad; raises ConfigError beyond the joints' limits."""
+    """Return commanded angles (M+1, n) in rad; ConfigError for angles beyond the joints' limits."""
     key = "laboratory.trajectory"
     if len(options.folded) != len(chain.lower):
         raise ConfigError(f"{key}: folded and extended must have {len(chain.lower)} angles each")
@@ -101,12 +101,12 @@ def desired_path(chain: Chain, options: TrajectoryOptions) -> np.ndarray:
 
 
 def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame:
-    """Return the commanded trajectory on the grid: columns k, t and the families x and v (SI)."""
+    """Return the commanded trajectory: columns k, t, poses x and velocities v, in SI units."""
     return trajectory_table(chain, desired_path(chain, options), options.rate)
 
 
 def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
-    """Draw stationary normal paths of variance 1 along the last axis: white noise after LAGS."""
+    """Draw stationary normal paths of variance 1 along the last axis: white noise behind LAGS."""
     from scipy.signal import lfilter
 
     denominator, response = _lags(steps_per_lag)
@@ -116,16 +116,16 @@ def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -
 
 
 def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
-    """Return the correlation (...) of :func:`lagged_noise` at distances of ``steps`` (...)."""
+    """Return the autocorrelation (...) of :func:`lagged_noise` at distances of ``steps`` (...)."""
     _, response = _lags(steps_per_lag)
     power = np.abs(np.fft.rfft(response, 2 * len(response))) ** 2
-    # zero beyond the response
+    # the correlation is zero beyond the response
     correlation = np.append(np.fft.irfft(power, 2 * len(response))[: len(response)], 0.0)
     return correlation[np.minimum(steps, len(response))] / correlation[0]
 
 
 def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
-    """Denominator of the recursive filter, and its response to an impulse until it is settled."""
+    """Return the denominator of the recursive filter and its settled impulse response."""
     from scipy.signal import lfilter
 
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
@@ -135,26 +135,26 @@ def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
-    """Return the servo's times (N,) in s, from 50 of its steps before the motion to 50 after it."""
+    """Return the servo's times (N,) in s, from 50 servo steps before to 50 after the motion."""
     dt = 1.0 / options.rate
     return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
 
 def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Return the share (N,) of the sway at joint speeds ``speed`` (N, n) in rad/s."""
+    """Return the sway (N,) at joint speeds ``speed`` (N, n) rad/s over the sway at full speed."""
     pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
     pace **= options.speed_exponent
     return options.sway_rest + (1 - options.sway_rest) * pace
 
 
 def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Return the share (N,) of the play that its joint fills at speeds ``speed`` (N, n) rad/s."""
+    """Return the share (N,) of the play that rattling fills at ``speed`` (N, n) rad/s."""
     pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
     return np.minimum(1.0, pace**options.speed_exponent)
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
-    """Draw the arm as built, with errors of length; ConfigError for another arm's options."""
+    """Draw the true arm, with errors of link lengths; ConfigError for options of another arm."""
     rows, number = ", ".join(nominal.task), len(nominal.lower)
     if len(options.sway_std) != len(nominal.task) or options.play_joint > number:
         message = f"sway_std must have an entry for each of {rows}, got {options.sway_std}, and"
@@ -164,7 +164,7 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chai
     links = nominal.links if planar else nominal.placements[1:, 9:]
     lengths = nominal.lengths if planar else np.linalg.norm(links, axis=1)
     built = lengths + options.length_std * rng.standard_normal(len(links))
-    # no link lies between two axes that meet
+    # links of length 0 (between intersecting axes) keep their length
     ratio = np.divide(built, lengths, out=np.ones_like(lengths), where=lengths > 0)
     if planar:
         return replace(nominal, links=links * ratio[:, None])
@@ -174,17 +174,17 @@ def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chai
 
 
 class Chance(NamedTuple):
-    """Random numbers of a take, or of many along leading axes; paths are :func:`lagged_noise`."""
+    """Random variates of a take, or of many along leading axes; paths are :func:`lagged_noise`."""
 
-    gain: np.ndarray  # (..., N, n) of the speed errors
-    phase: np.ndarray  # (..., n) rad, of the encoders' ripple
-    start: np.ndarray  # (..., n) standard normal, of the start pose
-    sway: np.ndarray  # (..., N, m) of the task's rows
-    play: np.ndarray  # (..., N) of the joint with play
+    gain: np.ndarray  # (..., N, n) paths of the speed errors
+    phase: np.ndarray  # (..., n) rad, phase of the encoders' ripple
+    start: np.ndarray  # (..., n) standard normal, error of the start pose
+    sway: np.ndarray  # (..., N, m) paths of the sway by task coordinate
+    play: np.ndarray  # (..., N) path of the joint with play
 
 
 def draw(chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generator) -> Chance:
-    """Draw the random numbers of one take, which depend on the duration of ``motion`` alone."""
+    """Draw the variates of one take, which depend on ``motion`` only by its duration."""
     n, steps, rate = len(chain.lower), len(servo_times(motion, options)), options.rate
     return Chance(
         gain=lagged_noise((n, steps), options.speed_error_time * rate, rng).T,
@@ -196,7 +196,7 @@ def draw(chain: Chain, motion: Commanded, options: DynamicsOptions, rng: Generat
 
 
 class Swing(NamedTuple):
-    """One take of the arm, or many along leading axes (...), at the servo's steps."""
+    """One take of the arm at N servo steps, or many along leading axes (...)."""
 
     t: np.ndarray  # (N,) s on the motion clock
     q: np.ndarray  # (..., N, n) rad, true joint angles
@@ -206,7 +206,7 @@ class Swing(NamedTuple):
 def swing(
     chain: Chain, offset: np.ndarray, motion: Commanded, options: DynamicsOptions, chance: Chance
 ) -> Swing:
-    """Return the takes of ``motion`` by the true ``chain`` with the random numbers ``chance``."""
+    """Return the takes of ``motion`` by the true ``chain`` with the variates ``chance``."""
     dt, t = 1.0 / options.rate, servo_times(motion, options)
     goal, speed = desired_joints(np.clip(t, 0.0, motion.duration), motion)
     gain = 1 + options.speed_error_std * chance.gain
@@ -229,36 +229,36 @@ def swing(
 def expose(
     t: np.ndarray, q: np.ndarray, at: np.ndarray, options: DynamicsOptions, rng: Generator
 ) -> np.ndarray:
-    """Return true joint angles (K, n) rad near the times ``at`` (K,) s, which jitter."""
+    """Return true joint angles (K, n) rad at the times ``at`` (K,) s plus random jitter."""
     instants = np.clip(at + options.jitter_std * rng.standard_normal(at.shape), t[0], t[-1])
     return joints_at(instants, t, q)
 
 
 def joints_at(instants: np.ndarray, t: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Interpolate ``q`` (N, n) in rad of the times ``t`` (N,) at ``instants`` (K,) in s: (K, n)."""
+    """Return ``q`` (N, n) rad, given at ``t`` (N,) s, interpolated at ``instants`` (K,): (K, n)."""
     return np.stack([np.interp(instants, t, joint) for joint in q.T], axis=-1)
 
 
 class Session(NamedTuple):
-    """The arm as it was built and its encoders' zeros, the same through a session."""
+    """True arm and zeros of the encoders, constant during a session."""
 
-    chain: Chain  # the true one
-    encoder: np.ndarray  # (n,) rad
+    chain: Chain  # true arm
+    encoder: np.ndarray  # (n,) rad, errors of the encoders' zeros
 
 
 def open_session(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Session:
-    """Draw the arm and the encoders' zeros; raises ConfigError for the options of another arm."""
+    """Draw the arm and the encoders' zeros; ConfigError for options of another arm."""
     built = true_chain(nominal, options, rng)
     zeros = options.encoder_offset_std * rng.standard_normal(len(nominal.lower))
     return Session(built, zeros)
 
 
 class PerformedMotion(NamedTuple):
-    """One take of a session, and its joint angles at the times of the motion grid."""
+    """One take of a session, and joint angles at the times of the motion grid."""
 
     swing: Swing
     motion_capture: np.ndarray  # (M+1, n) rad, at the exposures of the motion capture
-    truth: np.ndarray  # (M+1, n) rad, at the instants of the motion grid
+    truth: np.ndarray  # (M+1, n) rad, at the exact times of the motion grid
 
 
 def perform(
@@ -273,10 +273,10 @@ def perform(
 
 
 class DepthFrames(NamedTuple):
-    """Exposures of a depth camera during a take, and the arm's angles at them."""
+    """Exposures of a depth camera during a take, and the joint angles at the exposures."""
 
     exposed: np.ndarray  # (F,) s on the motion clock
-    times: np.ndarray  # (F,) s on the camera's own clock
+    times: np.ndarray  # (F,) s on the camera's clock
     joints: np.ndarray  # (F, n) rad, at the exposures
     clock_offset: float  # s, camera's clock minus motion clock at the start
 
@@ -294,10 +294,10 @@ def log_joints(
     take: Swing, trajectory: TrajectoryOptions, encoders: EncoderOptions
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return times (N,) in s on the motion clock and the signals ``target`` and ``actual``, each
-    (N, n) in rad. The encoders read the motors' angles, rounded to their resolution; errors of the
-    zeros and motion behind the gears do not reach them.
+    (N, n) in rad. The encoders measure the motors' angles, rounded to the encoders' resolution,
+    without errors of the zeros and motion behind the gears.
     """
     t = np.arange(int(trajectory.duration * encoders.rate) + 1) / encoders.rate
-    felt = joints_at(t, take.t, take.servo)
-    actual = np.round(felt / encoders.resolution) * encoders.resolution
+    motors = joints_at(t, take.t, take.servo)
+    actual = np.round(motors / encoders.resolution) * encoders.resolution
     return t, {"target": desired_joints(t, trajectory)[0], "actual": actual}

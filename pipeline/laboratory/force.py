@@ -1,6 +1,6 @@
-"""The synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
-space. Slips arrive at random, reduce the tension by an exponential amount and recover; directions
-wander as Ornstein–Uhlenbeck processes; a cable cannot push. So tensions are skewed and correlated.
+"""Synthetic force rig: robots that pull a force/torque transducer by cables, in a plane or in
+space. Wheel slips occur at random, reduce the tension by an exponential amount and recover, so that
+tensions are skewed and correlated in time. Directions are Ornstein–Uhlenbeck processes.
 """
 
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ class Cables(NamedTuple):
 
     tension: Sequence[float]  # N
     direction: Sequence[float]  # rad, in the transducer's x-y plane; in space the azimuth
-    elevation: Sequence[float] | None = None  # rad, above that plane; None: 0
-    # (m, 2 or 3) m, from the end of the transducer's lever; None: the end itself
+    elevation: Sequence[float] | None = None  # rad, above the x-y plane; None: 0
+    # (m, 2 or 3) m, from the end of the transducer's lever; None: 0
     attachment: Sequence[Sequence[float]] | None = None
 
 
 class RiggedForce(NamedTuple):
-    """One record of the transducer, and true tensions and directions."""
+    """One record of the transducer, and the true tensions and directions."""
 
     time: np.ndarray  # (N,) s
     force: np.ndarray  # (N, 3) N, with bias, drift and noise
-    torque: np.ndarray  # (N, 3) N·m, likewise
+    torque: np.ndarray  # (N, 3) N·m, with bias, drift and noise
     tension: np.ndarray  # (N, m) N, true; 0 in the tare interval
-    direction: np.ndarray  # (N, m, 3) unit vectors from the platform along the cables, true
+    direction: np.ndarray  # (N, m, 3) true unit vectors from the platform along the cables
 
 
 def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> np.ndarray:
-    """(N, m) x_k = decay·x_{k−1} + innovation_k, from x_{−1} = ``start`` (m,)."""
+    """Return x (N, m), x_k = decay·x_{k−1} + innovation_k, with x_{−1} = ``start`` (m,)."""
     from scipy.signal import lfilter
 
     return lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=decay * start[None])[0]
@@ -44,7 +44,7 @@ def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> 
 def wander(
     sd: np.ndarray, correlation_time: float, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw Ornstein–Uhlenbeck paths (samples, m) of ``sd`` (m,), exact at the sampling instants."""
+    """Draw exact Ornstein–Uhlenbeck paths (samples, m) of standard deviation ``sd`` (m,)."""
     decay = np.exp(-1 / (rate * correlation_time))
     innovation = rng.standard_normal((samples, len(sd))) * sd * np.sqrt(1 - decay**2)
     return _autoregressive(innovation, decay, rng.standard_normal(len(sd)) * sd)
@@ -53,9 +53,10 @@ def wander(
 def slipping(
     sd: np.ndarray, robots: Robots, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw the deviation (samples, m) in N of the tension from its mean by wheel slip, of standard
-    deviation ``sd`` (m,): shot noise, exact at the instants of ``rate`` (Hz). The loss has the
-    stationary law Gamma(ν, sd/√ν), ν = slip_rate · slip_recovery; the tension's skewness is −2/√ν.
+    """Draw the deviation (samples, m) in N of the tension from its mean by wheel slip, with
+    standard deviation ``sd`` (m,): shot noise, exact in law at ``rate`` (Hz). The loss of tension
+    has the stationary law Gamma(ν, sd/√ν) with ν = slip_rate · slip_recovery; the skewness of the
+    tension is −2/√ν.
     """
     nu, fade = robots.slip_rate * robots.slip_recovery, rate * robots.slip_recovery
     lost = np.zeros((samples, len(sd)))
@@ -70,12 +71,12 @@ def slipping(
 def directions(
     cables: Cables, robots: Robots, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
-    """Draw unit vectors (samples, m, 3) that wander about the means of ``cables``, with the mean
-    resultant length of the von Mises–Fisher law of the robots' concentration κ.
+    """Draw unit vectors (samples, m, 3) that wander about the mean directions of ``cables``, with
+    the mean resultant length of a von Mises–Fisher law of concentration κ (option of the robots).
 
-    In a plane an angle of variance s² has the length exp(−s²/2), set to I₁(κ)/I₀(κ). In space two
-    angles turn the cable up and aside. Their size has a Rayleigh law, with D Dawson's function
-    E[cos] = 1 − √2·s·D(s/√2), set to coth κ − 1/κ.
+    In a plane, an angle of variance s² has the mean resultant length exp(−s²/2) = I₁(κ)/I₀(κ). In
+    space, two angles rotate the cable up and sideways. The resulting angle has a Rayleigh law, with
+    E[cos] = 1 − √2·s·D(s/√2) = coth κ − 1/κ and Dawson's function D.
     """
     azimuth, wander_time = np.asarray(cables.direction, dtype=float), robots.wander_time
     concentration = np.asarray(robots.concentration)
@@ -95,7 +96,7 @@ def directions(
 
 
 def _angle_in_space(kappa: float) -> float:
-    """s in rad of the two angles whose direction has the mean resultant length of ``kappa``."""
+    """Return s in rad, the standard deviation of both angles in space for κ = ``kappa``."""
     from scipy.optimize import brentq
 
     length = 1 / np.tanh(kappa) - 1 / kappa
@@ -105,15 +106,15 @@ def _angle_in_space(kappa: float) -> float:
 def record_force(
     cables: Cables, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
 ) -> RiggedForce:
-    """Draw a record of ``tare`` s without load and ``duration`` s in which robots pull; raises
-    ConfigError for unequal numbers of robots, tensions and directions.
+    """Draw a record of ``tare`` s without load and ``duration`` s with load; ConfigError for
+    unequal numbers of robots, tensions and directions.
     """
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
     if not len(sd) == len(tension) == len(cables.direction):
         message = (
             f"{len(sd)} robots, {len(tension)} tensions and {len(cables.direction)} directions"
         )
-        raise ConfigError(f"{message}: one each is required", key="laboratory.robots")
+        raise ConfigError(f"{message}: the numbers must be equal", key="laboratory.robots")
     rate = transducer.rate
     samples = round((tare + duration) * rate)
     time, e = np.arange(samples) / rate, directions(cables, robots, samples, rate, rng)

@@ -1,11 +1,11 @@
-"""A Kinect v2 that looks at the arm's plane, and the scene before it, of convex prisms.
+"""Synthetic Kinect v2 in front of the arm's plane, and a scene of convex prisms.
 
-Camera frame: x right, y down, z forward (OpenCV's); pixel (u, v) is the ray ((u − c_x)/f_x,
-(v − c_y)/f_y, 1), free of distortion; depth is z. A prism is the corners of both ends (2, n, 3) in
-m, turning left seen from outside the first. Along a ray the plane of a face has an inverse depth
-linear in x and y. The ray is inside the prism between the least inverse depth of the faces turned
-to the camera and the greatest of the other faces. Scene, noise, systematic error and losses at
-edges use exactly rounded operations alone, so that bytes do not depend on the processor.
+Camera frame (OpenCV): x right, y down, z forward. Pixel (u, v) is the ray ((u − c_x)/f_x,
+(v − c_y)/f_y, 1) without distortion; depth is z. A prism is the array (2, n, 3) m of the corners of
+its two ends, counterclockwise seen from outside the first end. The inverse depth of a face's plane
+is linear in x and y. A ray is inside the prism between the least inverse depth of the faces toward
+the camera and the greatest inverse depth of the other faces. All operations are exactly rounded,
+so that the written bytes do not depend on the processor.
 """
 
 import cv2
@@ -18,27 +18,25 @@ from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.options import KinectOptions, SceneOptions
 
-ARC = 16  # facets of half a circle
-# m, in place of the distance 0 of a plane through the camera: its face is not seen, and the plane
-# bounds the other faces as one turned away does
+ARC = 16  # number of facets of a half circle
+# m, replaces the distance 0 of a plane through the camera, so that its face counts as turned away
 THROUGH = 1e-200
-# px, how far lateral noise may carry an edge; at the smallest standard deviation 1 draw in 5000 is
-# beyond
+# px, greatest shift of an edge by lateral noise; at the least std 1 draw in 5000 is beyond
 REACH = 3
 BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
 Window = tuple[slice, slice]  # rows and columns of an image
 
 
 def place_solid(ends: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """Return a prism, every point p at ``rotation @ p + translation``, exactly rounded."""
+    """Return the prism with every point p moved to ``rotation @ p + translation``."""
     return (ends[..., None, :] * rotation).sum(axis=-1) + translation
 
 
 def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outward unit normals n (n + 2, 3) and distances d (n + 2,) m of the planes n · p = d."""
+    """Return outward unit normals n (F, 3) and distances d (F,) m of the face planes n · p = d."""
     first, second = ends
     n = len(first)
-    # corners far apart, for a normal that their rounding does not turn
+    # use distant corners, to reduce the effect of rounding on the normal
     end = np.cross(first[n // 3] - first[0], first[2 * n // 3] - first[0])
     sides = np.cross(second - first, np.roll(first, -1, axis=0) - first)
     normal = np.concatenate([sides, [end, -end]])
@@ -47,13 +45,13 @@ def _faces(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def prism(outline: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return the polygon ``outline`` (n, 2) in x, z, turning left, from y ``low`` to ``high``, as a
-    prism; raises ConfigError for an outline that is not convex.
+    """Return the prism with the counterclockwise polygon ``outline`` (n, 2) in x, z, from y ``low``
+    to ``high``; ConfigError for an outline that is not convex.
     """
     edge = np.roll(outline, -1, axis=0) - outline
     after = np.roll(edge, -1, axis=0)
     if not (np.all(edge[:, 0] * after[:, 1] > edge[:, 1] * after[:, 0]) and low < high):
-        message = "a solid is wider than long, or has no extent; make it longer or more slender"
+        message = "a solid is wider than long, or has no extent; make it longer or narrower"
         raise ConfigError(message, key="laboratory.kinect.scene")
     return np.stack([np.insert(outline, 1, y, axis=1) for y in (low, high)])
 
@@ -63,14 +61,14 @@ def _rectangle(left: float, right: float, bottom: float, top: float) -> np.ndarr
 
 
 def _rounded_bar(bottom: float, top: float, width: float) -> np.ndarray:
-    """Outline of a bar along z whose ends are half circles around (0, bottom) and (0, top)."""
+    """Return the outline of a bar along z with half circles around (0, bottom) and (0, top)."""
     angle = np.linspace(0.0, np.pi, ARC + 1)
     cap = width / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     return np.concatenate([cap + np.array([0.0, top]), np.array([0.0, bottom]) - cap])
 
 
-def _room_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
-    """Turntable, neck, stand, floor and wall, which do not move, in the plane's frame."""
+def _static_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
+    """Return turntable, neck, stand, floor and wall, in the plane's frame."""
     (x, z), far, wall = chain.origin, 20.0, options.wall_distance
     half, stand, floor = options.base_width / 2, options.stand_width / 2, options.floor_height
     gap = z - options.base_gap
@@ -85,7 +83,7 @@ def _room_solids(chain: PlanarChain, options: SceneOptions) -> list[np.ndarray]:
 
 
 def _arm_solids(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np.ndarray]]:
-    """Index of the link and solid in its segment frame, for the solids of the three links."""
+    """Return (index of the link, solid in the link's segment frame) of all solids of the arm."""
     o, (first, second, third), finger = options, chain.lengths, options.finger_width / 2
     hand = o.hand_share * third - o.tool_width / 2
     solids = (
@@ -98,9 +96,9 @@ def _arm_solids(chain: PlanarChain, options: SceneOptions) -> list[tuple[int, np
 
 
 def _arccos(cosine: np.ndarray) -> np.ndarray:
-    """Angle in rad, 0 to π/2, of ``cosine`` by exactly rounded operations."""
-    tangent = np.sqrt((1 - cosine) / (1 + cosine))
-    for _ in range(3):  # of a half, a quarter, an eighth and a sixteenth of the angle
+    """Return the angle in rad, 0 to π/2, of ``cosine``, by exactly rounded operations."""
+    tangent = np.sqrt((1 - cosine) / (1 + cosine))  # of half the angle
+    for _ in range(3):  # of 1/4, 1/8 and 1/16 of the angle
         tangent = tangent / (1 + np.sqrt(1 + tangent * tangent))
     square, series = tangent * tangent, 0.0
     for power in range(17, 0, -2):  # the next term of the arc tangent is at most 0.1¹⁹/19
@@ -109,9 +107,9 @@ def _arccos(cosine: np.ndarray) -> np.ndarray:
 
 
 def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return depth (h, w) along z in m, infinite beside the ``solid``, and grazing angle (h, w) in
-    rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), all in the camera's frame. Raises ConfigError
-    for a camera inside the solid.
+    """Return depth (h, w) in m along z (infinite if the ray misses the ``solid``) and grazing angle
+    (h, w) in rad of the rays (x, y, 1), ``x`` (w,), ``y`` (h,), in the camera's frame. Raises
+    ConfigError for a camera inside the solid.
     """
     enter, leave, distance = (np.full((len(y), len(x)), value) for value in (np.inf, 0.0, 0.0))
     normals, distances = _faces(solid)
@@ -130,9 +128,9 @@ def cast(solid: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, n
 
 @compiled
 def _pass(slope, distance, x, y, enter, leave, entered):
-    """Inverse depths (1/m) at which rays ``enter`` and ``leave`` (h, w) the faces of one solid, and
-    distance of the face ``entered``. A face is at the inverse depth (x, y, 1) · ``slope`` (F, 3),
-    at ``distance`` (F,), negative if turned to the camera.
+    """Update the inverse depths (1/m) at which rays ``enter`` and ``leave`` (h, w) one solid, and
+    the distance of the face ``entered``. Face f has the inverse depth (x, y, 1) · ``slope`` (F, 3)
+    and the ``distance`` (F,), negative if the face is toward the camera.
     """
     for row in range(y.size):
         nearest, farthest, of_face = enter[row], leave[row], entered[row]
@@ -152,7 +150,7 @@ def _pass(slope, distance, x, y, enter, leave, entered):
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
-    """Rotation (3, 3) by ``angle`` (rad) about a coordinate axis."""
+    """Return the rotation (3, 3) by ``angle`` (rad) about a coordinate axis."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     rotation = np.eye(3)
     rotation[[i, j], [i, j]] = np.cos(angle)
@@ -161,11 +159,11 @@ def _about(axis: int, angle: float) -> np.ndarray:
 
 
 class DepthCamera:
-    """A Kinect v2 before the arm's plane; ``rotation``, ``translation`` (m) in the base."""
+    """Kinect v2 in front of the arm's plane; ``rotation``, ``translation`` (m) in the base."""
 
     def __init__(self, arm: Arm, options: KinectOptions, bias: np.ndarray) -> None:
         self.options, self._bias, self._chain = options, bias, arm.chain
-        # columns: the camera's axes in the plane's frame
+        # columns are the camera's axes in the plane's frame
         facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         turn = _about(1, options.yaw) @ _about(0, options.pitch) @ _about(2, options.roll)
         self._rotation = facing @ turn
@@ -175,24 +173,24 @@ class DepthCamera:
         self._x = (np.arange(options.width) - options.cx) / options.fx
         self._y = (np.arange(options.height) - options.cy) / options.fy
         self._arm = _arm_solids(arm.chain, options.scene)
-        # images without the arm; infinite depth where a ray meets nothing
+        # images without the arm; the depth is infinite if a ray misses all solids
         depth = np.full((options.height, options.width), np.inf, dtype=np.float32)
-        self._room = depth, np.zeros_like(depth)
-        for solid in _room_solids(arm.chain, options.scene):
-            self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._room)
+        self._background = depth, np.zeros_like(depth)
+        for solid in _static_solids(arm.chain, options.scene):
+            self._draw(self._in_camera(solid), (slice(None), slice(None)), *self._background)
 
     def _in_camera(self, solid: np.ndarray) -> np.ndarray:
         return place_solid(solid, self._rotation.T, -self._rotation.T @ self._position)
 
     def _draw(self, solid, window: Window, depth: np.ndarray, grazing: np.ndarray) -> None:
-        """Draw a solid of the camera's frame, in the rows and columns ``window``."""
+        """Draw a solid, given in the camera's frame, into the ``window`` of the images."""
         images = cast(solid, self._x[window[1]], self._y[window[0]])
         nearer = images[0] < depth[window]
         for image, new in zip((depth, grazing), images, strict=True):
             np.copyto(image[window], new, where=nearer, casting="same_kind")
 
     def _window(self, solid: np.ndarray) -> Window:
-        """Rows and columns of the image that a solid covers; ConfigError if it is not in view."""
+        """Return the rows and columns that a solid covers; ConfigError if it is not in view."""
         o, (x, y, z) = self.options, np.moveaxis(solid, -1, 0)
         if np.all(z > 0):
             sides = (o.fy * y / z + o.cy, o.height), (o.fx * x / z + o.cx, o.width)
@@ -200,12 +198,12 @@ class DepthCamera:
                 ends = ((int(np.floor(p.min())), int(np.ceil(p.max())) + 1) for p, _ in sides)
                 return tuple(slice(*pair) for pair in ends)
         message = f"the arm is not wholly in the image at distance {o.distance} m and aim {o.aim}; "
-        message += "put the camera further away or aim it anew"
+        message += "move the camera away or change aim"
         raise ConfigError(message, key="laboratory.kinect")
 
     def render(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return exact depth (h, w) in m, 0 for none, and grazing angle in rad at angles ``q``."""
-        depth, grazing = (image.copy() for image in self._room)
+        """Return exact depth (h, w) in m (0: none) and grazing angle in rad at ``q`` (3,) rad."""
+        depth, grazing = (image.copy() for image in self._background)
         rotation, origin = segment_frames(self._chain, q)
         for link, solid in self._arm:
             posed = self._in_camera(place_solid(solid, rotation[link], origin[link]))
@@ -219,20 +217,20 @@ class DepthCamera:
 
 
 def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
-    """Draw the session's systematic error of depth (K,) in m at depths 0, 1 mm, 2 mm …."""
+    """Draw the session's systematic depth error (K,) in m at the depths 0, 1 mm, 2 mm, …"""
     depth = np.arange(0.0, options.range[1] + BIAS_STEP, BIAS_STEP)
     phase = rng.uniform(0, 2 * np.pi)
     offset = options.bias_offset_std * rng.standard_normal()
     bias = offset + options.bias_wiggle * np.sin(2 * np.pi * depth / options.bias_period + phase)
-    # rounded: a processor's last bit of the sine must not reach the image
+    # round, since the last bit of the sine depends on the processor
     return np.round(bias, 7).astype(np.float32)
 
 
 def deviations(
     depth: np.ndarray, grazing: np.ndarray, options: KinectOptions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return σ_z in m (Fankhauser et al. 2015) and σ_L in px, each axis (Nguyen et al. 2012), at
-    depth z (m) and grazing angle θ (rad), which is clipped at the grazing limit.
+    """Return σ_z in m (Fankhauser et al. 2015) and σ_L in px per axis (Nguyen et al. 2012), at
+    ``depth`` z (m) and ``grazing`` angle θ (rad), which is clipped at the grazing limit.
     """
     angle = np.minimum(grazing, np.float32(options.grazing_limit))
     term = angle / (np.float32(np.pi / 2) - angle)
@@ -245,8 +243,8 @@ def deviations(
 def read_depth(
     depth: np.ndarray, grazing: np.ndarray, bias: np.ndarray, options: KinectOptions, rng: Generator
 ) -> np.ndarray:
-    """Draw the sensor's image (h, w) in mm, uint16, 0 without depth, from exact ``depth`` (h, w) in
-    m, 0 where nothing is, ``grazing`` angle (h, w) in rad, float32, and ``bias``.
+    """Draw the sensor's image (h, w) in mm, uint16 (0: no depth), from exact ``depth`` (h, w) in m
+    (0: no surface), ``grazing`` angle (h, w) in rad, float32, and ``bias`` of :func:`draw_bias`.
     """
     exact = np.where(depth > 0, depth, np.float32(np.inf))
     around = {"kernel": np.ones((3, 3), np.uint8), "borderType": cv2.BORDER_REPLICATE}
@@ -254,7 +252,7 @@ def read_depth(
     edge = far > near * np.float32(1 + options.edge_ratio)
     window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
-    # lateral noise: a pixel of the band shows a neighbour
+    # lateral noise: a pixel near an edge shows a neighbouring pixel
     lateral = deviations(depth.ravel()[band], grazing.ravel()[band], options)[1]
     shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
     shift = shift.clip(-REACH, REACH).astype(np.intp)

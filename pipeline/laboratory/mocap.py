@@ -1,5 +1,5 @@
-"""Recordings of the arm as OptiTrack reports them, with their faults: markers on the links of a
-planar arm, or rigid bodies on the links of an arm in space. World frame: Motive's, y up, in m.
+"""Synthetic OptiTrack recordings with typical faults: markers on the links of a planar arm, or
+rigid bodies on the links of an arm in space. The world frame is Motive's (y up, m).
 """
 
 from collections.abc import Mapping
@@ -22,14 +22,14 @@ Base = tuple[np.ndarray, np.ndarray]  # rotation (3, 3) and place (3,) m of the 
 
 
 def place_markers(template: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
-    """Draw the true places (..., 3) m of a session's markers planned at ``template`` (..., 3)."""
+    """Draw the true positions (..., 3) m of a session's markers, planned at ``template``."""
     return template + options.placement_std * rng.standard_normal(template.shape)
 
 
 def bursts(
     frames: int, shape: tuple[int, ...], rate: float, mean: float, rng: Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Draw which frames start a burst and which are in one, both (frames, *shape)."""
+    """Draw the masks (frames, *shape) of frames that start a burst, and of frames in a burst."""
     starts = rng.random((frames, *shape)) < rate
     at = np.nonzero(starts)
     change = np.zeros((frames + 1, *shape), dtype=int)
@@ -40,11 +40,11 @@ def bursts(
 
 
 def _exchange_labels(observed: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
-    """Positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
+    """Return the positions (N, 3, 3, xyz) with two labels of a link exchanged during bursts."""
     frames = observed.shape[0]
     starts, swapped = bursts(frames, (3,), options.swap_rate, options.swap_frames, rng)
     drawn = rng.integers(len(PAIRS), size=(frames, 3))
-    # a burst keeps the pair drawn at its start
+    # the exchanged pair is constant during a burst
     latest = np.maximum.accumulate(np.where(starts, np.arange(frames)[:, None], 0), axis=0)
     pair = PAIRS[np.take_along_axis(drawn, latest, axis=0)]
     carrier = np.broadcast_to(np.arange(3), (frames, 3, 3)).copy()
@@ -55,12 +55,14 @@ def _exchange_labels(observed: np.ndarray, options: MocapOptions, rng: Generator
 def _lose_labels(
     observed: np.ndarray, options: MocapOptions, rng: Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Positions (N, 9, 3) with labels blanked during bursts, and unlabeled columns with them."""
+    """Return the positions (N, 9, 3) without the labels lost in bursts, and name → positions (N, 3)
+    of the resulting unlabeled markers.
+    """
     rate, mean = options.lost_label_rate, options.lost_label_frames
     _, lost = bursts(len(observed), observed.shape[1:2], rate, mean, rng)
     lost &= ~np.isnan(observed[..., 0])
     edges = np.diff(lost.astype(np.int8), axis=0, prepend=0, append=0)
-    # transposed, so that starts and ends come marker by marker and form pairs
+    # transpose, so that starts and ends have the same order (by marker, then time)
     (marker, first), last = np.nonzero(edges.T == 1), np.nonzero(edges.T == -1)[1]
     columns = {}
     for number, i in enumerate(np.lexsort((marker, first))):
@@ -73,9 +75,9 @@ def _lose_labels(
 def capture(
     arm: Arm, q: np.ndarray, markers: np.ndarray, base: Base, options: MocapOptions, rng: Generator
 ) -> dict[str, np.ndarray]:
-    """Draw by name the positions (N, 3) m in the world, NaN where missing, of markers at places
-    ``markers`` (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q``
-    (N, 3) rad. Names are ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` onwards.
+    """Draw name → positions (N, 3) m in the world frame, NaN if missing, of the ``markers``
+    (3, 3, 3) (link, marker, xyz of the segment frame, m) on an arm at true angles ``q`` (N, 3) rad.
+    Names are ``link1_a`` … ``link3_c``, and ``Unlabeled 1000`` and following.
     """
     axes, origin = segment_frames(arm.chain, q)
     plane = np.einsum("njab,jmb->njma", axes, markers) + origin[:, :, None, :]
@@ -87,7 +89,7 @@ def capture(
 
 
 def _observe(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.ndarray:
-    """Positions ``world`` (N, ..., 3) with noise, NaN where occluded."""
+    """Draw the measured positions of markers at ``world`` (N, ..., 3), NaN where occluded."""
     observed = world + options.noise_std * rng.standard_normal(world.shape)
     rate, mean = options.occlusion_rate, options.occlusion_frames
     _, hidden = bursts(len(world), world.shape[1:-1], rate, mean, rng)
@@ -96,23 +98,23 @@ def _observe(world: np.ndarray, options: MocapOptions, rng: Generator) -> np.nda
 
 
 class MarkerCluster(NamedTuple):
-    """Markers of one rigid body on a link of an arm in space. The tracker fits the drawing's shape
-    to the markers that are not occluded; with fewer than three it loses the body.
+    """K markers of one rigid body on a link of an arm in space. The tracker fits ``shape`` to the
+    visible markers; with fewer than three visible markers, the body is lost.
     """
 
-    chain: SerialChain  # the true one that carries the link; its tip is the link's frame
-    places: np.ndarray  # (K, 3) m, true places of the markers in the link's frame
-    shape: np.ndarray  # (K, 3) m, their places in the body's frame by the tracker
+    chain: SerialChain  # true chain from the base to the link; its tip is the link's frame
+    places: np.ndarray  # (K, 3) m, true positions of the markers in the link's frame
+    shape: np.ndarray  # (K, 3) m, positions in the body's frame that the tracker assumes
 
 
 def as_built(link: SerialChain, arm: SerialChain) -> SerialChain:
-    """Return the nominal chain to a ``link`` with the placements of the true ``arm``'s joints."""
+    """Return the chain to a ``link`` with the joint placements of the true ``arm``."""
     placements = [*arm.placements[: len(link.placements) - 1], link.placements[-1]]
     return replace(link, placements=np.array(placements))
 
 
 def in_body(places: np.ndarray, position: np.ndarray, rpy: np.ndarray) -> np.ndarray:
-    """Return (K, 3) ``places`` of a link in the frame of a body at ``position`` and ``rpy``."""
+    """Return ``places`` (K, 3) m of a link in the frame of a body at ``position`` and ``rpy``."""
     return (places - np.asarray(position)) @ Rotation.from_euler("xyz", rpy).as_matrix()
 
 
@@ -123,8 +125,8 @@ def capture_bodies(
     options: MocapOptions,
     rng: Generator,
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Draw by name position (N, 3) m and quaternion (N, 4) x, y, z, w in the world of the bodies on
-    an arm at true angles ``q`` (N, n) rad, NaN where lost.
+    """Draw name → position (N, 3) m and quaternion (N, 4) x, y, z, w in the world frame of the
+    bodies on an arm at true angles ``q`` (N, n) rad, NaN where a body is lost.
     """
     result = {}
     for name, cluster in clusters.items():

@@ -1,5 +1,5 @@
-"""Options of the synthetic laboratory, every disturbance with its unit and its source. The module
-imports none of the libraries that the laboratory needs, so that a configuration is checked early.
+"""Options of the synthetic laboratory: disturbances with unit and source. The module imports no
+library of the laboratory, so that a configuration can be checked early.
 """
 
 from dataclasses import field, replace
@@ -17,12 +17,12 @@ BurstLength = Annotated[float, Field(ge=1)]  # frames, mean of the geometric len
 
 @options(frozen=True)
 class TrajectoryOptions:
-    """The motion's two ends, and the times of its rests and ramps."""
+    """End poses of the motion, and durations of rests and ramps."""
 
     folded: tuple[float, ...]  # rad, joint angles of the folded pose
     extended: tuple[float, ...]  # rad, joint angles of the most extended pose
     duration: Positive = 3.2  # s, T of the paper
-    rest: NotNegative = 0.08  # s, at rest at the start, at the turn (twice) and at the end
+    rest: NotNegative = 0.08  # s, rest at the start, at the turn (twice) and at the end
     ramp: Positive = 0.3  # s, from rest to full speed and from full speed to rest
     rate: Positive = 100.0  # 1/s, steps of the motion grid
 
@@ -38,113 +38,113 @@ class TrajectoryOptions:
 
 @options(frozen=True)
 class DynamicsOptions:
-    """Disturbances at the micro level, each with its unit and the source of its size."""
+    """Disturbances of the arm, with unit and source of the value."""
 
     rate: Positive = 1000.0  # 1/s, integration steps of the servo
     servo_gain: Positive = 20.0  # 1/s, position loop of the joints
-    # m, link lengths against nominal, one draw a session; manufacturing of a low-cost arm
+    # m, error of the link lengths, one draw per session; manufacturing of a low-cost arm
     length_std: NotNegative = 3e-4
-    # rad, zero of each joint, one draw a session; homing against a mechanical stop
+    # rad, error of each joint's zero, one draw per session; homing against a mechanical stop
     encoder_offset_std: NotNegative = 2e-3
     encoder_ripple: NotNegative = 1e-3  # rad, once-per-turn eccentricity of encoder and gear
-    speed_error_std: NotNegative = 0.03  # 1, of the commanded speed; torque ripple of small gears
-    speed_error_time: Positive = 0.022  # s, time constant of each of its lags
+    speed_error_std: NotNegative = 0.03  # 1, over the commanded speed; torque ripple of small gears
+    speed_error_time: Positive = 0.022  # s, time constant of each lag of the speed error
     start_std: NotNegative = 4e-3  # rad, start pose of a take; repeatability of homing moves
-    # m or rad, the tool's sway along and about each row of the task (default: the youBot's x, z and
-    # rotation about the tip) at the joints' speed limits; with the clearance it gives the published
-    # covariance of the noise: README.md
+    # m or rad, sway of the tool by task coordinate (default: the youBot's x, z and rotation about
+    # the tip) at the joints' speed limits; sway and clearance give the published covariance of the
+    # noise (README.md)
     sway_std: tuple[NotNegative, ...] = (3e-4, 1.7e-3, 0.0332)
     # s, time constant of each lag of the sway: the shortest that the motors can drive (README.md);
     # four lags of 22 ms have the bandwidth of the servo, 20 1/s
     sway_time: Positive = 0.0135
     sway_rest: NotNegative = 0.02  # 1, share of the sway at rest, while the motors hold the arm
-    # rad, half the play of one joint; the paper reports an unusual clearance in the youBot's third
+    # rad, half the play of one joint; the paper reports unusual clearance in the youBot's joint 3
     clearance: NotNegative = 0.039
-    play_joint: Annotated[int, Field(ge=1)] = 3  # number of that joint in the chain, from 1
-    clearance_time: Positive = 5e-3  # s, of each lag of the rattling; impacts of gear teeth
-    rattle_speed: Positive = 1.5  # rad/s, speed of that joint at which the rattling fills the play
-    speed_exponent: NotNegative = 2.0  # 1, power of sway and rattling in speed; loads of inertia
-    jitter_std: NotNegative = 5e-4  # s, exposure against motion clock; trigger and USB latency
+    play_joint: Annotated[int, Field(ge=1)] = 3  # number of the joint with play, from 1
+    clearance_time: Positive = 5e-3  # s, time constant of each lag; impacts of gear teeth
+    rattle_speed: Positive = 1.5  # rad/s, speed of the joint at which rattling fills the play
+    speed_exponent: NotNegative = 2.0  # 1, sway and rattling ∝ speed to this power; inertia
+    jitter_std: NotNegative = 5e-4  # s, jitter of the exposure times; trigger and USB latency
 
 
 @options(frozen=True)
 class EncoderOptions:
-    """Log of the encoders; :class:`DynamicsOptions` has the errors of their zeros."""
+    """Log of the encoders; :class:`DynamicsOptions` has the errors of the encoders' zeros."""
 
     rate: Positive = 125.0  # 1/s, rows of the log; as the controller of a UR5
-    resolution: Positive = 4.8e-5  # rad; assumed: 17 bits a turn behind the gear
+    resolution: Positive = 4.8e-5  # rad; assumed: 17 bits per turn at the joint
 
 
 @options(frozen=True)
 class ClockOptions:
-    """The depth camera's own clock and frame rate."""
+    """Clock and frame rate of the depth camera."""
 
-    rate: Positive = 30.0  # 1/s, frames of the Kinect v2
-    offset: float = 0.14  # s, its clock minus the motion clock; assumed: programs started by hand
-    offset_std: NotNegative = 0.02  # s, from take to take
+    rate: Positive = 30.0  # 1/s, frame rate of the Kinect v2
+    offset: float = 0.14  # s, camera clock minus motion clock; assumed: programs started by hand
+    offset_std: NotNegative = 0.02  # s, std of the offset over takes
     drift: Annotated[float, Field(gt=-1)] = 3e-5  # 1, rate error of the quartz
-    jitter_std: NotNegative = 2e-3  # s, of a frame's exposure; USB scheduling of a PC
+    jitter_std: NotNegative = 2e-3  # s, jitter of a frame's exposure; USB scheduling of a PC
 
 
 @options(frozen=True)
 class MocapOptions:
-    """Errors and faults of the marker tracking; rates of bursts a frame."""
+    """Errors and faults of the marker tracking; rates are bursts per frame."""
 
-    # m, white, each axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): below 0.2 mm in 97 %
+    # m, white, per axis; Aurand, Dufour, Marras, J. Biomech. 58 (2017): below 0.2 mm in 97 %
     noise_std: NotNegative = 1e-4
-    placement_std: NotNegative = 5e-4  # m, each axis, one draw a session; assumed: by a ruler
-    occlusion_rate: Probability = 1e-3  # 1/frame, each marker; assumed: cables pass the cameras
+    placement_std: NotNegative = 5e-4  # m, per axis, one draw per session; assumed: by a ruler
+    occlusion_rate: Probability = 1e-3  # 1/frame, per marker; assumed: cables before the cameras
     occlusion_frames: BurstLength = 6.0
-    swap_rate: Probability = 1e-4  # 1/frame, each link; assumed: its three markers are alike
+    swap_rate: Probability = 1e-4  # 1/frame, per link; assumed: the link's markers look alike
     swap_frames: BurstLength = 3.0
-    lost_label_rate: Probability = 3e-4  # 1/frame, each marker; assumed
+    lost_label_rate: Probability = 3e-4  # 1/frame, per marker; assumed
     lost_label_frames: BurstLength = 4.0
 
 
 @options(frozen=True)
 class SceneOptions:
-    """Sizes in m of the arm's solids, from the youBot's girths, and of the room, assumed."""
+    """Sizes in m of the arm's solids (youBot's girths) and of the surroundings (assumed)."""
 
     link_width: float = 0.06  # across the segment in the plane, first two links
     link_depths: tuple[float, float, float] = (0.07, 0.06, 0.05)  # along the normal
     tool_width: float = 0.05  # wrist and hand
-    hand_share: float = 0.62  # 1, share of wrist and hand in the third segment, before the fingers
+    hand_share: float = 0.62  # 1, length of wrist and hand over the third segment's length
     finger_width: float = 0.024
     finger_depth: float = 0.03
     base_width: float = 0.08  # turntable under O1
     base_gap: float = 0.04  # from O1 down to the turntable
-    stand_width: float = 0.1  # column that carries the arm; the tool swings past it
+    stand_width: float = 0.1  # column that carries the arm
     floor_height: float = -0.75  # height of the floor in the arm's base frame
-    wall_distance: float = 3.6  # from the arm's plane; more than 4.5 m from the camera, as a hall
+    wall_distance: float = 3.6  # from the arm's plane; more than 4.5 m from the camera
 
 
 @options(frozen=True)
 class KinectOptions:
-    """The sensor, its pose and its errors."""
+    """Kinect v2: intrinsics, pose and errors."""
 
     width: int = 512  # px
     height: int = 424  # px
-    fx: float = 365.456  # px; intrinsics of a Kinect v2's infrared camera, devices differ by 1 %
+    fx: float = 365.456  # px; infrared camera of a Kinect v2, devices differ by 1 %
     fy: float = 365.456  # px
     cx: float = 254.878  # px
     cy: float = 205.395  # px
-    distance: float = 1.2  # m, from the camera to the point of the arm's plane that it looks at
-    aim: tuple[float, float] = (0.03, 0.17)  # m, that point's x and z in the plane
+    distance: float = 1.2  # m, from the camera to the aim point along the optical axis
+    aim: tuple[float, float] = (0.03, 0.17)  # m, x and z of the aim point in the arm's plane
     yaw: float = 0.05  # rad, about the camera's y axis; a tripod put up by eye
     pitch: float = -0.04  # rad, about the camera's x axis
     roll: float = 0.01  # rad, about the optical axis
-    range: tuple[Positive, Positive] = (0.5, 4.5)  # m, of a valid pixel; Microsoft's specification
+    range: tuple[Positive, Positive] = (0.5, 4.5)  # m, valid depths; Microsoft's specification
     # m, 1, 1/m, and m^(-1/2): σ_z = a + b z + c z² + d z^(3/2) θ²/(π/2 − θ)²; Fankhauser et al.,
     # ICAR 2015, Kinect v2 indoors
     axial: tuple[float, float, float, float] = (1.5e-3, -0.5e-3, 0.3e-3, 0.1e-3)
     # px: σ_L = a + b θ/(π/2 − θ); Nguyen, Izadi, Lovell, 3DIMPVT 2012
     lateral: tuple[float, float] = (0.8, 0.035)
-    # rad (80°), no depth beyond; the measurements of Nguyen 2012 and Fankhauser 2015 end there
+    # rad (80°), greatest angle with depth, and of the data of Nguyen 2012 and Fankhauser 2015
     grazing_limit: Annotated[float, Field(gt=0, lt=pi / 2)] = 1.4
-    edge_ratio: float = 0.03  # 1, neighbours whose depths differ by a greater share are an edge
+    edge_ratio: float = 0.03  # 1, least relative depth difference of neighbours at an edge
     edge_lost: Probability = 0.3  # 1, probability of no depth at an edge; assumed
-    edge_mixed: Probability = 0.15  # 1, of a depth between the sides (flying pixel); assumed
-    # m, one draw a session; 1.5 mm to centimetres: Corti et al., Rob. Auton. Syst. 75 (2016)
+    edge_mixed: Probability = 0.15  # 1, probability of a flying pixel at an edge; assumed
+    # m, one draw per session; 1.5 mm to centimetres: Corti et al., Rob. Auton. Syst. 75 (2016)
     bias_offset_std: float = 5e-3
     bias_wiggle: float = 2e-3  # m, harmonic 'wiggling' error of Corti et al. (2016); size assumed
     bias_period: float = 0.47  # m, a quarter of the 1.87 m over which the phase at 80 MHz repeats
@@ -153,13 +153,13 @@ class KinectOptions:
 
 @options(frozen=True)
 class Robots:
-    """Laws of the robots that pull, one value each."""
+    """Probability laws of the pulling robots; tuples have one value per robot."""
 
     tension_sd: tuple[NotNegative, ...]  # N, σ_T of the tension's stationary law
     concentration: tuple[Positive, ...]  # 1, κ of the von Mises law of the direction
-    slip_rate: Positive = 20.0  # 1/s, slips of one robot; assumed: some per turn of its wheels
-    slip_recovery: Positive = 0.25  # s, of regaining traction; assumed: as of a wheel-speed loop
-    wander_time: Positive = 0.4  # s, of a cable's direction; assumed: sway of a taut cable
+    slip_rate: Positive = 20.0  # 1/s, slips per robot; assumed: some per turn of the wheels
+    slip_recovery: Positive = 0.25  # s, time constant of traction; assumed: wheel-speed loop
+    wander_time: Positive = 0.4  # s, time constant of the direction; assumed: sway of a cable
 
     @model_validator(mode="after")
     def _one_value_each(self) -> Self:
@@ -168,19 +168,19 @@ class Robots:
         return self
 
     def first(self, count: int) -> "Robots":
-        """Return the first ``count`` robots, or all where there are fewer."""
+        """Return the first ``count`` robots, or all if there are fewer."""
         kept = {name: getattr(self, name)[:count] for name in ("tension_sd", "concentration")}
         return replace(self, **kept)
 
 
 @options(frozen=True)
 class Transducer:
-    """The force/torque transducer; pairs are (force in N, torque in N·m), equal on three axes."""
+    """Force/torque transducer; pairs are (force in N, torque in N·m), equal for all axes."""
 
     rate: Positive = 62.5  # Hz: 1000 Hz at averaging level 16
-    # sd a sample; an ATI Gamma SI-32-2.5 resolves 1/160 N and 1/2000 N·m
+    # std of a sample; an ATI Gamma SI-32-2.5 resolves 1/160 N and 1/2000 N·m
     noise: tuple[NotNegative, NotNegative] = (0.00625, 0.0005)
-    bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)  # sd of a record's offset; assumed
-    drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)  # sd, per s, thermal; assumed
-    # m, from its origin to the point to which cables are tied, or from which attachments count
+    bias: tuple[NotNegative, NotNegative] = (0.5, 0.02)  # std of a record's offset; assumed
+    drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)  # std of the thermal drift/s; assumed
+    # m, from the transducer's origin to the point where cables are tied (origin of attachments)
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)

@@ -1,5 +1,5 @@
-"""The commanded motion: its steps, and the unit, order, sign and clock by which a record of the
-motion follows it, or a refusal.
+"""Commanded motion: its steps, and checks that a record of the motion agrees with the command in
+unit, order, sign and clock.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,63 +17,63 @@ from pipeline.core.errors import RecordingError
 from pipeline.recordings.repetitions import REACH, lag
 
 OPTION = "dataset.joint_log"
-STEADY = 0.9  # of the speed, so that noise of the mean path leaves no gap
-UNFILLED = "???"  # name of a file that is not stated yet
-LATEST = 0.05  # s by which a controller may lag behind its command; beyond, two clocks differ
+STEADY = 0.9  # least speed over the 0.9 quantile, low enough that noise leaves no gap
+UNFILLED = "???"  # placeholder for a file name
+LATEST = 0.05  # s, greatest lag of a controller; a longer lag is an offset of two clocks
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
-QUANTILE = 0.9  # of the rows: a repetition that was disturbed does not decide
-LEAST_MOTION = 0.1  # of the farthest joint's motion: least scale of the error of the other joints
-STILL = 0.1  # rad, least scale of any error: noise of encoders at rest is no error
-SMOOTHING = 0.02  # s, over which the speed of the arm is taken
-PEAKS, NEAR = 8, 0.8  # delays that are tried: highest correlations, down to this share of the first
-SAME = 0.02  # of a factor: within this share it is the factor of a unit conversion
-ORDER_GAIN = 0.5  # of the error: another order or sign must leave less than this share
-MOST = 0.25  # of the motion, by which two records of it may differ: far above any uncertainty
-VELOCITY = 0.05  # of the motion, by which commanded velocities may miss the commanded positions
-LEAST_TIMES = 3  # readings within the take; fewer decide nothing
+QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
+LEAST_MOTION = 0.1  # least scale of a joint's error, over the motion of the farthest joint
+STILL = 0.1  # rad, least scale of an error, above the noise of encoders at rest
+SMOOTHING = 0.02  # s, over which the speed of the arm is averaged
+PEAKS, NEAR = 8, 0.8  # number of delays tried, and their least correlation over the highest
+SAME = 0.02  # greatest relative difference of a factor from a unit conversion
+ORDER_GAIN = 0.5  # another order or sign must reduce the error below this share
+MOST = 0.25  # greatest difference of two records over the motion, far above any uncertainty
+VELOCITY = 0.05  # greatest difference of integrated velocities and positions, over the motion
+LEAST_TIMES = 3  # least number of readings within the take
 DEGREES = 180 / np.pi
 FACTORS = {"1": 1.0, "180/π": DEGREES, "π/180": 1 / DEGREES, "(180/π)²": DEGREES**2}
 FACTORS |= {"(π/180)²": DEGREES**-2, "2π": TURN, "1/2π": 1 / TURN}
 
 
 def commanded_steps(trajectory: pd.DataFrame, rate: float) -> np.ndarray:
-    """Return v = ẋᵈΔt (M, m), m and rad; of a redundant arm (M, m + n) with the joint steps."""
+    """Return v = ẋᵈΔt (M, m) in m and rad; for a redundant arm (M, m + n) with joint steps."""
     return np.hstack([values(trajectory, family) for family in ("v", "u")])[:-1] / rate
 
 
 def constant_speed(q: np.ndarray) -> np.ndarray:
-    """Return which (M,) steps of the mean of ``q`` (takes, M+1, n) rad are about the fastest."""
+    """Return the mask (M,) of steps at full speed, in the mean of ``q`` (takes, M+1, n) rad."""
     pace = np.linalg.norm(np.diff(q.mean(axis=0), axis=0), axis=-1)
     return pace >= STEADY * np.quantile(pace, 0.9)
 
 
 class Pairing(NamedTuple):
-    """Command of joint i: column ``order[i]`` times ``factor[i]``, ``delay`` rows later."""
+    """Command of joint i: column ``order[i]`` times ``factor[i]``, delayed by ``delay`` rows."""
 
     factor: np.ndarray  # (n,)
     order: np.ndarray  # (n,) int
     delay: int  # rows by which the command is early
 
     def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the paired rows of both (N − |delay|, n) in rad."""
+        """Return the paired rows of ``actual`` and ``target``, (N − |delay|, n) in rad."""
         actual, target = shift_rows(actual, target, self.delay)
         return actual, target[:, self.order] * self.factor
 
     def error(self, actual: np.ndarray, target: np.ndarray) -> float:
-        """Return the greatest of the :func:`tracking_errors` of the paired rows."""
+        """Return the greatest of the joints' :func:`tracking_errors` in the paired rows."""
         return float(tracking_errors(*self.apply(actual, target)).max())
 
 
 def shift_rows(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return measured rows and the commanded ones ``rows`` before them, without the unpaired."""
+    """Return the pairs of a measured row and the commanded row ``rows`` rows earlier."""
     length = len(actual) - abs(rows)
     return actual[max(rows, 0) :][:length], target[max(-rows, 0) :][:length]
 
 
 def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the 0.9 quantile (n,) of the tracking error divided by the joint's motion, ``actual``
-    and ``target`` (N, n) in rad: the greater one of the rows in which the command moves, or rests.
-    The motion counts as at least a tenth of the farthest joint's and 0.1 rad.
+    """Return the 0.9 quantile (n,) of the tracking error divided by the joint's motion; ``actual``
+    and ``target`` (N, n) in rad. The quantile is the greater one of rows with moving and with
+    resting command. The divisor is at least STILL and LEAST_MOTION of the greatest motion.
     """
     residual, motion = np.abs(actual - target), np.ptp(actual, axis=0)
     scale = np.maximum(motion, max(LEAST_MOTION * motion.max(), STILL))
@@ -84,8 +84,8 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """Return the pairing of least error, the plain one if no other has less than half its error,
-    of measured and commanded angles (N, n) in rad at ``rate`` rows a second.
+    """Return the pairing of least error of measured and commanded angles (N, n) in rad at ``rate``
+    (Hz). A pairing replaces the identity only if it halves the error.
     """
     best = _plain(actual.shape[1])
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
@@ -95,7 +95,7 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
         tried = _unit_and_order(*shift_rows(actual, target, delay), delay)
         if (error := tried.error(actual, target)) < ORDER_GAIN * least:
             best, least = tried, error
-    # the delay to the nearest row; a delay up to LATEST is the controller's, not a clock's
+    # round the delay to a row; a delay up to LATEST is the controller's lag, not a clock offset
     measured, command = best.apply(actual, target)
     late = lag(command, measured, rate)
     delay = best.delay + (round(late * rate) if np.isfinite(late) else 0)
@@ -110,12 +110,12 @@ def require_pair(
     joints: Sequence[str],
     **where,
 ) -> None:
-    """Raise RecordingError for a tracking error of ``actual`` (N, n) rad to ``target`` above
-    ``limit`` of the motion, or a lag above LATEST at ``rate`` rows a second. The message names the
-    unit, order and clock by which they agree, with their options.
+    """Raise RecordingError where the :func:`tracking_errors` of ``actual`` and ``target`` (N, n)
+    rad exceed ``limit``, or the lag exceeds LATEST at ``rate`` (Hz). The message names the unit,
+    order and clock for which the angles agree, with the options to set.
     """
     errors = tracking_errors(actual, target)
-    worst, late = int(errors.argmax()), lag(target, actual, rate)  # NaN of a command at rest
+    worst, late = int(errors.argmax()), lag(target, actual, rate)  # lag NaN: command at rest
     if errors[worst] > limit:
         fault = f"{joints[worst]} misses its command by {errors[worst]:.2g} of its motion (0.9"
         fault += f" quantile over the rows), more than {limit:g} (mismatch)"
@@ -125,35 +125,35 @@ def require_pair(
         return
     pairing = find_pairing(actual, target, rate)
     left = pairing.error(actual, target)
-    cause = "no other unit, order or clock pairs them: are they of one movement?"
+    cause = "they agree in no other unit, order or clock: check that both are of one movement"
     if left <= limit:
         words = ", ".join(
-            f"the {what} ({option.rpartition('.')[2]}: {value}, without which {error:.2g} is left)"
-            for what, option, value, error in suspects(pairing, actual, target, rate)
+            f"the {cause} ({option.rpartition('.')[2]}: {value}; else the error is {error:.2g})"
+            for cause, option, value, error in suspects(pairing, actual, target, rate)
         )
-        cause = f"suspected: {words}; that leaves {left:.2g}" if words else cause
-    message = f"measured and commanded angles are no pair: {fault}; {cause}"
+        cause = f"suspected: {words}; the error is then {left:.2g}" if words else cause
+    message = f"measured and commanded angles do not agree: {fault}; {cause}"
     raise RecordingError(message, **where, key=OPTION)
 
 
 def suspects(
     pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
 ) -> Iterator[tuple[str, str, str, float]]:
-    """Yield for each change of a ``pairing`` words, option, value, and the error without it."""
+    """Yield name, option and value of each change of a ``pairing``, and the error without it."""
     plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
     unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
-    what = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
+    scale = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
     listed = [f"{each:.16g}" for each in factor]
     value = listed[0] if len({*listed}) == 1 else f"[{', '.join(listed)}]"
     columns = f"the commanded columns in the order {[int(j) + 1 for j in order]}"
-    for changed, field, option, found, stated in (
-        ((factor != 1).any(), "factor", "target_factor", what, value),
+    for changed, field, option, cause, stated in (
+        ((factor != 1).any(), "factor", "target_factor", scale, value),
         ((order != plain.order).any(), "order", "signals", "order", columns),
         (delay != 0, "delay", "target_delay", "clock", f"{delay / rate:.6g}"),
     ):
         if changed:
             without = pairing._replace(**{field: getattr(plain, field)})
-            yield found, f"{OPTION}.{option}", stated, without.error(actual, target)
+            yield cause, f"{OPTION}.{option}", stated, without.error(actual, target)
 
 
 def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
@@ -161,7 +161,7 @@ def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
 
 
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
-    """Rows by which the command may be early: 0, and correlation peaks of the arm's speeds."""
+    """Return possible delays in rows: 0, and the correlation peaks of the arm's speeds."""
     from scipy.signal import correlate, correlation_lags, find_peaks
 
     width = max(1, round(SMOOTHING * rate))
@@ -169,15 +169,15 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     measured, commanded = (speed - speed.mean() for speed in speeds)
     rows = correlation_lags(len(measured), len(commanded))
     near = np.abs(rows) <= min(SEARCH * rate, len(measured) // 2)
-    alike, rows = correlate(measured, commanded)[near], rows[near]
-    alike = alike / (len(measured) - np.abs(rows))  # a longer delay leaves fewer rows
-    peak = find_peaks(alike, height=NEAR * alike.max())[0]
-    highest = peak[np.argsort(-alike[peak])[:PEAKS]]
+    correlation, rows = correlate(measured, commanded)[near], rows[near]
+    correlation = correlation / (len(measured) - np.abs(rows))  # number of overlapping rows
+    peak = find_peaks(correlation, height=NEAR * correlation.max())[0]
+    highest = peak[np.argsort(-correlation[peak])[:PEAKS]]
     return sorted({0, *rows[highest].tolist()}, key=abs)
 
 
 def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
-    """Unit, order and signs of rows that ``delay`` has paired already."""
+    """Return the pairing with the best unit, order and signs for rows paired by ``delay``."""
     from scipy.optimize import linear_sum_assignment
 
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
@@ -185,7 +185,7 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
         return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
-    # (2, n, n) root mean square residual of joint i from column j, and from its opposite
+    # (2, n, n) root mean square difference of joint i from column j, and from minus column j
     pairs = ((actual.T[:, None] - sign * (size * target).T) for sign in (1, -1))
     costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
     cost, same = costs.min(axis=0), np.arange(n)
@@ -193,7 +193,7 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     if cost[rows, order].sum() > ORDER_GAIN * costs[0, same, same].sum():
         return _plain(n, size, delay)
     sign = np.where(costs[1, rows, order] < ORDER_GAIN * costs[0, rows, order], -1.0, 1.0)
-    # columns that are alike keep their place
+    # keep the place of columns whose exchange hardly reduces the cost
     stay = costs[0, same, same] <= cost[rows, order] / ORDER_GAIN
     kept = np.where(stay, same, order)
     if len(set(kept.tolist())) == n:
@@ -202,28 +202,28 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
 
 
 def named_joints(urdf: str, names: Sequence[str]) -> list[Joint | None]:
-    """Return the joints ``names`` of the file ``urdf``, None for one that it lacks."""
+    """Return the joints ``names`` of the file ``urdf``, None for a joint that the file lacks."""
     joints = {} if urdf == UNFILLED else read_urdf(Path(urdf)).joints
     return [joints.get(name) for name in names]
 
 
 def circular_joints(urdf: str, names: Sequence[str]) -> np.ndarray:
-    """Return which of the joints ``names`` turn: all but the prismatic ones of ``urdf``."""
+    """Return the mask (joints,) of the joints ``names`` that are not prismatic in ``urdf``."""
     return np.array([(joint and joint.kind) != "prismatic" for joint in named_joints(urdf, names)])
 
 
 def require_velocities(trajectory: pd.DataFrame, rate: float, file: Path) -> None:
-    """Raise RecordingError where the velocities do not lead along the positions."""
+    """Raise RecordingError where the integral of the velocities differs from the positions."""
     x, v = values(trajectory, "x"), values(trajectory, "v")
-    # a velocity may be of the instant, or the mean over the step before or after it
-    gone = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
+    # a velocity may be instantaneous, or the mean over the step before or after it
+    integral = np.cumsum((v[:-1] + v[1:]) / 2, axis=0) / rate
     fault = "the commanded velocities do not lead along the commanded positions; suspected are"
-    fault += " their unit, the order of their columns, and t"
-    _require_near(x[1:] - x[0], gone, members(trajectory, "x"), VELOCITY, fault, file=file)
+    fault += " the velocities' unit, the order of their columns, and t"
+    _require_near(x[1:] - x[0], integral, members(trajectory, "x"), VELOCITY, fault, file=file)
 
 
 def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, take: str) -> None:
-    """Raise RecordingError where the tip at ``q`` (M+1, n) rad is not on the commanded path."""
+    """Raise RecordingError where the tip at ``q`` (M+1, n) rad is far from the commanded path."""
     tip, path = chain.coordinates(chain.pose(q)), values(trajectory, "x")
     fault = "the tip that the motion capture tracked is not on the commanded path; suspected are"
     fault += " the path's unit, columns and start, and the arm's base (dataset.mocap.base)"
@@ -233,25 +233,25 @@ def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, tak
 def require_encoders(
     q: pd.DataFrame, readings: pd.DataFrame, joints: list[str], take: str, circular=True
 ) -> None:
-    """Raise RecordingError where ``readings``, rows of the table ``encoders``, are not the angles
-    tracked at those times, rows ``q`` of the table ``joints``; ``circular``: which joints turn.
+    """Raise RecordingError where ``readings`` (rows of the table ``encoders``) differ from the
+    tracked angles ``q`` (rows of the table ``joints``) at the same times; ``circular`` (joints,).
     """
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
     where = {"take": take, "key": "dataset.encoders"}
     if len(during) < LEAST_TIMES:
         message = f"{len(during)} of {len(readings)} readings of the encoders are within the take:"
-        raise RecordingError(f"{message} when does their log start (start)?", **where)
+        raise RecordingError(f"{message} correct start, the start of their log", **where)
     names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
     read = during[names].to_numpy()
     turns = whole_turns(read, tracked, circular)
     if turns.any():
         joint = int(np.flatnonzero(turns)[0])
-        message = f"the encoders read {joints[joint]} {turns[joint]:+g} turns (2π = 6.283 rad each)"
-        message += " beside the angle that the motion capture tracked: log the angle of the URDF"
+        message = f"the encoders' {joints[joint]} is {turns[joint]:+g} turns (2π = 6.283 rad each)"
+        message += " off the angle that the motion capture tracked: log the angle of the URDF"
         raise RecordingError(message, **where)
-    fault = "the encoders do not read what the motion capture tracked; suspected are their"
-    fault += " angle_unit, the order of their columns (actual), and when their log starts (start)"
+    fault = "the encoders differ from the angles that the motion capture tracked; suspected are"
+    fault += " angle_unit, the order of the columns (actual), and the start of the log (start)"
     _require_near(read, tracked, joints, MOST, fault, **where)
 
 

@@ -1,4 +1,4 @@
-"""Depth takes as tables: the times of the frames on the camera's clock, and the arm's points."""
+"""Tables of depth takes: times of the frames on the camera's clock, and points on the arm."""
 
 import os
 from collections import Counter
@@ -24,21 +24,21 @@ from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 KEY = "dataset.depth"
-Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]  # and their places
+Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]  # frame, evidence
 
 
 class DepthTake(NamedTuple):
-    """Frames of a folder or bag, read one at a time."""
+    """F frames of a folder or bag, read one at a time."""
 
-    time: np.ndarray  # (F,) s by the camera's own clock
+    time: np.ndarray  # (F,) s on the camera's clock
     references: Sequence[str]  # (F,) file, or bag#message
-    camera: Intrinsics | None  # None of point clouds
+    camera: Intrinsics | None  # None for point clouds
     frames: Frames
-    counts: Counter[str]  # grow as frames are read
+    counts: Counter[str]  # updated while frames are read
 
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
-    """Return take → folder or bag; RecordingError where none matches or two have one name."""
+    """Return take → folder or bag; RecordingError where none matches or two share a name."""
     wanted = {"what": "folder of depth frames and no bag", "key": f"{KEY}.takes"}
     return named_takes(raw, depth.takes, wanted=lambda p: p.is_dir() or is_bag(p), **wanted)
 
@@ -46,11 +46,11 @@ def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
 def frame_rows(
     named: tuple[str, Path], depth: Depth, arm: Arm, raw: Path, folder: Path
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``frames`` of a take (name, and folder or bag) in s since the
-    motion capture's start by the camera's own clock, and their quality; write the arm's points in m
-    below ``folder``.
+    """Return the rows of the table ``frames`` of a take (name, and folder or bag) and the quality
+    rows; write the arm's points in m below ``folder``. Times are in s since the start of the motion
+    capture, on the camera's clock.
 
-    ``frozen_frames``, which have the arm's points of the frame before, are counted and left out.
+    ``frozen_frames``, whose points equal the points of the frame before, are left out and counted.
     Raises RecordingError for unreadable or contradictory files, ConfigError for missing options.
     """
     name, path = named
@@ -73,7 +73,7 @@ def frame_rows(
 
 
 def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarray, float]]:
-    """Points (I, 2) of the arm, m in its plane, and share that was measured, of every frame."""
+    """Yield the arm's points (I, 2), m in the arm's plane, and the measured share per frame."""
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
     encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
@@ -81,7 +81,7 @@ def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarra
     if take.camera is not None:
         segment = ArmSegmenter(arm, take.camera, *pose, depth.workspace)
     elif depth.encoding != "plain":
-        message = f"the encoding of point clouds is plain, not {depth.encoding}"
+        message = f"the encoding of point clouds must be plain, got {depth.encoding}"
         raise ConfigError(message, key=f"{KEY}.encoding")
     for frame, where in take.frames:
         if isinstance(frame, cloud.PointCloud):
@@ -99,7 +99,7 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
     elif depth.frames is not None:
         listed = image.numbered_frames(path, depth.frames, rate=depth.rate)
     else:
-        message = "a folder of frames needs their index, or frames: a glob of their numbered names"
+        message = "a folder of frames needs an index, or frames: a glob of numbered file names"
         raise ConfigError(message, key=f"{KEY}.index")
     files, counts = [path / name for name in listed.files], Counter(listed.counts)
     camera = None if all(map(cloud.is_cloud, files)) else _intrinsics(path, depth, raw)
@@ -119,7 +119,7 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
 
 def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
-    """The bag's take: one pass reads the times in the headers, another one the frames."""
+    """Return the bag's take: one pass reads the times in the headers, a second one the frames."""
     topic = rosbag.choose_topic(path, (rosbag.IMAGE, rosbag.CLOUD), depth.topic)
     time = np.array([*rosbag.messages(path, topic, rosbag.seconds)])
     where = {"file": path, "topic": topic}
@@ -133,7 +133,7 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
     def frames() -> Frames:
         for number, each in enumerate(rosbag.messages(path, topic, pick)):
             if depth.units_per_metre != 1 and (camera is None or each.dtype == np.float32):
-                message = "ROS defines clouds and images of floats in metres: units_per_metre must"
+                message = "ROS defines float images and clouds in metres: units_per_metre must"
                 raise ConfigError(f"{message} be 1", key=f"{KEY}.units_per_metre", file=path)
             frame = cloud.PointCloud.measured(each) if camera is None else image.RawDepth(each)
             yield frame, where | {"number": number}
@@ -143,19 +143,19 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
 
 
 def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrinsics:
-    """The calibration of a file, else of a message in the bag with images of the ``topic``."""
+    """Return the intrinsics of a file, else of the bag's camera of the images in ``topic``."""
     if depth.width is None or depth.height is None:
-        raise ConfigError("depth images need their width and height", key=f"{KEY}.width")
+        raise ConfigError("depth images need the options width and height", key=f"{KEY}.width")
     size = {"width": depth.width, "height": depth.height}
     if depth.intrinsics is not None:
         keys = {"matrix": depth.camera_matrix, "distortion": depth.distortion}
         return read_intrinsics(raw / depth.intrinsics, **size, **keys)
     if not topic:
-        message = "depth images need a file of their camera's intrinsics"
+        message = "depth images need a file with the camera's intrinsics"
         raise ConfigError(message, key=f"{KEY}.intrinsics")
     stated = rosbag.choose_topic(path, (rosbag.CAMERA_INFO,), depth.camera_info)
     camera = next(rosbag.messages(path, stated, partial(rosbag.camera_info, **size), {0}))
     if camera.distortion and "rect" in topic:
-        message = "the topic is called rectified, and its camera is distorted; give the intrinsics"
-        raise RecordingError(f"{message} of its images in a file", file=path, topic=topic)
+        message = "the topic's name says rectified, but its camera_info has a distortion; state the"
+        raise RecordingError(f"{message} intrinsics in a file", file=path, topic=topic)
     return camera

@@ -1,5 +1,5 @@
-"""Depth takes after ingest: the offset of the camera's clock from the motion's, the arm's points,
-and the joint angles that fit them.
+"""Depth takes after ingest: offset of the camera's clock from the motion capture's clock, points on
+the arm, and the joint angles that fit the points.
 """
 
 from functools import partial
@@ -20,14 +20,14 @@ from pipeline.perception.articulation import articulate_rows
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
-GRID = 0.005  # s, step of the coarse search: fine against any motion of an arm
-MIN_OVERLAP = 0.5  # share of the first signal that must be within the second
-MIN_SAMPLES = 10  # of a signal
+GRID = 0.005  # s, step of the coarse search, short relative to any motion of an arm
+MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
+MIN_SAMPLES = 10  # least number of samples of a signal
 MIN_CORRELATION = 0.9
 
 
 class Offset(NamedTuple):
-    """Offset in the middle of a take, multiple correlation, drift, and standard errors."""
+    """Clock offset in the middle of a take, multiple correlation, drift, and standard errors."""
 
     value: float  # s
     standard_error: float  # s
@@ -39,13 +39,13 @@ class Offset(NamedTuple):
 def find_offset(
     t_a: np.ndarray, a: np.ndarray, t_b: np.ndarray, b: np.ndarray, search=(-0.5, 0.5), take=""
 ) -> Offset:
-    """Return the offset τ of the least squares ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B, vector c,
-    which are eliminated for every τ (variable projection, Golub and Pereyra 1973): two instruments
-    measure different points of the moving body.
+    """Return the offset τ that minimises ‖a(t) − B·b(t + τ) − c‖² over τ, matrix B and vector c. B
+    and c allow for different measured points of the moving body and are eliminated for every τ
+    (variable projection, Golub and Pereyra 1973).
 
-    ``t_a`` (F,) and ``t_b`` (K,) s on their own clocks, increasing; ``a`` (F, d), ``b`` (K, e) in
-    any units, finite, b interpolated by a cubic spline. Raises RecordingError (take) for signals
-    that are too short, do not move, are not alike or fit best at the edge of ``search`` (s).
+    ``t_a`` (F,) and ``t_b`` (K,) s increase, each on one instrument's clock. ``a`` (F, d) and ``b``
+    (K, e) are finite, in any units; a cubic spline interpolates b. Raises RecordingError (take) for
+    signals that are too short, constant, uncorrelated or fit best at the edge of ``search`` (s).
     """
     from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
@@ -53,8 +53,8 @@ def find_offset(
     refusal = partial(RecordingError, take=take)
     for t, signal in ((t_a, a), (t_b, b)):
         if len(t) < MIN_SAMPLES or np.any(np.diff(t) <= 0):
-            message = f"a signal with fewer than {MIN_SAMPLES} samples, or whose times do not"
-            raise refusal(f"{message} increase, gives no clock offset")
+            message = f"no clock offset: a signal has fewer than {MIN_SAMPLES} samples, or times"
+            raise refusal(f"{message} that do not increase")
         if not np.ptp(signal, axis=0).any():
             raise refusal("no motion to compare the clocks by: one of the signals is constant")
     spline = CubicSpline(t_b, b)
@@ -62,17 +62,17 @@ def find_offset(
     def inside(tau: float) -> np.ndarray:
         return (t_a + tau >= t_b[0]) & (t_a + tau <= t_b[-1])
 
-    def fitted(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Residuals, regressors and the affine map."""
+    def fit(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the residuals, the regressors and the affine map (B and c)."""
         use = inside(tau)
         regressors = np.column_stack([spline(t_a[use] + tau) - b.mean(axis=0), np.ones(use.sum())])
         affine = np.linalg.lstsq(regressors, a[use], rcond=None)[0]
         return a[use] - regressors @ affine, regressors, affine
 
     def unexplained(tau: float) -> float:
-        """Unexplained share of the variance of the samples of ``a`` inside, which depend on τ."""
-        left, use = fitted(tau)[0], inside(tau)
-        return float((left**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
+        """Return the unexplained share of the variance of ``a`` within the times of ``b``."""
+        residual, use = fit(tau)[0], inside(tau)
+        return float((residual**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
 
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
     least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
@@ -90,17 +90,17 @@ def find_offset(
     if correlation < MIN_CORRELATION:
         message = "the signals of the two instruments are not alike at any clock offset: no motion"
         raise refusal(f"{message}, or not the same take", correlation=round(correlation, 3))
-    residual, regressors, affine = fitted(tau)
+    residual, regressors, affine = fit(tau)
     time = t_a[inside(tau)]
     slope = spline.derivative()(time + tau) @ affine[:-1]
-    # parts of the derivatives by offset and drift that B and c do not explain
+    # derivatives by offset and drift, without their projection on B and c
     late, drifting = (
         each - regressors @ np.linalg.lstsq(regressors, each, rcond=None)[0]
         for each in (slope, (time - time.mean())[:, None] * slope)
     )
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
-    # positive autocorrelation of AR(1) noise inflates the variance of a mean; negative is ignored
+    # a positive autocorrelation (AR(1)) inflates the variance; a negative one is ignored
     square = (residual**2).sum()
     lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
     inflation = (1 + lag) / (1 - lag)
@@ -117,11 +117,11 @@ def find_offset(
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame
 ) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Return each take's rows of ``frames`` and ``markers``; RecordingError for a take without."""
+    """Return rows of ``frames`` and ``markers`` per depth take; RecordingError without markers."""
     by_take, takes = dict(list(markers.groupby("take"))), []
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
-            message = "no motion-capture take of this name to set the clock by"
+            message = "no motion-capture take has this name, so that the clock offset is unknown"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
         takes.append((rows, by_take[take]))
     return takes
@@ -130,9 +130,9 @@ def with_markers(
 def on_motion_clock(
     take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``frames`` of a ``take`` of :func:`with_markers` on the motion's
-    clock, and the quality of the offset. The offset is stated, else found by the centroids in the
-    plane of the arm's points and of its labelled markers. Raises RecordingError as find_offset.
+    """Return the rows of the table ``frames`` of a ``take`` (from :func:`with_markers`) on the
+    motion capture's clock, and the quality of the offset. Unless stated, :func:`find_offset`
+    compares the centroids of the arm's points and of the labelled markers in the arm's plane.
     """
     rows, markers = take
     name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []
@@ -162,13 +162,13 @@ def on_motion_clock(
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
-    """Read the arm's points (I, 2), m in its plane, of a take's ``rows`` of ``frames``."""
+    """Return the arm's points (I, 2), m in the arm's plane, of all frames of a take."""
     take = rows["take"].iloc[0]
     return np.split(np.load(folder / f"{take}.npy"), np.cumsum(rows["points"])[:-1])
 
 
 def kept_takes() -> list[pd.DataFrame]:
-    """Return the rows of the table ``frames`` of every take that ``track`` has not left out."""
+    """Return the rows of the table ``frames`` of every take that the stage ``track`` kept."""
     frames, joints = contracts.read("frames", TRACK), contracts.read("joints", TRACK)
     return [rows for _, rows in frames[frames["take"].isin(joints["take"])].groupby("take")]
 
@@ -176,7 +176,7 @@ def kept_takes() -> list[pd.DataFrame]:
 def articulate_takes(
     takes: list[pd.DataFrame], robot: Robot, options: ArticulationSection, compute: Compute
 ) -> pd.DataFrame:
-    """Return the table ``angles`` of the ``takes`` of :func:`kept_takes`."""
+    """Return the table ``angles`` of ``takes`` (from :func:`kept_takes`)."""
     joints = contracts.read("joints", TRACK)
     first = joints[(joints.part == "training") & (joints.k == 0)]
     start = first[columns("q", robot.joints)].mean().to_numpy()

@@ -1,4 +1,4 @@
-"""Force records as tables: forces and moments of all logged axes without their bias."""
+"""Tables of force records: forces and moments of all logged axes without bias."""
 
 from pathlib import Path
 
@@ -15,23 +15,23 @@ from pipeline.recordings.quality import quality_row
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # N, N·m
 SHARED = ("columns", "separator", "decimal", "force_unit", "torque_unit", "time_unit", "rate")
-MIN_SAMPLES = 10  # of the tare: the bias is known to a third of the noise of one sample
-CLOCK_ROUNDING = 1e-6  # s, of a clock made from its rate: a loaded sample would spoil the mean
+MIN_SAMPLES = 10  # least number of tare samples: the bias error is a third of the noise
+CLOCK_ROUNDING = 1e-6  # s, margin that keeps loaded samples out of the tare interval
 
 
 def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``force`` of the configuration ``name`` from the end of its tare
-    on, in N and, about the option ``point``, N·m, and their quality.
+    """Return the rows of the table ``force`` of the configuration ``name`` after the tare interval,
+    in N and in N·m about the option ``point``, and the quality rows.
 
-    Saturated or frozen samples are left out before the bias is subtracted: ratings are of the whole
-    load. Raises ConfigError for a format that does not exist, RecordingError as remove_bias.
+    Saturated or frozen samples are left out before the bias is subtracted, since ratings apply to
+    the whole load. Raises ConfigError for an unknown format, RecordingError as :func:`remove_bias`.
     """
     log, file = force.log, raw / force.configurations[name].file
     calibration = read_calibration(raw / log.calibration) if log.calibration is not None else None
     stated = {key: getattr(log, key) for key in (*SHARED, "counts", "topic")}
     formats = {one.option: one for one in formats_in(force_formats, Kind.FORCE)}
     if log.format not in formats:
-        message = f"no format {log.format!r}; there are {', '.join(sorted(formats))}"
+        message = f"unknown format {log.format!r}; set one of {', '.join(sorted(formats))}"
         raise ConfigError(message, key="dataset.force.log.format")
     record = formats[log.format].read(file, ForceLogOptions(**stated, calibration=calibration))
     ratings = np.array(log.full_scale) if log.full_scale is not None else full_scale(calibration)
@@ -52,11 +52,12 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
 def remove_bias(
     time: np.ndarray, wrench: np.ndarray, tare_seconds: float, **evidence: object
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time and wrench after the tare less the bias, and the bias: the mean of ``wrench`` (N,
-    c) in N and N·m at ``time`` (N,) s in the first ``tare_seconds``, 0 if the instrument tared it.
+    """Return the time and the wrench minus bias after the tare interval, and the bias. The bias is
+    the mean of ``wrench`` (N, c) in N and N·m over the first ``tare_seconds`` of ``time`` (N,) s;
+    with 0 (tared by the instrument) the bias is 0.
 
-    Raises RecordingError for values that are not finite, an interval too short for a mean, or a
-    record that ends with it.
+    Raises RecordingError for values that are not finite, a tare interval with fewer than
+    MIN_SAMPLES, and a record without samples after the interval.
     """
     if not (finite := np.isfinite(wrench).all(axis=1)).all():
         message = "the force record has values that are not finite"
@@ -67,7 +68,7 @@ def remove_bias(
     count = int(unloaded.sum())
     if count < MIN_SAMPLES or count == len(time):
         message = f"{count} of {len(time)} samples lie in the tare interval of {tare_seconds} s;"
-        message += f" {MIN_SAMPLES} or more are required, and others after it"
+        message += f" at least {MIN_SAMPLES} are required, and further samples after the interval"
         raise RecordingError(message, **evidence)
     bias = wrench[unloaded].mean(axis=0)
     return time[~unloaded], wrench[~unloaded] - bias, bias

@@ -1,4 +1,4 @@
-"""Raw logs of a dataset → tables in SI units in a folder, part by part: motion, depth, force."""
+"""Conversion of a dataset's raw logs to tables in SI units, by part: motion, depth, force."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,9 +20,9 @@ def read_part(
     part: str, dataset: Dataset, compute: Any, folder: Path, errors: list | None = None
 ) -> list[dict]:
     """Write the tables of ``part`` (motion, depth or force) into ``folder``, within the bounds of
-    ``dataset.reading``, and return the rows of the table quality.
+    ``dataset.reading``, and return the rows of the table ``quality``.
 
-    Appends every refusal to ``errors``; without that list raises the first one.
+    Append all errors to ``errors``; without ``errors``, raise the first error.
     """
     read = {"motion": _motion, "depth": partial(_depth, compute=compute), "force": _force}[part]
     refused: list[PipelineError] = []
@@ -48,7 +48,7 @@ def attempt(function: Callable, *arguments: Any) -> Any:
 
 @contextmanager
 def _collect(errors: list[PipelineError]) -> Iterator[None]:
-    """Append the PipelineError that ends the block to ``errors``."""
+    """Append a PipelineError raised in the context to ``errors``."""
     try:
         yield
     except PipelineError as error:
@@ -56,7 +56,7 @@ def _collect(errors: list[PipelineError]) -> Iterator[None]:
 
 
 def _write(takes: list[Any], name: str, folder: Path) -> list[dict]:
-    """Write the table ``name`` of the takes' rows; the rows of their quality."""
+    """Write the rows of all takes as the table ``name`` and return the takes' quality rows."""
     if takes:
         contracts.write(pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder)
     return [row for _, rows in takes for row in rows]
@@ -97,7 +97,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
     if dataset.depth is None:
         return []
     if dataset.mocap is None:
-        message = "a depth camera needs a motion capture to set its clock by"
+        message = "a depth camera needs motion capture (dataset.mocap) to find the clock offset"
         errors.append(ConfigError(message, key="dataset.depth"))
         return []
     from pipeline.arm.model import arm_of
@@ -105,7 +105,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
 
     arm, results = arm_of(dataset.robot), []
     read = partial(frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve())
-    # workers do not share the bounds of this process
+    # set the bounds in each worker, since workers do not inherit them
     bounded, label = partial(attempt, within, dataset.reading, read), "ingest: depth takes"
     with _collect(errors):
         takes = list(take_paths(raw, dataset.depth).items())

@@ -1,4 +1,4 @@
-"""Raw files of a dataset: recordings that a pattern names, and the part that reads each file."""
+"""Raw files of a dataset: recordings that match a pattern, and the files of each part."""
 
 import hashlib
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.format import is_literal, matching
 
-# keys of the dataset that name the files of each part
+# part → keys of the dataset with the part's files
 KEYS = {
     "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
     "encoders.test",
@@ -21,8 +21,9 @@ KEYS = {
 
 
 def take_name(path: Path, raw: Path, pattern: str) -> str:
-    """Name the recording at ``path`` that ``pattern`` matches below ``raw``: its path from the
-    first to the last part that has a wildcard, without a file's ending, else its last part.
+    """Return the name of the recording at ``path``, which matches ``pattern`` below ``raw``: the
+    path's parts from the first to the last wildcard, joined by _, without a file's suffix; without
+    wildcard, the last part.
     """
     parts = list(path.relative_to(raw).parts)
     if not path.is_dir():
@@ -43,12 +44,12 @@ def named_takes(
 ) -> dict[str, Path]:
     """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
 
-    Raises RecordingError for no match, two of one name or a name that is not UTF-8; ConfigError for
-    an unsound pattern.
+    Raises RecordingError for no match, two matches of one name or a name that is not UTF-8;
+    ConfigError for an invalid pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
-        if any("\udc80" <= letter <= "\udcff" for letter in str(path)):  # as Python names bytes
+        if any("\udc80" <= letter <= "\udcff" for letter in str(path)):  # undecodable bytes
             message = "the name is not UTF-8; rename it"
             raise RecordingError(message, file=Path(repr(str(path))[1:-1]))
         name = take_name(path, raw, pattern)
@@ -63,7 +64,7 @@ def named_takes(
 
 
 def listing(folder: Path) -> pd.DataFrame:
-    """Return path, bytes and SHA-256 of every file below ``folder``; RecordingError if none."""
+    """Return path, bytes and SHA-256 of all files below ``folder``; RecordingError for no file."""
     rows = []
     for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         with file.open("rb") as data:
@@ -71,7 +72,7 @@ def listing(folder: Path) -> pd.DataFrame:
         rows.append((file.relative_to(folder).as_posix(), file.stat().st_size, digest))
     if not rows:
         message = "there are no recordings in this folder, or it does not exist; the dataset's"
-        raise RecordingError(f"{message} datasheet says how to get them", file=folder)
+        raise RecordingError(f"{message} datasheet explains how to get them", file=folder)
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
@@ -80,9 +81,7 @@ def _value(section: object, key: str) -> object:
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
-    """Return for each part of KEYS the rows of a :func:`listing` that it reads, or that no part
-    names.
-    """
+    """Return part → rows of a :func:`listing`: files of the part (KEYS), and files of no part."""
     raw, claims = Path(dataset.recordings), {}
     for part, keys in KEYS.items():
         named = [(key, reduce(_value, key.split("."), dataset)) for key in keys.split()]

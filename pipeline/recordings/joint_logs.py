@@ -1,4 +1,4 @@
-"""Repetitions of one motion cut out of a controller's logs, and encoders' logs, as tables."""
+"""Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -25,13 +25,13 @@ RESIDUALS = "residuals"
 
 
 class LoggedTake(NamedTuple):
-    """A repetition in the rows of the ``movement`` of that name; it starts at the row ``first``."""
+    """One repetition, with all N rows of the movement that contains it."""
 
-    movement: str
-    first: int
+    movement: str  # name of the movement
+    first: int  # row at which the repetition starts
     actual: np.ndarray  # (N, n) rad, measured angles of the chain
     target: np.ndarray  # (N, n) rad, commanded
-    circular: np.ndarray  # (n,) which joints turn
+    circular: np.ndarray  # (n,) whether a joint is circular
     signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
@@ -40,13 +40,13 @@ def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str
 
 
 def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
-    """Return name → path of the movements' logs; RecordingError where there are none."""
+    """Return name → path of the movements' logs; RecordingError where none is found."""
     pattern, what = dataset.joint_log.movements, "folder or file of a movement"
     return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
 
 
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
-    """Read one of :func:`find_movements` as :func:`read_logged_movement` does."""
+    """Return the movement ``name`` in ``place``; see :func:`movement.read_logged_movement`."""
     log, rate, urdf = dataset.joint_log, dataset.motion.rate, dataset.robot.urdf
     return movement.read_logged_movement(name, place, log, rate, urdf)
 
@@ -54,12 +54,13 @@ def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMov
 def joint_log_rows(
     movements: Mapping[str, LoggedMovement], dataset: Dataset
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:
-    """Return the tables ``trajectory`` and ``joint_log`` of every undisturbed repetition of the
-    dataset's motion in the ``movements``, and their quality.
+    """Return the tables ``trajectory`` and ``joint_log`` of the undisturbed repetitions of the
+    dataset's motion in the ``movements``, and the quality rows.
 
-    The desired pose is the mean command, constant before and after the motion, as a controller at
-    rest logs the measured angle for it. Repetitions without rest are brought in phase between rows.
-    Raises RecordingError for fewer than two repetitions, and for commands that differ.
+    The desired pose is the mean command. Before and after the motion it is constant, since a
+    controller at rest logs the measured angle as command. Repetitions without rest are shifted to
+    equal phase by interpolation. Raises RecordingError for fewer than two repetitions, and where
+    commands differ.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
     rest, length, raw = options.rest, dataset.motion.steps + 1, Path(dataset.recordings)
@@ -84,9 +85,9 @@ def joint_log_rows(
         pair = take["actual"], take["target"], rate, options.mismatch, joints
         require_pair(*pair, file=raw, take=name)
     if len(rows) < 2:
-        message = f"{len(rows)} repetition(s), and the fits need two, of a motion of {steps} steps"
-        message += f" from {[*options.start]} to {[*options.end]} rad between {rest} at rest; the"
-        message += f" movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
+        message = f"{len(rows)} repetition(s) found, at least two required, of the motion from"
+        message += f" {[*options.start]} to {[*options.end]} rad in {steps} steps between {rest} of"
+        message += f" rest; the movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
     measured = np.stack([take["actual"] for take in rows.values()])
     commanded = np.stack([take["target"] for take in rows.values()])
@@ -94,13 +95,13 @@ def joint_log_rows(
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
         message = f"the command is {deviations.max():.2g} rad off its mean over the takes, above"
-        message += f" {options.tolerance:g}: another motion?"
+        message += f" {options.tolerance:g}: set tolerance, or leave out takes of another motion"
         take = [*rows][int(deviations.argmax())]
         raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
         note(take, "command_deviation", deviation, "rad")
         note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
-    # the commanded angle takes its first step one sample before the commanded speed is first logged
+    # the commanded angle changes one sample before the commanded speed is first logged
     desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
     identity = {"take": np.repeat([*rows], length), "part": "training", "k": k, "t": k / rate}
@@ -111,9 +112,9 @@ def joint_log_rows(
 def find_takes(
     movements: Mapping[str, LoggedMovement], dataset: Dataset
 ) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
-    """Return the repetitions by name, all motions in words, and the quality of the movements.
+    """Return name → repetition, descriptions of all motions, and quality rows of the movements.
 
-    Raises RecordingError where a joint leaves its locked angle in a repetition.
+    Raises RecordingError where a locked joint moves in a repetition.
     """
     takes, observed, quality, options = {}, [], [], dataset.joint_log
     columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
@@ -138,7 +139,7 @@ def find_takes(
         counts = dict(read.counts) | {REPETITIONS: len(found.runs)}
         counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
         notes = [(key, value, movement.UNITS.get(key, "count")) for key, value in counts.items()]
-        # a motion that was left out is named by its first row
+        # the first row identifies a motion that is left out
         for reason, rows in found.left_out.items():
             notes += [(f"{reason}_from_row", row, "row") for row in rows]
         quality += [quality_row(name, "training", "joint log", *note) for note in notes]
@@ -146,15 +147,15 @@ def find_takes(
 
 
 def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: str) -> None:
-    """RecordingError for joints not within 0.01 rad of their locked angle in ``rows``."""
+    """Raise RecordingError where a joint is more than REACH off its locked angle in ``rows``."""
     locked = dataset.robot.locked
     for joint in sorted({*locked} & {*read.joints}):
         angle, column = locked[joint], read.joints.index(joint)
         measured = read.actual[rows, column]
         if np.abs(apart(measured, angle, read.circular[column])).max() > repetitions.REACH:
-            message = f"{joint} is locked at {angle:.4g} rad, and was logged from"
-            message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it there, or"
-            message += " choose a motion in which it does not move"
+            message = f"{joint} is locked at {angle:.4g} rad, but was logged from"
+            message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it at the logged"
+            message += " angle, or choose a motion in which it does not move"
             evidence = {"file": dataset.recordings, "take": take}
             raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 
@@ -162,7 +163,7 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
 def _leave_out_disturbed(
     rows: dict[str, dict], takes: Mapping[str, LoggedTake], dataset: Dataset, quality: list[dict]
 ) -> None:
-    """Delete disturbed takes from ``rows``, or refuse them; append distances to ``quality``."""
+    """Delete disturbed takes from ``rows``, or raise RecordingError; add to ``quality``."""
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
@@ -179,7 +180,7 @@ def _leave_out_disturbed(
         row = takes[name].first
         if options.disturbed == "refuse":
             message = f"the repetition from row {row} was disturbed: {score:.3g} robust standard"
-            message += f" deviations from the others, its residual at most {largest:.3g} rad"
+            message += f" deviations from the others, greatest residual {largest:.3g} rad"
             evidence = {"file": dataset.recordings, "take": name}
             raise RecordingError(message, **evidence, key=f"{OPTION}.disturbed")
         del rows[name]
@@ -187,7 +188,7 @@ def _leave_out_disturbed(
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:
-    """Return rows of the table ``encoders`` and quality of every log, training first."""
+    """Return the rows of the table ``encoders`` and the quality rows per log, training first."""
     options, joints, urdf, result = dataset.encoders, dataset.robot.joints, dataset.robot.urdf, []
     stated = {key: getattr(options, key) for key in ("time", "angle_unit", "time_unit")}
     stated |= {"names": joints, "joints": len(joints), "signals": {"actual": options.actual}}

@@ -1,4 +1,4 @@
-"""Motion-capture takes and the commanded trajectory as tables in SI units, on the motion's grid."""
+"""Tables of motion-capture takes and the commanded trajectory, in SI units at the motion's rate."""
 
 from pathlib import Path
 
@@ -21,8 +21,8 @@ from pipeline.recordings.quality import quality_row
 
 
 def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
-    """Return the table ``trajectory`` of a file; RecordingError where it is not on the motion's
-    grid, has other joints than the arm, or lacks the joints of another task.
+    """Return the table ``trajectory`` of a file; RecordingError for another length or rate than
+    ``dataset.motion``, and where neither the joints nor the task coordinates are the arm's.
     """
     motion, table, joints = dataset.motion, read_trajectory(file), dataset.robot.joints
     step = table.t.iloc[1] - table.t.iloc[0] if len(table) > 1 else np.nan
@@ -36,27 +36,27 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
         return table.drop(columns=columns("q", names))
     if sorted(names) != sorted(joints):
         message = f"the trajectory has the joints {', '.join(names) or 'none'} and the task"
-        message += f" {', '.join(task) or 'none'}; the arm's are {', '.join(joints)} and"
-        message += f" {', '.join(chain.task)}: export t and q:JOINT of each joint"
+        message += f" {', '.join(task) or 'none'}; the arm has the joints {', '.join(joints)} and"
+        message += f" the task {', '.join(chain.task)}: export t and one q:JOINT per joint"
         raise RecordingError(message, file=file, key="dataset.robot.joints")
     return trajectory_table(chain, table[columns("q", joints)].to_numpy(), motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
-    """Return name, file and part of every take; RecordingError for none, or two of one name."""
+    """Return name, file and part of every take; RecordingError for no take, or two of one name."""
     takes: dict[str, tuple[Path, str]] = {}
     for part in ("training", "test"):
         key, pattern = f"dataset.mocap.{part}", getattr(mocap, part)
         files = named_takes(raw, pattern, key=key, what=f"{part} take") if pattern else {}
         for name in files.keys() & takes.keys():
-            message = f"the training take {takes[name][0]} is named {name!r} too"
+            message = f"the training take {takes[name][0]} has the same name {name!r}; rename one"
             raise RecordingError(message, file=files[name], key=key)
         takes |= {name: (file, part) for name, file in files.items()}
     return [(name, *take) for name, take in takes.items()]
 
 
 def read_take(file: Path, unit: str | None) -> MotionTake:
-    """Read the take in ``file`` by its format; ``unit`` of lengths where the file states none."""
+    """Return the take in ``file`` by its format; ``unit`` of lengths if the file states none."""
     formats = formats_in(motion_formats, Kind.MOTION)
     if chosen := format_of(file, formats):
         return chosen.read(file, unit)
@@ -67,19 +67,19 @@ def read_take(file: Path, unit: str | None) -> MotionTake:
 def marker_rows(
     name: str, file: Path, part: str, dataset: Dataset
 ) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the markers of the take ``name`` in m in the arm's base frame, and its quality.
+    """Return the markers of the take ``name`` in m in the arm's base frame, and the quality rows.
 
-    Markers of the template have their link's number from 1; other markers have link 0, and are left
-    out where bodies carry the links. Skipped frames, and ``frozen_frames`` that repeat every
-    position of the frame before, are missing samples. Raises RecordingError for a take of another
-    rate or length, or without a marker or body.
+    Markers of the template have the number of their link, from 1. Other markers have link 0, and
+    are left out if rigid bodies track the links. Skipped frames and ``frozen_frames`` (all
+    positions equal to the frame before) are missing samples. Raises RecordingError for another rate
+    or length, and for a missing marker or body.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
     frames = take.frame - take.frame[0]
     if not np.isclose(take.rate, motion.rate) or frames[-1] != motion.steps:
         message = f"the take spans {frames[-1] + 1} frames at {take.rate} Hz; the motion has"
-        message += f" {motion.steps + 1} at {motion.rate} Hz (dataset.motion): export it whole"
+        message += f" {motion.steps + 1} at {motion.rate} Hz (dataset.motion): export all frames"
         raise RecordingError(message, file=file)
     tracks, stray = _tracks(take, mocap, file)
     positions = np.stack([*tracks.values(), *stray], axis=1)
@@ -107,8 +107,8 @@ def marker_rows(
 def _tracks(
     take: MotionTake, mocap: Mocap, file: Path
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
-    """(link, marker) from 1 → (N, 3) m in the world frame, and positions of the other markers. In
-    the take a marker's name may follow its asset's name and a colon, if that is unambiguous.
+    """Return (link, marker), both from 1 → positions (N, 3) m in the world frame, and the positions
+    of other markers. A marker in the take may be called ``asset:marker`` if that is unambiguous.
     """
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
@@ -130,7 +130,7 @@ def _tracks(
             raise RecordingError(message, file=file, key=key)
         for name, fitting in names.items():
             if len(fitting) > 1:
-                message = f"{name!r} may be {' or '.join(fitting)}: name it in full"
+                message = f"{name!r} may be {' or '.join(fitting)}: write the full name"
                 raise RecordingError(message, file=file, key=key)
     tracks = {}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
@@ -145,7 +145,9 @@ def _tracks(
 
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
-    """(P, N, 3) m in the world frame of the ``places`` (P, 3) m of a link with a body on it."""
+    """Return the positions (P, N, 3) m in the world frame of ``places`` (P, 3) m in the frame of a
+    link, from the ``pose`` of a body ``mounted`` on the link.
+    """
     tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
     local = (places - np.array(mounted.position)) @ mount

@@ -1,4 +1,4 @@
-"""Motions in a controller's logs: ends, steps, pauses and repetitions, and their recorded steps."""
+"""Motions in a controller's logs: ends, steps, pauses and repetitions, and recorded steps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,10 +19,10 @@ from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import REACH, SLACK, stretch
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
-KEPT = 0.25  # s at rest that are kept on either side of a motion, where its pauses are long enough
-NEARLY = 0.1  # of the greatest least singular value of J: below, J is nearly singular
-LEAST_TURN = 0.5  # of the joint's range: least prominence of a turn that separates two motions
-SAME = 0.02  # rad: motions whose ends are this near and as long are repetitions of one
+KEPT = 0.25  # s, rest that is kept before and after a motion, if its pauses are long enough
+NEARLY = 0.1  # J is nearly singular if σ_min is below this share of the greatest σ_min
+LEAST_TURN = 0.5  # least prominence of a turn between two motions, over the joint's range
+SAME = 0.02  # rad, greatest distance of the ends of equal motions
 
 Paths = Mapping[str, tuple[np.ndarray, np.ndarray]]  # actual, target (N, n) rad of the robot
 
@@ -34,21 +34,21 @@ class FoundMotion:
     start: np.ndarray  # (n,) rad
     end: np.ndarray  # (n,) rad
     steps: int
-    pause: int | None  # the shortest at either end, in steps; None: it starts and ends in passing
+    pause: int | None  # steps of the shortest pause before or after; None: no rest
     places: list[tuple[str, int]] = field(default_factory=list)
-    disturbed: list[tuple[str, int]] = field(default_factory=list)  # of the places
-    least_singular: float = np.nan  # m/rad or 1, least singular value of J on the way
-    deviation: float = np.nan  # rad, greatest distance of a command from the first repetition's
+    disturbed: list[tuple[str, int]] = field(default_factory=list)  # disturbed places
+    least_singular: float = np.nan  # m/rad or 1, least singular value of J along the motion
+    deviation: float = np.nan  # rad, greatest distance of a command from the first command
 
     def rest(self, rate: float) -> int:
-        """Return the steps at rest to keep on either side: KEPT, or half of the shortest pause."""
+        """Return the steps of rest to keep before and after: KEPT, or half the shortest pause."""
         if self.pause is None:
             return 0
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
     def like(self, ends: tuple, steps: int, circular: np.ndarray, reach: float, slack: int) -> bool:
-        """Return whether a motion of ``steps`` between ``ends`` is this one, within ``slack`` steps
-        and ``reach`` (rad).
+        """Return whether a motion of ``steps`` between ``ends`` equals this motion to within
+        ``slack`` steps and ``reach`` rad.
         """
         off = apart(np.stack([self.start, self.end]), np.stack(ends), circular)
         return bool(np.abs(off).max() <= reach and abs(self.steps - steps) <= slack)
@@ -57,9 +57,9 @@ class FoundMotion:
 def find_motions(
     movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
 ) -> list[FoundMotion]:
-    """Find the motions of the ``robot``'s joints in the ``movements``, at ``rate`` rows a second,
-    most repetitions first. If no command ever rests, motions are the repeated stretches between
-    rows at which J is nearly singular, else between turns of the joint that moves farthest.
+    """Return the motions of the ``robot``'s joints in the ``movements`` at ``rate`` (Hz), most
+    repetitions first. If no command ever rests, motions are repeated stretches between rows where J
+    is nearly singular or, without such rows, between turns of the joint that moves farthest.
     """
     chain, circular = chain_of(robot), circular_joints(robot.urdf, robot.joints)
     paths, listed = {}, []
@@ -75,7 +75,7 @@ def find_motions(
         edges = [0, *(edge for run in runs for edge in (run.first, run.last)), len(target)]
         for run, before, after in zip(runs, edges[::2], edges[3::2], strict=False):
             rows = target[max(run.first - 1, 0) : run.last + 1]
-            # excursions of other joints alone are none of the robot's
+            # ignore excursions in which only other joints move
             if run.whole and np.ptp(rows, axis=0).max() > REACH:
                 pause, ends = min(run.first - before, after - run.last), (rows[0], rows[-1])
                 if not (motion := known(ends, run.steps)):
@@ -98,7 +98,7 @@ def find_motions(
 
 
 def _stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
-    """First and last row of the stretches that a command (N, n) in rad is cut into."""
+    """Return first and last row of the stretches of a command ``angles`` (N, n) in rad."""
     from scipy.signal import find_peaks
 
     least = _least_singular(chain, angles)
@@ -116,7 +116,7 @@ def _least_singular(chain: Chain, angles: np.ndarray) -> np.ndarray:
 
 
 def _compare(motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circular) -> None:
-    """Set the fields of a ``motion`` that compare its repetitions with the first."""
+    """Set ``least_singular``, ``deviation`` and ``disturbed`` of a ``motion``."""
     name, row = motion.places[0]
     reference = paths[name][1][row : row + motion.steps + 1]
     motion.least_singular = float(_least_singular(chain, reference).min())
@@ -138,7 +138,7 @@ def _compare(motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circu
 
 
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
-    """Return the undisturbed steps of every motion in the logs, most repetitions first."""
+    """Return the steps of the undisturbed repetitions per motion, most repetitions first."""
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
     places = find_movements(Path(dataset.recordings), dataset).items()
     movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}

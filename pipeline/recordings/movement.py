@@ -1,4 +1,4 @@
-"""Measured and commanded angles in the logs of one movement, paired by rows on an even clock."""
+"""Measured and commanded angles in the logs of one movement, paired by row at a constant rate."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -18,25 +18,25 @@ from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
 from pipeline.recordings import commands
 from pipeline.recordings.repetitions import commanded_speeds
 
-UNITS = {"clock_jitter": "s", "command_delay": "s"}  # of quality rows that are no counts
-CLOCK_TOLERANCE = 0.1  # of a step, up to which the rows count as even
-JITTER = 0.5  # of a step, beyond which a row is missing, or one too many
-RATE_TOLERANCE = 0.01  # of the rate: tolerance of the mean rate of the rows
-UNWRAPPED = "unwrapped_jumps"  # count of jumps of whole turns that were removed
-FASTER = 1.05  # of a joint's velocity limit: greatest speed of a step
-STEP_NOISE = 1e-3  # rad by which noise and rounding of two rows may add to a step
-MOST_TURNS = 4  # greatest angle of an arm's joint in turns: angles beyond have another unit
+UNITS = {"clock_jitter": "s", "command_delay": "s"}  # units of quality rows that are no counts
+CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
+JITTER = 0.5  # greatest deviation of a row in steps; beyond, rows are missing or too close
+RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
+UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
+FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
+STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
+MOST_TURNS = 4  # turns, greatest angle of an arm's joint; greater angles have another unit
 
 
 def read_movement(
     files: Mapping[Path, LogOptions], rate: float, clock: str | None = None
 ) -> tuple[dict[str, np.ndarray], dict[str, float]]:
-    """Read the signals (N, joints) of the logs ``files`` of one movement, as many rows as the
-    shortest log has, and their counts.
+    """Return the signals (N, joints) of the logs ``files`` of one movement, with the number of rows
+    of the shortest log, and the counts.
 
-    Of rows uneven by a tenth to half of a step the ``clock`` rows ignores the times, and times
-    interpolates by a cubic spline; None refuses such rows. Raises RecordingError for clocks that
-    disagree or have another rate than ``rate`` (1/s).
+    If times deviate from even rows by CLOCK_TOLERANCE to JITTER, ``clock`` "rows" ignores the times
+    and "times" interpolates by a cubic spline; None raises RecordingError. Raises RecordingError
+    also where the clocks of two logs differ, or the rate is not ``rate`` (Hz).
     """
     from scipy.interpolate import CubicSpline
 
@@ -56,8 +56,8 @@ def read_movement(
     jitter = float(np.diff(time).std())
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
-        message = f"{uneven} rows are uneven by their times, which jitter by {1e3 * jitter:.3g} ms:"
-        message += " were they measured at the rate (rows), or at those times (times)? row by row"
+        message = f"the times of {uneven} rows are uneven; the jitter is {1e3 * jitter:.3g} ms. Set"
+        message += " clock to rows if rows were measured at the rate, or to times. With rows"
         message += f" the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
     counts |= {"uneven_rows": uneven, "clock_jitter": jitter}
@@ -69,8 +69,8 @@ def read_movement(
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
-    """Return the size of the third derivative of ``angles`` (N, joints) by the ``time`` (N,) in s,
-    divided by its size by evenly spaced rows.
+    """Return the third derivative (root of the median square) of ``angles`` (N, joints) over
+    ``time`` (N,) s, divided by the third derivative over evenly spaced rows.
     """
     from scipy.interpolate import CubicSpline
 
@@ -81,7 +81,7 @@ def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> flo
 
 
 def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
-    """Number of uneven steps; RecordingError where rows are missing or have another rate."""
+    """Return the number of uneven steps; RecordingError for missing rows and another rate."""
     steps = np.diff(time)
     if not len(steps):
         return 0
@@ -89,27 +89,27 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     another = abs(mean * rate - 1) > RATE_TOLERANCE
     if off.max() > JITTER and not (another and np.median(off) > JITTER):
         row = int(np.argmax(off > JITTER))
-        found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from its start"
+        found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from the start"
         cause = "samples are missing" if steps[row] * rate > 1 else "rows are too close"
     elif another:
         found, key = f"{mean:.6g} s on average", "dataset.motion.rate"
-        cause = f"is its rate {1 / mean:.6g} 1/s, and its time_unit right?"
+        cause = f"set the rate to {1 / mean:.6g}, or correct time_unit"
     else:
         return int((off > CLOCK_TOLERANCE).sum())
-    message = f"the log steps by {found}, not by 1/{rate:g} s: {cause}"
+    message = f"the time step of the log is {found}, not 1/{rate:g} s: {cause}"
     raise RecordingError(message, file=file, key=key)
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
-    """Read the log in ``file`` by its format, else as a plain table, multiply signals by their
-    factors and remove jumps of whole turns. Raises RecordingError for other joints, angles beyond
-    four turns, and other jumps.
+    """Return the log in ``file``, with signals multiplied by their factors and without jumps of
+    whole turns. A file of no known format is read as a plain table. Raises RecordingError for other
+    joints, angles beyond MOST_TURNS, and other jumps.
     """
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or TABLE
     log = chosen.read(file, options)
     names, signals, jumps = options.names or log.joints, {}, 0
     if log.joints and options.names and log.joints != tuple(options.names):
-        message = f"the log states its joints as {', '.join(log.joints)}"
+        message = f"the joints of the log are {', '.join(log.joints)}"
         raise RecordingError(message, file=file, key=f"{OPTION}.joints")
     for name in (name for name in log.signals if name in (options.signals or log.signals)):
         rows = log.signals[name] * np.asarray(options.factors.get(name, 1.0))
@@ -122,8 +122,8 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
             if greatest.max() > MOST_TURNS * TURN:
                 at = log.time[greatest.argmax()] - log.time[0]
-                message = f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start"
-                message += f" is not a joint of an arm: is the angle_unit {options.angle_unit}?"
+                message = f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start is"
+                message += f" not plausible: check that the angle_unit is {options.angle_unit}"
                 raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
         if name in SIGNALS[:2]:
             where = {"circular": options.circular, "signal": name, "file": file}
@@ -136,7 +136,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
 def require_speeds(
     time: np.ndarray, angles: Mapping[str, np.ndarray], names: Sequence[str], urdf: str, **where
 ) -> None:
-    """Raise RecordingError where ``angles`` (N, joints) step beyond a speed limit of ``urdf``."""
+    """Raise RecordingError where ``angles`` (N, joints) exceed a velocity limit in ``urdf``."""
     known = commands.named_joints(urdf, names)
     limits = [((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known]
     for signal, rows in angles.items():
@@ -149,29 +149,30 @@ def require_speeds(
             speed, limit = (f"{v:.4g} {unit}/s" for v in (step / seconds[row, 0], limits[column]))
             message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
             message += f" start: {speed}, where the robot's URDF allows {limit}; leave this part of"
-            message += " the log out, or correct the joint's velocity limit in the URDF"
+            message += " the log out, or correct the velocity limit in the URDF"
             raise RecordingError(message, **where, joint=names[column], time=at)
 
 
 class LoggedMovement(NamedTuple):
-    """Rows of a movement, of all its logged joints."""
+    """N rows of a movement, with all logged joints."""
 
     joints: Sequence[str]
     actual: np.ndarray  # (N, joints) rad, measured
     target: np.ndarray  # (N, joints) rad, commanded
     speed: np.ndarray  # (N, joints) rad/s, commanded
-    others: Mapping[str, np.ndarray]  # (N, joints) each, other signals in any unit
-    counts: Mapping[str, float]  # of rows; values with another unit are in UNITS
-    circular: np.ndarray  # (joints,) which joints turn
+    others: Mapping[str, np.ndarray]  # other signals (N, joints) in any unit
+    counts: Mapping[str, float]  # numbers of rows; UNITS lists values with another unit
+    circular: np.ndarray  # (joints,) whether a joint is circular
 
 
 def read_logged_movement(
     name: str, movement: Path, options: JointLogSection, rate: float, urdf: str = commands.UNFILLED
 ) -> LoggedMovement:
-    """Read the ``movement`` of that name, a folder of logs or one file, at ``rate`` rows a second.
+    """Return the ``movement``, a folder of logs or one file, at ``rate`` (Hz); its ``name`` selects
+    the delay.
 
-    Raises RecordingError for an uneven clock, a command that the angles do not follow and steps
-    beyond the speed limits of ``urdf``; ConfigError where the options do not name columns or delay.
+    Raises RecordingError for an uneven clock, angles that do not follow the command and steps
+    beyond the velocity limits in ``urdf``; ConfigError where options name no columns or delay.
     """
     joints, circular = options.joints, commands.circular_joints(urdf, options.joints)
     single = movement.is_file() or is_bag(movement)
@@ -181,7 +182,7 @@ def read_logged_movement(
             wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
     for signal, place in options.others.items():
         file, columns = (movement / place, None) if isinstance(place, str) else (movement, place)
-        # the file names its angles itself
+        # the names in the file identify the angles
         angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
         wanted[file] = (wanted.get(file) or angles) | {signal: columns}
     keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
@@ -192,12 +193,12 @@ def read_logged_movement(
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
         where = "signals" if single else " and ".join(missing)
-        message = f"nothing says where {name} holds the {' and '.join(missing)} angles"
+        message = f"no option names the {' and '.join(missing)} angles of {name}"
         raise ConfigError(message, key=f"{OPTION}.{where}")
     delay = options.target_delay
     delays = delay if isinstance(delay, Mapping) else {name: delay}
     if name not in delays:
-        message = f"no delay for the movement {name}; there are {', '.join(delays)}"
+        message = f"no delay for the movement {name}, only for {', '.join(delays)}"
         raise ConfigError(message, key=f"{OPTION}.target_delay")
     early = round(delays[name] * rate)
     shift = partial(commands.shift_rows, rows=early)

@@ -1,4 +1,4 @@
-"""Counts, losses and repairs of each take, compared with the dataset's limits; the kept takes."""
+"""Counts, losses and repairs of takes, comparison with the dataset's limits, and kept takes."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -8,29 +8,29 @@ import pandas as pd
 from pipeline.core.errors import RecordingError
 
 DEPTH_CAMERA = "depth camera"  # name of the instrument in the tables
-# counts of a movement: repetitions, which are takes, and motions that are left out, by reason
+# counts of a movement: repetitions (takes), and prefix of the counts of left-out motions by reason
 REPETITIONS, LEFT_OUT = "repetitions", "excursions_"
-# quantities of the table ``quality`` that measure how good a take is, whatever its length
+# quantities of the table ``quality`` that do not depend on the length of a take
 MEASURES = (
     *("missing_share", "longest_gap", "interpolated", "relabelled_share", "residual_rms"),
     *("dropped_share", "clock_offset", "clock_offset_standard_error", "clock_drift"),
     *("clock_drift_standard_error", "lag_behind_command", "greatest_residual"),
     *("residual_beside_others", "disturbance"),
 )
-TWO_SIDED = ("clock_drift", "lag_behind_command")  # the limit is of the absolute value
-FEWEST = 2  # takes of a part: the covariance over takes, and leaving one out, need two
+TWO_SIDED = ("clock_drift", "lag_behind_command")  # the limit applies to the absolute value
+FEWEST = 2  # least number of takes of a part, for the covariance and for leaving one take out
 
 
 def quality_row(
     take: str, part: str, instrument: str, quantity: str, value: float, unit: str = "count"
 ) -> dict[str, object]:
-    """Return one row: ``quantity`` of ``instrument`` in ``take`` is ``value`` in ``unit``."""
+    """Return one row of the table ``quality``."""
     row = {"take": take, "part": part, "instrument": instrument, "quantity": quantity}
     return row | {"value": float(value), "unit": unit}
 
 
 def summarise(quality: pd.DataFrame) -> pd.DataFrame:
-    """Sum up ``quality`` by instrument and quantity: total of counts, mean of others, extremes."""
+    """Return, by instrument and quantity, total (of counts), mean (of others) and extremes."""
     summed = quality[quality["unit"] != "row"].groupby(["instrument", "quantity", "unit"])["value"]
     table = summed.agg(total="sum", mean="mean", least="min", greatest="max").reset_index()
     counted = table["unit"] == "count"
@@ -38,15 +38,15 @@ def summarise(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def metrics(summary: pd.DataFrame) -> dict[str, float]:
-    """Return by name the totals of counts and the other means of :func:`summarise`."""
+    """Return name → total (of counts) or mean (of others) from :func:`summarise`."""
     names = summary["instrument"].str.replace(" ", "_") + "_" + summary["quantity"]
     names = names.where(summary["unit"] == "count", "mean_" + names)
     return dict(zip(names, summary["total"].fillna(summary["mean"]), strict=True))
 
 
 def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
-    """Return the table ``takes`` of the table ``quality``: every measure of a take, its limit (in
-    the measure's unit; None: no limit), and whether the take is left out; training takes first.
+    """Return the table ``takes`` from the table ``quality``: measures, their limits (in the unit of
+    the measure; None: no limit), and whether a take is left out; training takes first.
     """
     takes = quality[quality["quantity"].isin(MEASURES)].rename(columns={"quantity": "measure"})
     takes = takes.assign(limit=takes["measure"].map(limits).astype(float))
@@ -60,7 +60,7 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
 
 
 def _reasons(takes: pd.DataFrame) -> dict[str, str]:
-    """Take → its measures beyond their limits, in words."""
+    """Return take → text of the measures beyond their limits."""
     words: dict[str, list[str]] = {}
     for row in takes[takes["beyond"]].itertuples():
         reason = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
@@ -74,7 +74,7 @@ def reasons(takes: pd.DataFrame) -> list[str]:
 
 
 def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each take of the table ``takes``: measures, whether and why left out."""
+    """Return one row per take of the table ``takes``: measures, whether and why it is left out."""
     unit = takes["unit"].map(lambda unit: "" if unit in ("count", "share") else f" ({unit})")
     column = takes["measure"] + unit
     wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
@@ -85,13 +85,13 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
 
 
 def require_enough(takes: pd.DataFrame) -> None:
-    """Raise RecordingError where the limits leave fewer than two takes of a part."""
+    """Raise RecordingError where the limits leave fewer than FEWEST takes of a part."""
     for part, rows in takes.groupby("part", sort=False):
         left = rows.loc[~rows["left_out"], "take"].nunique()
         beyond = rows.loc[rows["beyond"], "measure"].unique()
         if len(beyond) and left < FEWEST:
-            message = f"the limits leave {left} {part} take(s) where {FEWEST} are needed; beyond"
-            message += f" them are {'; '.join(reasons(rows))}: record these takes again, or state"
+            message = f"the limits leave {left} {part} take(s), {FEWEST} are required; takes beyond"
+            message += f" the limits: {'; '.join(reasons(rows))}; record these takes again, or set"
             keys = ", ".join(f"dataset.limits.{measure}" for measure in beyond)
             raise RecordingError(f"{message} other limits", key=keys)
 
@@ -99,7 +99,7 @@ def require_enough(takes: pd.DataFrame) -> None:
 def account(
     files: Iterable[pd.DataFrame], quality: pd.DataFrame, takes: pd.DataFrame
 ) -> pd.DataFrame:
-    """Return a row for each step and recording: found, kept, and what is left out in words."""
+    """Return one row per step and recording: numbers found and kept, and what is left out."""
     names = [set(table["file"]) for table in files]
     present, unread = set().union(*names), set.intersection(*names)  # unnamed: listed by each part
     places = Counter(name.partition("/")[0] for name in unread)

@@ -1,4 +1,4 @@
-"""Repetitions of one commanded motion in a robot's log, and disturbed ones among them."""
+"""Repetitions of one commanded motion in a robot's log, and detection of disturbed repetitions."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,21 +7,19 @@ import numpy as np
 
 from pipeline.core.angles import apart
 
-# rad: a command that moves no joint farther is the controller's start, not a motion; ends within
-# this distance are the same
-REACH = 0.01
-REST_SPEED = 1e-4  # rad/s: less than a microradian a sample, below what encoders resolve
-PHASE_ROUNDS = 4  # each squares the error of the phase
-# least scale of a score as a share of the median over the takes: of a whole take, and of its
-# greatest window; and least scale of a joint as a share of the median over all joints
+REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
+REST_SPEED = 1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
+PHASE_ROUNDS = 4  # each round squares the error of the phase
+# least scale of the score of a whole take and of its greatest window, over the median of the takes;
+# LEAST_SPREAD is also the least scale of a joint, over the median of all joints
 LEAST_SPREAD, LEAST_IN_WINDOWS = 0.25, 0.45
-WINDOW = 0.25  # s, as a push by hand lasts
-OVERLAP = 4  # windows begin within the time of one
-SLACK = 2  # rows by which the logger may record the same command early, late or longer
+WINDOW = 0.25  # s, duration of a push by hand
+OVERLAP = 4  # number of windows that begin within the time of one window
+SLACK = 2  # rows by which a log may have the same command earlier, later or longer
 
 
 class Excursion(NamedTuple):
-    """A commanded motion from row ``first`` up to row ``last``; ``whole``: from rest to rest."""
+    """Commanded motion from row ``first`` to row ``last``; ``whole`` if it is from rest to rest."""
 
     first: int
     last: int
@@ -29,28 +27,28 @@ class Excursion(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """Steps of the log's clock that the motion takes."""
+        """Duration of the motion in steps of the log's clock."""
         return self.last - self.first
 
     def lack(self, rows: int) -> str:
-        """Say why the motion is not whole in a log of so many ``rows``; "" if it is."""
+        """Return why the motion is not whole in a log of ``rows`` rows; "" if it is whole."""
         at_start = self.first <= 1  # the first row has no step before it
         if at_start and self.last >= rows:
-            return "a command that never rests, to be cut with rest: 0"
+            return "a command that never rests (set rest: 0)"
         edge = "start" if at_start else "end"
         cut = f"a motion from row {self.first}, cut off by the {edge} of the log"
         return "" if self.whole else cut
 
 
 class Repetitions(NamedTuple):
-    """Whole repetitions of one motion in a log, and first rows of other excursions by reason."""
+    """Whole repetitions of one motion in a log, and reason → first rows of other excursions."""
 
     runs: list[Excursion]
     left_out: dict[str, list[int]]
 
 
 def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
-    """First row of each run of true rows, and the row behind it."""
+    """Return the first row of each run of true rows and the row behind the run."""
     edges = np.flatnonzero(np.diff(inside, prepend=False, append=False)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
 
@@ -58,7 +56,7 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 def excursions(
     angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Find every motion in a log of commanded ``angles`` (N, joints) rad, ``speeds`` rad/s."""
+    """Return all motions in a log of commanded ``angles`` (N, joints) rad and ``speeds`` rad/s."""
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
         for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
@@ -67,7 +65,7 @@ def excursions(
 
 
 def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
-    """Return (N, joints) rad/s, the steps of commanded ``angles``, 0 outside :func:`excursions`."""
+    """Return the speeds (N, joints) rad/s of commanded ``angles``, 0 outside :func:`excursions`."""
     steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
     speeds = np.zeros_like(steps)
     for run in excursions(angles, steps, rest_speed):
@@ -86,9 +84,10 @@ def find_repetitions(
     rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Find the whole :func:`excursions` that move the joints ``columns`` between the ``ends`` (rad;
-    m of joints not ``circular``) within 0.01, in ``steps`` ± 2, with ``rest`` rows at rest on
-    either side. With ``rest`` 0 find the stretches of ``steps`` that pass both ends within 0.01.
+    """Return the whole :func:`excursions` that move the joints ``columns`` between the ``ends``
+    (rad; m for joints that are not ``circular``) to within REACH, in ``steps`` ± SLACK, with
+    ``rest`` rows at rest before and after. With ``rest`` 0, return the stretches of ``steps`` that
+    pass both ends within REACH.
     """
     if not rest:
         return _find_passes(angles[:, columns], ends, steps, circular)
@@ -145,7 +144,7 @@ def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
 
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
-    """Return (length, joints) of ``angles`` from ``place`` on, between rows by cubic splines."""
+    """Return ``length`` rows of ``angles`` from row ``place`` on; cubic splines between rows."""
     from scipy.interpolate import CubicSpline
 
     if place == round(place):
@@ -154,7 +153,7 @@ def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
 
 
 def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Return the s by which ``measured`` angles trail the ``commanded``; NaN without a motion."""
+    """Return the lag in s of ``measured`` behind ``commanded`` angles; NaN without a motion."""
     if not np.ptp(commanded, axis=0).max() > REACH:
         return np.nan
     velocity = np.gradient(commanded, axis=0) * rate
@@ -162,13 +161,14 @@ def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
 
 
 def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
-    """Return (takes,) the distance of each repetition from the others in robust standard
-    deviations (1.4826 times the median absolute deviation, at least a share of the median).
+    """Return the distance (takes,) of each repetition from the median repetition, in robust
+    standard deviations (1.4826 times the median absolute deviation, at least LEAST_SPREAD or
+    LEAST_IN_WINDOWS of the median).
 
-    The distance is the greater one of the whole take's, by the root mean square, and of the joint
-    and window of greatest mean. ``residuals`` (takes, K, joints) rad are measured minus commanded
-    angles at ``rate`` rows a second; ``others`` are signals of the same shape, as currents. Of two
-    repetitions none is disturbed.
+    The distance is the greater of two: the root mean square over the take, and the greatest mean
+    over a joint and window. ``residuals`` (takes, K, joints) rad are measured minus commanded
+    angles, ``rate`` in Hz; ``others`` are signals of the same shape, such as currents. With two
+    repetitions, the distances are 0.
     """
     signals = [residuals, *others]
     farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
@@ -177,12 +177,12 @@ def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: floa
 
 
 def beside_others(signal: np.ndarray) -> np.ndarray:
-    """Return (takes,) the root mean square distance of ``signal`` from its median at each step."""
+    """Return the root mean square distance (takes,) of ``signal`` from the median of the takes."""
     return np.sqrt(np.mean((signal - np.median(signal, axis=0)) ** 2, axis=(-2, -1)))
 
 
 def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
-    """(takes,) greatest mean over a window of a joint beside the median, over the usual one."""
+    """Return the greatest relative distance (takes,) from the median in a joint and window."""
     beside, length = signal - np.median(signal, axis=0), signal.shape[1]
     rows = min(max(round(WINDOW * rate), 1), length)
     starts = np.arange(0, length - rows + 1, max(rows // OVERLAP, 1))
@@ -195,7 +195,7 @@ def _windowed(signal: np.ndarray, rate: float) -> np.ndarray:
 
 
 def _scores(distance: np.ndarray, least: float) -> np.ndarray:
-    """Distance (takes,) from its median, in robust standard deviations."""
+    """Return ``distance`` (takes,) minus its median, in robust standard deviations."""
     off = distance - np.median(distance)
     deviation = 1.4826 * np.median(np.abs(off))
     scale = np.maximum(deviation, least * (distance - off))

@@ -1,4 +1,4 @@
-"""Recorded steps that models are fitted to, their ranges, and the angles to compare with."""
+"""Recorded steps for fitting models, ranges of the steps, and reference joint angles."""
 
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     """Return least and greatest value of the measured ``pose``, the commanded ``joint speed``, the
-    commanded ``speed`` of each row at ``rate`` steps a second, and the ``condition`` ‖J⁺‖.
+    commanded ``speed`` of each task coordinate (``rate`` in Hz), and the ``condition`` ‖J⁺‖.
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
     poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
@@ -50,13 +50,14 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
 
 
 def truth_of(dataset: Dataset) -> Path:
-    """Return the folder of a synthetic dataset's truth, which the stage score alone reads."""
+    """Return the folder of a synthetic dataset's truth, which only the stage ``score`` reads."""
     return Path(dataset.recordings).parent / "truth"
 
 
 def reference_joints(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
-    """Return the joint angles to compare a filter with, and whether they are true: the measured
-    ``joints``, unless the filter weighs by the cameras that measured them and there is a truth.
+    """Return the reference joint angles for a filter, and whether they are the truth. The reference
+    is the measured ``joints``, but the truth, if present, for a filter that weighs particles by the
+    same cameras.
     """
     if dataset.measurement == "tip" and contracts.exists("true_joints", truth_of(dataset)):
         return contracts.read("true_joints", truth_of(dataset)), True

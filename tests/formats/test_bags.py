@@ -80,7 +80,7 @@ def test_a_bag_that_lost_a_message_or_does_not_count_them_is_refused(tmp_path):
     metadata = recorded(tmp_path, "sqlite3") / "metadata.yaml"
     text = metadata.read_text()
     assert text.count("message_count: 5") == 2
-    uncounted = ((count, "how many messages") for count in ("", " 1e9"))
+    uncounted = ((count, "its number of") for count in ("", " 1e9"))
     for count, words in ((" 6", "5 messages where the bag announces 6"), *uncounted):
         metadata.write_text(text.replace("message_count: 5", f"message_count:{count}"))
         with pytest.raises(RecordingError, match=words):
@@ -172,12 +172,12 @@ def test_a_wrapped_command_is_unwrapped_before_it_is_interpolated(tmp_path):
 
 REFUSED = [
     ({"/joint_states": states(), "/arm/joint_states": states()}, AB, "2 topics could hold"),
-    ({"/joint_states": [], "/arm/joint_states": []}, AB, "there are none"),
+    ({"/joint_states": [], "/arm/joint_states": []}, AB, "the bag has none"),
     ({"/joint_states": [*states(), states()[0]]}, AB, "does not increase"),
     ({"/joint_states": [*states(), (1.05, state(1.05, turned=0.1))]}, AB, "does not increase"),
     ({"/joint_states": [*states(), (2.0, state(2.0, names=("a",)))]}, AB, "no position of b"),
-    ({"/joint_states": states()}, LogOptions(names=("c",)), "joints c; there are a, b"),
-    ({"/joint_states": states(), "/joint_commands": states(9.0)}, AB, "no command has the tim"),
+    ({"/joint_states": states()}, LogOptions(names=("c",)), "joints c; the joints are a, b"),
+    ({"/joint_states": states(), "/joint_commands": states(9.0)}, AB, "no measured angle"),
 ]
 
 

@@ -62,7 +62,7 @@ motive = partial(read_motive, unit=None)
 forces = partial(read_force_table, options=FORCES)
 joints = partial(read_joint_table, options=TWO)
 image = partial(read_depth, shape=SMALL.shape)
-NO_XYZ, NO_CALIBRATION = "no PCD's or PLY's", "no calibration"
+NO_XYZ, NO_CALIBRATION = "no header of a PCD or PLY", "no calibration"
 FORMATS = {
     "binary PCD": Sound(CLOUDS["binary.pcd"], read_cloud, [
         *((*change, NO_XYZ, None) for change in (
@@ -93,20 +93,20 @@ FORMATS = {
             PNG[:-60], PGM[:-300], PGM + bytes(9), TIFF[:60] + b"\xff" * 30 + TIFF[90:])),
     ], "d.png"),
     "index": Sound("0.5 a.png\n0.6 b.png\n", read_index, [
-        ("0.6", "1e400", "must be a time", 2),
-        (None, "a.png 0.5\n", "must be a time", 1),
-        (None, "# nothing\n0.5 a", "names no frame", None),
+        ("0.6", "1e400", "must be an increasing time", 2),
+        (None, "a.png 0.5\n", "must be an increasing time", 1),
+        (None, "# nothing\n0.5 a", "has no complete line", None),
         (None, "1305031102 1.png\n1305031202 2.png\n", "write the times in s", None),
     ]),
     "OpenCV's calibration": Sound(CALIBRATIONS["opencv.yaml"], camera, [
         ("525.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]", None),
-        ("525.5", "7e4", "is of no camera", None),
-        ("319.5", "700.", "is of no camera of 640 × 480", None),
+        ("525.5", "7e4", "are of no camera", None),
+        ("319.5", "700.", "are of no camera of 640 × 480", None),
         ("camera_matrix", "camera", "no camera matrix", None),
         ("distortion_coefficients", "distortion", "no distortion", None),
-        ("rows: 3", "rows: 4", "camera_matrix holds no 12 decimal numbers", None),
+        ("rows: 3", "rows: 4", "camera_matrix must be 12 decimal numbers", None),
         # YAML 1.1 takes them for true, octal, hexadecimal and sexagesimal numbers
-        *(("525.5", word, "no 9 decimal numbers", None)
+        *(("525.5", word, "must be 9 decimal numbers", None)
           for word in (".Nan", "yes", "0525", "0x20D", "8:45")),
     ], "c.yaml"),
     "calibration": Sound(CALIBRATIONS["plain.yaml"], camera, [
@@ -123,7 +123,7 @@ FORMATS = {
         ("Force Y (N)", "G1", "fx, fy and fz", f"{FORCE}.columns"),
         ("Torque X", "Torque Z", "two columns Torque Z", f"{FORCE}.columns"),
         ("Frequency = 1000", "Frequency = x", "Frequency", 1),
-        ("Frequency = 1000,Averaging Level = 16,", "", "one rate is required", f"{FORCE}.rate"),
+        ("Frequency = 1000,Averaging Level = 16,", "", "set rate to the right", f"{FORCE}.rate"),
         ('"2"', '"2,5"', "'2,5', not a finite number", 2),
         ('"2",', "", "5 cells under 6 labels", 2),
         (DAQ, "1.5,2,3,4,5,6\n" * 2, "labels: none", f"{FORCE}.columns"),
@@ -132,15 +132,15 @@ FORMATS = {
     ]),
     "Net F/T": Sound(netft_text(WRENCHES), read_netft, [
         ("Force Units: N\r\n", "", "fx has no known unit", f"{FORCE}.force_unit"),
-        ("RDT Sample Rate: 500", "RDT Sample Rate: 0", "above 0, not '0'", f"{FORCE}.rate"),
+        ("RDT Sample Rate: 500", "RDT Sample Rate: 0", "must be > 0, got '0'", f"{FORCE}.rate"),
         ("RDT Sequence", "Sequence", "no log of a Net F/T", f"{FORCE}.format"),
         (" Ty,", " ,", "none of tx, ty, tz", f"{FORCE}.columns"),
         ('"0x0","7"', '"0x0","5"', "goes back", 14),
-        (".", ",", "not '1000000,0'", f"{FORCE}.counts"),
+        (".", ",", "got '1000000,0'", f"{FORCE}.counts"),
         ('"0x0","7","70","', '"0x0","7","70","?', "not a finite number", 14),
     ]),
     "ATI calibration": Sound(CALIBRATION, read_calibration, [
-        *((*change, "not one calibration", None) for change in (
+        *((*change, "must have one calibration", None) for change in (
             ('Name="Tz"', 'Name="Mz"'), (" TorqueUnits", " Units"), ('max="25"', ""),
             (" 6.25", " 1e999"))),
         ("</FTSensor>", "", "no XML", 11),
@@ -177,11 +177,11 @@ FORMATS = {
         (ROWS, "0,0,1,2,3,4\n", "'4' in a column without a label", 8),
         (ROWS, "0,0,0,97705,3\n", "A is at 97705 m, farther than any camera sees", 8),
         (ROWS, "0,0,1,2,\n1,0.01,1,2,\n", "a column is missing", 8),
-        ("X,Y,Z\n" + ROWS, "X,Y,Z,,,,\n0,0,00,0,123,0,456,0,789\n", "with decimal commas", 8),
+        ("X,Y,Z\n" + ROWS, "X,Y,Z,,,,\n0,0,00,0,123,0,456,0,789\n", "decimal commas?", 8),
         *((*change, "the frame number", 9) for change in (
             ("\n1,0.01", "\n0,0.01"), ("\n1,0.01", "\n,0.01"), ("\n1,0.01", "\n1.5,0.01"))),
-        (",Name,A,A,A\n", "", "no row starts with 'Frame' below", 6),
-        (MARKER + ROWS, MARKER.partition("Frame")[0], "no row starts with 'Frame' below", 6),
+        (",Name,A,A,A\n", "", "no row that starts with 'Frame'", 6),
+        (MARKER + ROWS, MARKER.partition("Frame")[0], "no row that starts with 'Frame'", 6),
         ("Length Units,Meters", "Length Units,Inches", "'Inches'", "Length Units"),
         ("Export Frame Rate,100.0", "Export Frame Rate,fast", "frame rate", 1),
         ("Length Units,Meters", "Length Units,Meters,Coordinate Space,Local", "Global", 1),

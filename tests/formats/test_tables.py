@@ -169,11 +169,11 @@ def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):
     assert refused.value.evidence["key"] == "dataset.joint_log.angle_unit"
 
 
-def test_one_number_a_line_is_said_to_be_one_column(tmp_path):
+def test_one_number_per_line_is_one_column(tmp_path):
     (tmp_path / "q.txt").write_text("".join(f"{angle}\n" for angle in Q[:, 0]))
     (finding,) = inspect(tmp_path / "q.txt")
     said, key, *_ = finding.open[0]
     assert (finding.facts["columns"], key) == (1, "dataset.joint_log.signals")
-    assert "one number a line" in said
-    with pytest.raises(RecordingError, match="one number a line is one column"):
+    assert "the table has one column" in said
+    with pytest.raises(RecordingError, match="the table has one column"):
         read_joint_table(tmp_path / "q.txt", LogOptions(joints=2, signals={"actual": None}))

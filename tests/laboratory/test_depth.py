@@ -94,7 +94,7 @@ def test_an_equal_stream_gives_equal_bytes_in_any_process_on_any_instruction_set
 
 
 def test_a_scene_that_cannot_be_seen_is_refused():
-    with pytest.raises(ConfigError, match="more slender"):
+    with pytest.raises(ConfigError, match="or narrower"):
         prism(BOX[[0, 2, 1, 3]], -1.0, 1.0)
     with pytest.raises(ConfigError, match="is inside a solid"):
         cast(prism(BOX, -0.07, 0.07), np.zeros(1), np.zeros(1))

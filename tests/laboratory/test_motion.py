@@ -70,7 +70,7 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way(arm, tr
     ("change", "words"),
     [
         (lambda arm, way: {"extended": (arm.chain.upper[0] + 0.01, *way.extended[1:])}, "leaves"),
-        (lambda arm, way: {"duration": 1.5, "rest": 0.0}, "faster than the joints"),
+        (lambda arm, way: {"duration": 1.5, "rest": 0.0}, "faster than the joints' limits"),
         (lambda arm, way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2}, "must have 3 angles"),
     ],
 )

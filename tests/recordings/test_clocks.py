@@ -153,7 +153,7 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
     np.testing.assert_allclose(pair.factor, right.factor)
     assert (pair.order.tolist(), pair.delay) == (order, delay)
     assert tracking_errors(*pair.apply(actual, wrong)).max() < 0.02
-    with pytest.raises(RecordingError, match="are no pair") as refused:
+    with pytest.raises(RecordingError, match="do not agree") as refused:
         require_pair(actual, wrong, **HELD, file="log")
     for option, said in (
         ("target_factor", np.any(right.factor != 1)),
@@ -180,7 +180,7 @@ def test_what_is_right_stays_as_it_is(kind):
 def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual, _ = logged("without rest")
     _, target = logged("there and back")
-    with pytest.raises(RecordingError, match=r"no other unit, order or clock .* of one movement"):
+    with pytest.raises(RecordingError, match=r"no other unit, order or clock: .* of one movement"):
         require_pair(actual, target, **HELD)
     actual, target = logged()
     actual[700:760, 0] += 0.3

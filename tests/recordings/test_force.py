@@ -79,7 +79,7 @@ def test_an_interval_without_a_mean_or_a_record_without_a_rest_is_refused(tare_s
 @pytest.mark.parametrize(
     ("log", "words"),
     [
-        ({"format": "lvm"}, "'lvm'; there are bag, daqft, netft, table"),
+        ({"format": "lvm"}, "'lvm'; set one of bag, daqft, netft, table"),
         ({"separator": "tab"}, "separator"),
         ({"separator": ",", "decimal": ","}, "decimal"),
     ],

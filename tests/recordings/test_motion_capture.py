@@ -125,7 +125,7 @@ def test_takes_are_found_by_part_and_two_of_one_name_are_refused(tmp_path):
     for error, patterns, words in (
         (RecordingError, {"training": "train_*"}, "two recordings are named 'train_1'"),
         (RecordingError, {"training": "train_2*", "test": "none_*"}, "no test take matches"),
-        (RecordingError, {"training": "train_2*", "test": "*_2*"}, "is named 'train_2' too"),
+        (RecordingError, {"training": "train_2*", "test": "*_2*"}, "has the same name 'train_2'"),
         (ConfigError, {"training": "/takes/*"}, "must be a relative path"),
     ):
         with pytest.raises(error, match=words):

@@ -48,10 +48,10 @@ def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(
 @pytest.mark.parametrize(
     ("time", "file", "words"),
     [
-        (np.delete(np.arange(51), 20) * 0.008, "a.csv", "by 0.016 s at 0.152 s .*are missing"),
+        (np.delete(np.arange(51), 20) * 0.008, "a.csv", "is 0.016 s at 0.152 s .*are missing"),
         (np.sort(np.append(np.arange(49), 20.3)) * 0.008, "a.csv", "at 0.16 s .*too close"),
-        (np.arange(50) * 0.002, "a.csv", "by 0.002 s on average.* is its rate 500"),
-        (np.arange(50) * 0.0084, "a.csv", "by 0.0084 s on average.* is its rate 119.048"),
+        (np.arange(50) * 0.002, "a.csv", "is 0.002 s on average.* the rate to 500"),
+        (np.arange(50) * 0.0084, "a.csv", "is 0.0084 s on average.* the rate to 119.048"),
         (np.arange(50) * 0.008 + 0.004, "b.csv", "differ from the times of a.csv"),
     ],
 )
@@ -77,7 +77,7 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path
     log = jittered(sampled=sampled)
     np.savez(tmp_path / "log.npz", times=log.time, q=log.signals["actual"])
     files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
-    words = r"rows are uneven .*jitter by 0.2[0-9]+ ms"
+    words = r"rows are uneven; the jitter is 0.2[0-9]+ ms"
     with pytest.raises(RecordingError, match=words) as refused:
         movement.read_movement(files, 200.0)
     assert refused.value.evidence["key"] == "dataset.joint_log.clock"
@@ -284,10 +284,10 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(chain, 
     ("wrong", "words"),
     [
         (lambda table, names: scaled(table, names, 180 / np.pi), "angle_unit"),
-        (exchanged, "order of their columns"),
-        (lambda table, names: table.assign(t=table["t"] + 1), "when their log starts"),
+        (exchanged, "order of the columns"),
+        (lambda table, names: table.assign(t=table["t"] + 1), "start of the log"),
         (lambda table, names: table.assign(t=table["t"] + 10), "0 of 250 readings"),
-        (lambda table, names: table.add([0.0, 2 * np.pi, 0.0, 0.0]), "joint_2 [+]1 turns"),
+        (lambda table, names: table.add([0.0, 2 * np.pi, 0.0, 0.0]), "joint_2 is [+]1 turns"),
     ],
 )
 def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(q, wrong, words):

@@ -45,7 +45,7 @@ def test_a_take_beyond_a_limit_is_left_out_whole_and_one_at_the_limit_or_without
 def test_fewer_than_two_takes_of_a_part_are_refused_by_the_limits_name():
     parts = {"training": {"a": 1e-4, "b": 1e-4}, "test": {"c": 5e-3, "d": 1e-4}}
     rows = pd.concat([measured("residual_rms", each, part) for part, each in parts.items()])
-    words = r"1 test take\(s\) where 2.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms"
+    words = r"1 test take\(s\), 2 are.* c \(residual_rms 0.005.*dataset\.limits\.residual_rms"
     with pytest.raises(RecordingError, match=words):
         require_enough(beside_limits(rows, {"residual_rms": 1e-3}))
     require_enough(beside_limits(rows, {"residual_rms": 1e-2}))

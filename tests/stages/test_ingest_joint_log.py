@@ -128,7 +128,7 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path, 
     assert result[0] == names and quality("speed_from_angles", "move") == (not speed)
     np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9 if speed else 1e-4)
     # tables are held against the command as files are
-    with pytest.raises(RecordingError, match="are no pair"):
+    with pytest.raises(RecordingError, match="do not agree"):
         read(tmp_path / "tables", **TABLES, **signals, target_factor=0.5)
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
@@ -170,7 +170,7 @@ def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(
     place, others = tmp_path / "logs", {"current": "current.csv"}
     assert read(place, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
-    with pytest.raises(RecordingError, match="are no pair"):
+    with pytest.raises(RecordingError, match="do not agree"):
         read(place, others=others, target_factor=0.5)
     # the control: by the angles alone nobody sees it
     assert len(read(place, others={})[0]) == 5
@@ -212,7 +212,7 @@ def test_a_command_that_is_no_pair_is_refused_and_settled_by_its_option(
     names, q = read(logs)
     for number in (1, 2):
         spoil(logs / f"move_{number}", **wrong)
-    with pytest.raises(RecordingError, match=f"are no pair.*{words}") as refused:
+    with pytest.raises(RecordingError, match=f"do not agree.*{words}") as refused:
         read(logs)
     assert refused.value.evidence["file"].name == "move_1"
     outcome = read(logs, **option)

@@ -141,8 +141,8 @@ def test_inspect_finds_what_the_datasheet_settles(lwr4, number):
     ("unsettled", "words"),
     [
         ({"clock": None}, "rows are uneven"),
-        ({"target_factor": 1.0}, "no pair.*target_factor: 57.29577951308232"),
-        ({"target_delay": 0.0}, "no pair.*target_delay: 1.405"),
+        ({"target_factor": 1.0}, "do not agree.*target_factor: 57.29577951308232"),
+        ({"target_delay": 0.0}, "do not agree.*target_delay: 1.405"),
     ],
 )
 def test_each_trap_is_refused_where_no_option_settles_it(lwr4, log_project, unsettled, words):

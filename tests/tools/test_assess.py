@@ -130,7 +130,7 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     write_movement(logs / "other", 1, offset=0.5)
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):
         new_takes(logs / "other", settings.dataset, q.mean(axis=0))
-    with pytest.raises(ConfigError, match="of the dataset other, of which no run is here"):
+    with pytest.raises(ConfigError, match="of the dataset other, which has no run here"):
         run_folder("other", Path("other.json"))
     with pytest.raises(RecordingError, match="no such file"):
         new_takes(logs / "absent", settings.dataset, q.mean(axis=0))

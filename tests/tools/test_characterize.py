@@ -41,11 +41,11 @@ def test_logs_of_a_bench_become_a_card_and_a_model_that_a_new_recording_is_asses
     words = ["--scale", "smoke", "--model", "scaled_all"]
     refused = pipeline(project, "characterize", logs, *words)
     assert refused.returncode == 1 and "robot.urdf, robot.joints" in refused.stderr
-    assert "run it again with --ask, or with --set KEY=VALUE" in refused.stderr
+    assert "run again with --ask, or with --set KEY=VALUE" in refused.stderr
     # what is open in the files of the first run is filled in by the second
     done = pipeline(project, "characterize", logs, "--urdf", tmp_path / "arm.urdf", *words)
     assert done.returncode == 0, done.stderr
-    assert "took about.licence: not stated" in refused.stdout
+    assert "about.licence is set to not stated" in refused.stdout
     card = (project / "reports/bench/model_card.md").read_text()
     assert card.index("odel for another motion") < card.index("## Why")
     assert (project / "reports/bench/noise_quantiles.png").is_file()
@@ -75,7 +75,7 @@ def test_the_logs_of_a_real_arm_take_one_command(robot, project):
     done = pipeline(project, "characterize", RECORDINGS / robot, *words)
     assert done.returncode == 0, done.stderr
     assert time.monotonic() - begun < SECONDS
-    assert "**Model for another motion: " in done.stdout and "took about.subject" in done.stdout
+    assert "**Model for another motion: " in done.stdout and "about.subject is set" in done.stdout
     (file,) = (project / "data/export").glob("lab_*.json")
     model = load(file)
     if robot == "ur5":

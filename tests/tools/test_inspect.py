@@ -114,12 +114,12 @@ def test_a_robot_states_its_arms_and_planar_chains(tmp_path, zoo, findings):
     ("name", "text", "said"),
     [
         ("empty.csv", "", "empty"),
-        ("take.csv", "Format Version,1.23,Length Units,Meters\n\n", "no row starts with 'Frame'"),
+        ("take.csv", "Format Version,1.23,Length Units,Meters\n\n", "starts with 'Frame'"),
         ("take.csv", "Format Version;1.23;Length Units;Meters\n\n", "another program saved"),
         ("a.urdf", "<?xml version='1.0' encoding='x'?><robot name='a'/>", "not a URDF file"),
         ("a.urdf", "<robot name='a'><joint name='j' type='revolute'/></robot>", "j has no limits"),
-        ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no joint of one coordinate"),
-        ("t.csv", "1,5,2,5\n" * 5, "decimal commas?"),
+        ("a.urdf", "<robot name='a'><link name='foot'/></robot>", "no revolute or prismatic"),
+        ("t.csv", "1,5,2,5\n" * 5, "decimal commas:"),
         ("take.bag", "#ROSBAG V2.0\n", "damaged"),
         ("c.npz", b"PK\3\4" + bytes(200), "unpack an archive"),
         ("f.bin", b"\1\2\0\3" * 9, "binary data"),
@@ -141,7 +141,7 @@ def test_a_sequence_names_its_damaged_and_missing_frames(zoo, tmp_path):
     frame = tmp_path / "a/depth/0000.png"
     frame.write_bytes(frame.read_bytes()[:-20])
     (finding,) = inspect(tmp_path)
-    assert "1 of 4 frames of the index are not there: depth/0001.png" in finding.stops[0]
+    assert "1 of 4 frames of the index do not exist: depth/0001.png" in finding.stops[0]
     assert finding.stops[1].startswith("0000.png: the depth frame is truncated")
 
 
@@ -157,7 +157,7 @@ def test_recordings_that_differ_in_a_number_share_a_line_and_json_has_each(tmp_p
         ["rows.csv: Motive CSV 1.1", "take_*.csv (12): Motive CSV 1.1"],
     )
     assert [line for line in lines if line[0] != " "] == heads
-    assert table.count("    ? the file does not say the unit of its lengths") == 2
+    assert table.count("    ? the file does not state the unit of its lengths") == 2
     # a terminal acts on nothing that a file holds
     assert "\x1b" not in table and "Ha\N{REPLACEMENT CHARACTER}[2Jnd" in table
     read = json.loads(as_json(findings))

@@ -245,9 +245,9 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     ("words", "said"),
     [
         (["lab", "--set", "robot.urdf"], "--set takes KEY=VALUE"),
-        (["lab", "--set", "robot.pace=1"], "no such value is open; there are"),
+        (["lab", "--set", "robot.pace=1"], "no such value is open; open values:"),
         (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
-        (["lab", "--motion", "1"], "the motions are found once these are filled in: joint_log"),
+        (["lab", "--motion", "1"], "to find the motions, first fill in joint_log"),
         *((([name]), "cannot name a dataset") for name in ("1st", "../up", "ü")),
     ],
 )
@@ -278,7 +278,7 @@ def test_nothing_is_overwritten(root, logs):
     for there in (root / "conf/dataset/lab.yaml", root / "data/raw/lab/dvc.yaml"):
         there.parent.mkdir(parents=True, exist_ok=True)
         there.write_text("mine\n")
-        with pytest.raises(ConfigError, match="nothing is overwritten") as refused:
+        with pytest.raises(ConfigError, match="is not overwritten") as refused:
             run("lab", "--from", logs)
         assert refused.value.evidence["file"] == there
         files = {file for file in root.rglob("*") if file.is_file()}

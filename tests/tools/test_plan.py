@@ -84,7 +84,7 @@ def test_what_cannot_be_planned_is_one_message_and_nothing_is_written(work):
     for words, message in (
         (["other", "path.csv", "out"], "no fitted parameters"),
         (["wishart", "none.csv", "out"], "cannot be read .*none.csv"),
-        (["wishart", "path.csv", "data"], "exists and is no plan"),
+        (["wishart", "path.csv", "data"], "exists and contains no plan"),
     ):
         with pytest.raises(PipelineError, match=message):
             run(words)
@@ -113,7 +113,7 @@ def test_joints_in_any_order_stand_for_their_poses_and_others_are_refused(tmp_pa
     pd.DataFrame({"t": np.arange(6.0)} | table).to_csv(file, index=False, lineterminator="\n")
     np.testing.assert_allclose(read_path(file, arm, robot)[0], arm.pose(q), atol=1e-12)
     file.write_text(file.read_text().replace("arm_joint_2", "wrist"))
-    with pytest.raises(PipelineError, match="but the arm's are arm_joint_2, arm_joint_3"):
+    with pytest.raises(PipelineError, match="but the arm has arm_joint_2, arm_joint_3"):
         read_path(file, arm, robot)
 
 

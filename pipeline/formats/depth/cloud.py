@@ -1,7 +1,7 @@
-"""Point clouds as PCD (ascii, binary, binary_compressed) or PLY (ascii, binary of either order).
+"""Reader of point clouds: PCD (ascii, binary, binary_compressed), PLY (ascii, binary).
 
-Open3D reads the binary data, with a header that is written here: Open3D fills up the bytes that a
-truncated file lacks, reads damaged text as zeros and fails on two fields of one name.
+Open3D reads only the binary data, behind a header that this module writes. Open3D by itself pads
+truncated files, reads damaged text as zeros and fails on two fields of one name.
 """
 
 import ctypes
@@ -30,7 +30,7 @@ PLY_TYPES = {
     **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
 }
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
-NO_POSITION = ("+nan", "inf", "-inf", "+inf")  # as C++ prints it, beside MISSING
+NO_POSITION = ("+nan", "inf", "-inf", "+inf")  # as C++ prints it, in addition to MISSING
 AGAIN = "copy the cloud again, or take it out of the take"
 
 
@@ -38,36 +38,36 @@ AGAIN = "copy the cloud again, or take it out of the take"
 class PointCloud:
     """One frame in the sensor's frame."""
 
-    points: np.ndarray  # (N, 3) float64 that were measured, in the file's unit
-    missing: int  # more points, without a position (NaN or infinite)
-    # position in the file's unit and quaternion (w, x, y, z) of the sensor, by a PCD; not applied
+    points: np.ndarray  # (N, 3) float64 measured points in the file's unit
+    missing: int  # number of points without a position (NaN or infinite)
+    # a PCD's position (file's unit) and quaternion (w, x, y, z) of the sensor; not applied
     viewpoint: tuple[float, ...] = UNTURNED
     counts: dict[str, int] = field(default_factory=dict)  # surplus_bytes behind the points
-    format: str = ""  # with its version
+    format: str = ""  # name and version
     organised: str = ""  # columns × rows
 
     @classmethod
     def measured(cls, points: np.ndarray, *details: object) -> "PointCloud":
-        """Return the cloud of (N, 3) ``points``, those without a position left out and counted."""
-        held = np.isfinite(points).all(axis=1)
-        return cls(points[held], int(np.sum(~held)), *details)
+        """Return the cloud of ``points`` (N, 3); points without a position are only counted."""
+        measured = np.isfinite(points).all(axis=1)
+        return cls(points[measured], int(np.sum(~measured)), *details)
 
 
 class CloudHeader(NamedTuple):
     """Content of a cloud's header."""
 
-    count: int
-    point: np.dtype  # record of a point
+    count: int  # number of points
+    point: np.dtype  # record of one point
     form: str  # one of PCD_FORMATS or PLY_FORMATS
     start: int  # first byte of the points
     version: str
-    more: bool = False  # whether other elements follow
+    more: bool = False  # whether other elements follow the points
     viewpoint: tuple[float, ...] = UNTURNED
     organised: str = ""
 
 
 def is_cloud(file: Path) -> bool:
-    """Return whether the name of ``file`` is the name of a point cloud."""
+    """Return whether ``file`` has a suffix of point clouds."""
     return Path(file).suffix.lower() in ENDINGS
 
 
@@ -77,10 +77,10 @@ def read_cloud(file: Path) -> PointCloud:
 
 
 def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
-    """Return the points of the cloud in ``content`` of ``file``, in the sensor's frame. Other
-    fields are left out; bytes behind the announced points are counted, as PCL pads files to whole
-    pages. Raises RecordingError for content that is truncated, of another format, without x, y and
-    z, or with other data than the header announces.
+    """Return the points in the ``content`` of ``file``, in the sensor's frame, without other
+    fields. Bytes behind the announced points are counted, since PCL pads files to whole pages.
+    Raises RecordingError for content that is truncated or of another format, has no x, y and z, or
+    contradicts the header.
     """
     try:
         header = (_ply_header if _is_ply(content) else _pcd_header)(content)
@@ -90,7 +90,7 @@ def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
             found = f"{header.count} points of the fields {', '.join(names)}"
             raise ValueError(f"{found}: x, y and z of one floating-point type are required")
     except (KeyError, ValueError, IndexError, TypeError) as error:
-        message = f"the header is no PCD's or PLY's, or damaged ({error}); {AGAIN}"
+        message = f"no header of a PCD or PLY, or a damaged one ({error}); {AGAIN}"
         raise RecordingError(message, file=file) from None
     require("part_mib", size / MIB, "MiB of points, which the header announces,", file)
     try:
@@ -117,18 +117,18 @@ def _pcd_header(content: bytes) -> CloudHeader:
     types = [a.lower() + b for a, b in zip(entries["TYPE"], entries["SIZE"], strict=True)]
     if not {*types} <= PCD_TYPES or min(counts) < 1:
         raise ValueError(f"TYPE, SIZE and COUNT give {', '.join(types)} of {counts}")
-    # each padding has the name _
+    # all padding fields have the name _
     unique = [name if names.count(name) == 1 else f"{name}{i}" for i, name in enumerate(names)]
     shapes = [() if count == 1 else (count,) for count in counts]
     point = np.dtype([*zip(unique, [f"<{kind}" for kind in types], shapes, strict=True)])
     width, height, count = (int(entries[name][0]) for name in ("WIDTH", "HEIGHT", "POINTS"))
     (form,) = entries["DATA"]
     if form not in PCD_FORMATS or width * height != count:
-        message = f"{count} POINTS in {height} rows of {width} as {form}: rows times columns and "
-        raise ValueError(f"{message}one of {', '.join(PCD_FORMATS)} are required")
+        message = f"{count} POINTS in {height} rows of {width} as {form}: POINTS must be WIDTH × "
+        raise ValueError(f"{message}HEIGHT, DATA one of {', '.join(PCD_FORMATS)}")
     viewpoint = tuple(map(float, entries.get("VIEWPOINT", UNTURNED)))
     if len(viewpoint) != 7 or not abs(np.linalg.norm(viewpoint[3:]) - 1) < 1e-3:
-        need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's own frame"
+        need = "a position and a unit quaternion; 0 0 0 1 0 0 0 is the sensor's frame"
         raise ValueError(f"VIEWPOINT is {viewpoint}, which must be {need}")
     version = " ".join(["PCD", *entries.get("VERSION", [])])
     organised = f"{width} × {height}" if height > 1 else ""
@@ -144,7 +144,7 @@ def _ply_header(content: bytes) -> CloudHeader:
     (first, form, version), (_, element, count) = lines[0], lines[elements[0]]
     properties = lines[elements[0] + 1 : [*elements, None][1]]
     if (first, element) != ("format", "vertex") or any(len(words) != 3 for words in properties):
-        raise ValueError("it must begin with a format and the element vertex of single numbers")
+        raise ValueError("a format, then the element vertex of single numbers are required")
     point = np.dtype([(name, PLY_FORMATS[form] + PLY_TYPES[kind]) for _, kind, name in properties])
     version = f"PLY {form} {version}"
     return CloudHeader(int(count), point, form, end.end(), version, len(elements) > 1)
@@ -152,8 +152,8 @@ def _ply_header(content: bytes) -> CloudHeader:
 
 @cache
 def load_open3d() -> ModuleType:
-    """Return the module ``open3d``, which takes two seconds to import; it prints errors alone."""
-    import libusb_package  # the CPU build links libusb and does not contain it
+    """Return the module ``open3d``, set to print only errors; its import takes two seconds."""
+    import libusb_package  # the CPU build of Open3D needs libusb and does not contain it
 
     ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
     import open3d
@@ -163,19 +163,19 @@ def load_open3d() -> ModuleType:
 
 
 def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
-    """Return (N, 3) float64 points, and the number of bytes behind them, by Open3D as PCD."""
+    """Return the points (N, 3) float64 by Open3D, and the number of bytes behind the points."""
     data, form, point = content[header.start :], header.form, header.point
     size = unpacked = header.count * point.itemsize
     if form == "binary_compressed":
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
         size = 8 + packed
     if len(data) < size or unpacked != header.count * point.itemsize:
-        message = f"{len(data)} bytes of {size}, which unfold to {unpacked}, where the header "
-        raise ValueError(f"{message}announces {header.count} points of {point.itemsize}")
+        message = f"{len(data)} bytes of {size}, which decompress to {unpacked}, where the header "
+        raise ValueError(f"{message}announces {header.count} points of {point.itemsize} bytes")
     data, surplus = data[:size], len(data) - size
     if form in PLY_FORMATS:
         form, data = "binary", np.frombuffer(data, point).astype(point.newbyteorder("<")).tobytes()
-    # other names, since Open3D reads some as colours or normals, and fails on two of one name
+    # rename fields: Open3D reads some as colours or normals, and fails on two of one name
     names = [name if name in ("x", "y", "z") else f"f{i}" for i, name in enumerate(point.names)]
     kinds, count = [point[name] for name in point.names], [header.count]
     rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
@@ -189,24 +189,24 @@ def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.
         path = f"/proc/self/fd/{stream.fileno()}"
         cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
     if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
-        raise ValueError("the compressed data do not unfold")
-    with np.errstate(invalid="ignore", over="ignore"):  # of damaged numbers
+        raise ValueError("the data cannot be decompressed")
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers may be huge or NaN
         return cloud.point.positions.numpy().astype(float), surplus
 
 
 def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
-    """Return (N, 3) the points, and the number of bytes behind them."""
+    """Return the points (N, 3), and the number of bytes behind the points."""
     lines = content[header.start :].decode("latin-1").split("\n")
     first = content.count(b"\n", 0, header.start) + 1
     filled = [(number, line.lower().split()) for number, line in enumerate(lines, first)]
     filled = [(number, words) for number, words in filled if words][: header.count]
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
-    wrong = [(number, len(words)) for number, words in filled if len(words) != sum(widths)]
-    if wrong or len(filled) < header.count:
-        number, held = [*wrong, (first + len(lines) - 1, 0)][0]
-        message = f"the row has {held} numbers where a point has {sum(widths)}, of {header.count} "
-        message += f"announced points; {AGAIN}"
+    damaged = [(number, len(words)) for number, words in filled if len(words) != sum(widths)]
+    if damaged or len(filled) < header.count:
+        number, width = [*damaged, (first + len(lines) - 1, 0)][0]
+        message = f"the row has {width} numbers where a point has {sum(widths)}; the header "
+        message += f"announces {header.count} points; {AGAIN}"
         raise RecordingError(message, file=file, line=number)
     rows = [",".join("nan" if w in NO_POSITION else w for w in words) for _, words in filled]
     numbers = [number for number, _ in filled]

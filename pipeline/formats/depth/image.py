@@ -1,8 +1,8 @@
-"""Depth images as PNG, TIFF or PGM, their pixels in m by the sensor's encoding, and the frames of
-a sequence with their times: by an index (TUM RGB-D layout), or by numbers in the files' names.
+"""Depth images as PNG, TIFF or PGM, conversion of pixels to m, and the times of the frames of a
+sequence: by an index (TUM RGB-D layout), or by numbers in file names.
 
-OpenCV decodes the pixels, and keeps every type. The header is read before: it bounds the size of
-the pixels; check sums of a PNG and the bytes of a PGM are checked, as OpenCV fills up missing ones.
+OpenCV decodes the pixels and keeps their type. The header is read first, to bound the size of the
+pixels. Checksums of a PNG and the length of a PGM are checked, since OpenCV pads missing bytes.
 """
 
 import io
@@ -26,27 +26,27 @@ from pipeline.formats.format import Format, Head, Kind, begins, file_content, ma
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 ENDINGS = (".png", ".tif", ".tiff", ".pgm")
 WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
-GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments of PGM
-# P5, width, height and greatest value, one blank, the pixels
+GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments in the header of a PGM
+# P5, width, height, greatest value and one blank; the pixels follow
 PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d+)" + GAP + rb"(\d+)" + GAP + rb"(\d{1,5})\s")
-SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, median between frames; stamps in ms are beyond it
-NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.ASCII)  # the last number in a name
-PIXEL = 4  # bytes, the largest that is kept
-NO_DISPARITY = 2047  # value of the Kinect's eleven bits where it sees nothing
-# exceptions of Pillow for a damaged header
+SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, limits of the median step; times in ms exceed them
+NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.ASCII)  # file name split at its last number
+PIXEL = 4  # bytes, size of the largest decoded pixel
+NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
+# exceptions that Pillow raises for a damaged header
 HEADER_DAMAGE = (OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError)
 HEADER_DAMAGE += (RuntimeError, struct.error, AttributeError, Image.DecompressionBombError)
-# run lengths of each row's differences: naming the filter halves the time, level 6 saves 1 %
+# run-length coded row differences: a fixed filter halves the time, level 6 would save 1 % of size
 PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
 PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
-# a refusal names the fault of an image; OpenCV prints none
+# OpenCV prints no messages, since the RecordingError names the fault of an image
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
 @dataclass(frozen=True)
 class RawDepth:
-    """One image as the sensor's software wrote it: ``pixels`` (H, W) uint16 or float32 (float64 is
-    rounded), and the ``description`` of a TIFF.
+    """One image of the sensor's software: ``pixels`` (H, W) uint16 or float32 (rounded from
+    float64), and the ``description`` of a TIFF.
     """
 
     pixels: np.ndarray
@@ -55,40 +55,40 @@ class RawDepth:
 
 @dataclass(frozen=True)
 class Encoding:
-    """Conversion of stored values to metres, which the section ``dataset.depth`` states.
+    """Conversion of stored values to m (section ``dataset.depth``).
 
-    ``kind``: ``plain``, depth itself; ``rotated_bits``, depth rotated left by three bits (SUN
-    RGB-D); ``disparity``, the Kinect's 11-bit disparity δ with its two bytes swapped, depth = a/(b
-    − δ) (NYU Depth v2: a = 351.3, b = 1092.5).
+    ``kind`` is ``plain`` (the value is the depth), ``rotated_bits`` (depth, its bits rotated left
+    by three; SUN RGB-D) or ``disparity`` (11-bit disparity δ of the Kinect with swapped bytes:
+    depth = a/(b − δ); NYU Depth v2: a = 351.3, b = 1092.5).
     """
 
     kind: str
     units_per_metre: float  # 1000 for millimetres, 5000 for TUM RGB-D, 1 for metres
-    saturation: float | None = None  # stored value from which on there is no depth
+    saturation: float | None = None  # least stored value that is no depth
     scale_key: str | None = None  # name of a factor in the description of a TIFF
     disparity: tuple[float, float] | None = None  # a, b
 
 
 def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
-    """Return depth along the optical axis in m, (H, W) float32, NaN for values of 0 or less, NaN,
-    saturated ones and no disparity. RecordingError (with ``evidence``) for pixels that the encoding
-    does not have and for a description without the factor.
+    """Return the depth along the optical axis in m, (H, W) float32; NaN for stored values ≤ 0, NaN,
+    saturation and no disparity. RecordingError (with ``evidence``) for a pixel type or value that
+    the encoding does not have, and for a description without the factor.
     """
     if encoding.kind != "plain" and raw.pixels.dtype != np.uint16:
-        message = f"pixels of {raw.pixels.dtype} in the encoding {encoding.kind}, which has 16 bits"
+        message = f"pixels are {raw.pixels.dtype}; the encoding {encoding.kind} requires uint16"
         raise RecordingError(message, **evidence)
-    values, nothing = raw.pixels, ~(raw.pixels > 0)
+    values, invalid = raw.pixels, ~(raw.pixels > 0)
     if encoding.saturation is not None:
-        nothing |= raw.pixels >= encoding.saturation
+        invalid |= raw.pixels >= encoding.saturation
     if encoding.kind == "rotated_bits":
         values = values >> 3 | values << 13
     elif encoding.kind == "disparity":
         disparity = values.byteswap()
         if disparity.max() > NO_DISPARITY:
-            message = f"the value {disparity.max()} in 11-bit disparities with their bytes swapped"
-            raise RecordingError(message, **evidence)
+            message = f"the greatest value {disparity.max()} is no 11-bit disparity with swapped "
+            raise RecordingError(f"{message}bytes (at most {NO_DISPARITY})", **evidence)
         a, b = encoding.disparity
-        nothing |= (disparity == NO_DISPARITY) | (disparity >= b)
+        invalid |= (disparity == NO_DISPARITY) | (disparity >= b)
         with np.errstate(divide="ignore"):
             values = (a / (b - disparity)).astype(np.float32)
     factor, key = 1.0, encoding.scale_key
@@ -101,8 +101,8 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
             raise RecordingError(f"{message}{raw.description[:120]!r}", **evidence)
         (factor,) = factors
     depth = values / np.float32(encoding.units_per_metre / factor)
-    nothing |= ~np.isfinite(depth)
-    depth[nothing] = np.nan
+    invalid |= ~np.isfinite(depth)
+    depth[invalid] = np.nan
     return depth
 
 
@@ -112,29 +112,29 @@ def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
 
 
 def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDepth:
-    """Return the image in the ``content`` of ``file``, whose size must be ``shape`` = (H, W);
-    RecordingError for content that is truncated or of none of the formats, and for pixels that are
-    not one channel of 16 bits or of floating point.
+    """Return the image of ``shape`` = (H, W) in the ``content`` of ``file``; RecordingError for
+    truncated content, another format or size, and pixels that are not one channel of 16 bits or of
+    floating point.
     """
     stated, description = _header(content, file)
     if stated != tuple(shape):
-        having, wanted = (f"{width} × {height}" for height, width in (stated, shape))
-        message = f"the image has {having} pixels where the camera has {wanted}; check the "
+        found, wanted = (f"{width} × {height}" for height, width in (stated, shape))
+        message = f"the image has {found} pixels where the camera has {wanted}; check the "
         raise RecordingError(f"{message}intrinsics", file=file)
     try:
-        # every other mode returns 8 bits of 16
+        # other modes convert 16 bits to 8
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         pixels = None
     if pixels is None:
         raise _damaged(file)
     if pixels.dtype == np.float64:
-        with np.errstate(over="ignore"):  # beyond float32 there is no depth
+        with np.errstate(over="ignore"):  # values beyond float32 are no depth
             pixels = pixels.astype(np.float32)
     if pixels.ndim != 2 or pixels.dtype not in (np.uint16, np.float32):
         channels = 1 if pixels.ndim == 2 else pixels.shape[2]
-        message = f"the image has {channels} channel(s) of {pixels.dtype}; depth is one of 16 bits "
-        message += "without sign or of floating point: export it as that"
+        message = f"the image has {channels} channel(s) of {pixels.dtype}; export depth as one "
+        message += "channel, uint16 or floating point"
         raise RecordingError(message, file=file)
     return RawDepth(pixels, description)
 
@@ -164,12 +164,12 @@ def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
 def _png_size(content: bytes, file: Path) -> tuple[int, int, str]:
     with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
         width, height = image.size
-        image.verify()  # the check sums of all chunks to the last
+        image.verify()  # checksums of all chunks
     return height, width, ""
 
 
 def _tiff_size(content: bytes, file: Path) -> tuple[int, int, str]:
-    # not by Pillow's images, which have no pixels of float64
+    # read the tags alone, since Pillow opens no image of float64
     stream = io.BytesIO(content)
     tags = ImageFileDirectory_v2(stream.read(8))
     stream.seek(tags.next)
@@ -184,8 +184,8 @@ def _pgm_size(content: bytes, file: Path) -> tuple[int, int, str]:
     header = PGM_HEADER.match(content)
     width, height, greatest = map(int, header.groups())
     size = width * height * (1 if greatest < 256 else 2)
-    if (held := len(content) - header.end()) != size:
-        raise ValueError(f"{held} bytes where {width} × {height} pixels have {size}")
+    if (found := len(content) - header.end()) != size:
+        raise ValueError(f"{found} bytes where {width} × {height} pixels have {size}")
     return height, width, ""
 
 
@@ -195,21 +195,21 @@ def _damaged(file: Path, reason: str = "") -> RecordingError:
 
 
 def encode_depth(raw: np.ndarray) -> bytes:
-    """Return (H, W) uint16 ``raw`` depth as PNG; the same frame gives the same bytes."""
+    """Return ``raw`` depth (H, W) uint16 as PNG; equal frames have equal bytes."""
     if raw.ndim != 2 or raw.dtype != np.uint16:
-        raise TypeError(f"raw depth is (H, W) uint16, not {raw.shape} {raw.dtype}")
+        raise TypeError(f"raw depth must be (H, W) uint16, got {raw.shape} {raw.dtype}")
     return cv2.imencode(".png", raw, PARAMETERS)[1].tobytes()
 
 
 def write_depth(file: Path, raw: np.ndarray) -> None:
-    """Write (H, W) uint16 ``raw`` depth as PNG; see :func:`encode_depth`."""
+    """Write ``raw`` depth (H, W) uint16 as PNG; see :func:`encode_depth`."""
     Path(file).write_bytes(encode_depth(raw))
 
 
 @dataclass(frozen=True)
 class DepthIndex:
-    """N frames of a sequence: ``time`` (N,) in s on the sensor's clock, increasing; ``files``
-    relative to the take's folder.
+    """N frames of a sequence: increasing ``time`` (N,) in s on the sensor's clock, and ``files``
+    (N), paths relative to the take's folder.
     """
 
     time: np.ndarray
@@ -218,7 +218,7 @@ class DepthIndex:
 
 
 def read_index(file: Path) -> DepthIndex:
-    """Return the index of a depth sequence: lines ``timestamp filename`` and comments from ``#``;
+    """Return the index of a depth sequence: lines ``timestamp filename``, comments behind ``#``;
     ``cut_rows`` counts a last line without line end, which is dropped. RecordingError with the line
     for another form, a time that does not increase, times that cannot be in s, and no frame.
     """
@@ -231,38 +231,38 @@ def read_index(file: Path) -> DepthIndex:
         seconds = float(stamp) if NUMBER.fullmatch(stamp) else np.nan
         pairs = len(words := name.split()) > 2 and NUMBER.fullmatch(words[1])
         if not name or pairs or not time[-1] < seconds < np.inf:
-            message = f"{line[:80]!r} must be a time in s that increases, a blank and the name of "
-            message += f"one depth frame{'; it pairs two images' if pairs else ''}"
+            message = f"{line[:80]!r} must be an increasing time in s, a blank and the name of one "
+            message += f"depth frame{'; this line pairs two images' if pairs else ''}"
             raise RecordingError(message, file=file, line=number)
         time.append(seconds)
         files.append(name)
     if not files:
-        raise RecordingError("the index names no frame in a whole line", file=file)
+        raise RecordingError("the index has no complete line with a frame", file=file)
     step = float(np.median(np.diff(time[1:]))) if len(files) > 1 else SHORTEST_STEP
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
-        message = f"frames {step:.6g} s apart come from no camera: write the times in s (ms, µs and"
-        raise RecordingError(f"{message} ns are divided by 1e3, 1e6 and 1e9)", file=file)
+        message = f"the median time between frames is {step:.6g} s, of no camera: write the times "
+        raise RecordingError(f"{message}in s (divide ms by 1e3, µs by 1e6, ns by 1e9)", file=file)
     return DepthIndex(np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)})
 
 
 def dropped_frames(time: np.ndarray) -> int:
-    """Return the number of frames that lack between those of ``time`` (F,) in s by median steps."""
+    """Return the number of missing frames between frames at ``time`` (F,) s, by the median step."""
     steps = np.diff(time)
     lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
     return int(np.sum(np.maximum(lost, 0)))
 
 
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
-    """Write the index of N frames, ``time`` (N,) in s with the six decimals of TUM RGB-D."""
+    """Write the index of N frames in the layout of TUM RGB-D, ``time`` (N,) s with six decimals."""
     rows = [f"{stamp:.6f} {name}" for stamp, name in zip(time, files, strict=True)]
     lines = ["# depth maps", "# timestamp filename", *rows]
     Path(file).write_bytes(("\n".join(lines) + "\n").encode())
 
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
-    """Return the frames of ``folder`` that match the glob ``pattern``, by the last number n in
-    their names, each (n − first)/``rate`` s after the first. RecordingError where no file matches,
-    names differ in more than one number or have none, or one comes twice.
+    """Return the frames of ``folder`` that match the glob ``pattern``, sorted by the last number n
+    in their names, at the time (n − n₀)/``rate`` s after the first. RecordingError where no file
+    matches, a name has no number, names differ in more than the number, or a number occurs twice.
     """
     numbers: dict[int, Path] = {}
     forms = set()
@@ -271,8 +271,8 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
         forms.add((file.parent, file.suffix, *(parts.group(1, 3) if parts else (file,))))
         other = numbers.setdefault(int(parts[2]), file) if parts else file
         if parts is None or len(forms) > 1 or other != file:
-            message = f"the names that match {pattern!r} must differ in one number alone, each of "
-            message += "which is there once; rename the frames, or write an index of their times"
+            message = f"names that match {pattern!r} must differ only in one number, which occurs "
+            message += "once; rename the frames, or write an index of their times"
             raise RecordingError(message, file=file)
     if not numbers:
         raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
@@ -282,15 +282,15 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
 
 
 def frame_endings() -> tuple[str, ...]:
-    """Return the endings of the names of depth frames, images and clouds: ``.png`` and others."""
+    """Return the file suffixes of depth frames (images and clouds), such as ``.png``."""
     return ENDINGS + cloud.ENDINGS
 
 
 def _begins(head: Head) -> bool:
-    held = [line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")]
-    if not held or len(held[0]) != 2:
+    rows = [line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")]
+    if not rows or len(rows[0]) != 2:
         return False
-    stamp, name = held[0]
+    stamp, name = rows[0]
     return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(frame_endings())
 
 

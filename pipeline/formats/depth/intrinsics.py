@@ -1,4 +1,4 @@
-"""Intrinsics of a depth camera, as calibration tools write them: OpenCV's YAML or XML, ROS's YAML,
+"""Intrinsics of a depth camera from files of calibration tools: YAML or XML of OpenCV, YAML of ROS,
 plain YAML or JSON, JSON of Open3D and of RealSense.
 """
 
@@ -18,24 +18,24 @@ from pipeline.formats.delimited import read_text
 from pipeline.formats.format import Format, Head, Kind, read_alone
 
 FOCAL = ("fx", "fy", "cx", "cy")
-# keys under which tools write the camera matrix, the distortion and the size
+# keys of the camera matrix, the distortion and the image size
 MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
 MATRIX += ("K", "k", "intrinsic_matrix")
 DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients")
 DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d")
 KEYS = {"camera matrix": MATRIX, "distortion": DISTORTION}
 KEYS |= {side: (side, f"image_{side}", f"image_{side.title()}") for side in ("width", "height")}
-BENT = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # keys that may state a distortion
-# names of distortion models that have OpenCV's coefficients
+DISTORTION_KEY = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # keys that may state a distortion
+# names of distortion models with OpenCV's coefficients
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "distortion.brown_conrady", "none")
 # keys of RealSense → keys of this module
 REALSENSE = {"ppx": "cx", "ppy": "cy", "coeffs": "D", "model": "distortion_model"}
-ANY_SIZE = (10**6, 10**6)  # px, of an image that is not known
-NARROWEST = 100  # focal length over the longer side: a view of half a degree
-COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # numbers of coefficients in OpenCV's model
-# decimal numbers alone: YAML 1.1 reads 0525 as 341, yes as true and 5:25 as 325
+ANY_SIZE = (10**6, 10**6)  # px, stands for an unknown image size
+NARROWEST = 100  # greatest focal length over the longer side: a field of view of half a degree
+COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # possible numbers of coefficients in OpenCV's model
+# only decimal numbers: YAML 1.1 reads 0525 as 341, yes as true and 5:25 as 325
 DECIMAL = re.compile(r"[-+]?(\d+\.\d*|\.\d+|0|[1-9]\d*|\d+(?=[eE]))([eE][-+]?\d+)?")
-# also calibrations in another form, which the reader refuses by their keys
+# matches calibrations in other forms too, for which the reader's error names the keys
 CALIBRATED = re.compile(
     rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION, "ppx"))})'
     r'\b"?\s*[:>\s]|"Intrinsics"|^\s+intrinsics: \[',
@@ -45,7 +45,7 @@ CALIBRATED = re.compile(
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """Pinhole camera, in px; OpenCV's distortion k1, k2, p1, p2, k3 …"""
+    """Pinhole camera in px, with OpenCV's distortion coefficients k1, k2, p1, p2, k3, …"""
 
     fx: float
     fy: float
@@ -65,25 +65,24 @@ def pinhole(
     model: object = None,
     **evidence: object,
 ) -> Intrinsics:
-    """Return the camera of ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,) for images of
-    ``size`` (width, height); RecordingError (with ``evidence``) for another ``stated`` size, values
-    of no camera, and coefficients of a ``model`` that is not OpenCV's.
+    """Return the camera with ``matrix`` (3, 3) and OpenCV's ``distortion`` (k,) for images of
+    ``size`` (width, height); RecordingError (with ``evidence``) for another ``stated`` size,
+    implausible values, and coefficients of a ``model`` other than OpenCV's.
     """
     (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
     finite, rest, message = np.isfinite(matrix).all(), (skew, low, *bottom), ""
     if stated not in (None, size):
         message = f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
     elif distortion.any() and model not in (None, "", "null", *MODELS):
-        message = f"the distortion {model!r} is none of {', '.join(MODELS)}; calibrate with one of "
-        message += "these"
+        message = f"the distortion model is {model!r}; calibrate with one of {', '.join(MODELS)}"
     elif not finite or min(fx, fy) <= 0 or rest != (0, 0, 0, 0, 1):
         message = "the camera matrix is not [fx 0 cx; 0 fy cy; 0 0 1]"
     elif not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS:
         message = f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
         message += f"model has {COEFFICIENTS}"
     elif max(fx, fy) > NARROWEST * max(size) or not (0 < cx < size[0] and 0 < cy < size[1]):
-        message = f"a focal length of {max(fx, fy):.6g} px, or a principal point at {cx:.1f}, "
-        message += f"{cy:.1f} px, is of no camera of {size[0]} × {size[1]} pixels"
+        message = f"a focal length of {max(fx, fy):.6g} px and a principal point at {cx:.1f}, "
+        message += f"{cy:.1f} px are of no camera of {size[0]} × {size[1]} pixels"
     if message:
         raise RecordingError(message, **evidence)
     return Intrinsics(fx, fy, cx, cy, *size, tuple(distortion.ravel().tolist()))
@@ -97,21 +96,20 @@ def read_intrinsics(
     matrix: str | None = None,
     distortion: str | None = None,
 ) -> Intrinsics:
-    """Return the intrinsics for images of ``width`` × ``height`` pixels, by default of the file's
-    size, else of ANY_SIZE. ``matrix`` and ``distortion`` name unusual keys, or one of several. Only
-    JSON may have no distortion, for a camera without; printed messages of a CameraInfo must be
-    equal but for their headers. Raises RecordingError for a file of another format, a key that is
-    missing or not unique, values of no camera, another distortion model than OpenCV's, and another
-    size.
+    """Return the intrinsics for images of ``width`` × ``height`` pixels (default the file's size,
+    else ANY_SIZE). ``matrix`` and ``distortion`` are the keys to read, if a key is unusual or
+    several fit. Only JSON may lack the distortion, which is then zero. Several printed CameraInfo
+    messages must be equal except for their headers. Raises RecordingError for another format, size
+    or distortion model, a key that is missing or ambiguous, and implausible values.
     """
-    # a library may crash on damaged text, or never return
+    # a separate process, since a library may crash or hang on damaged text
     values, is_json = read_alone(_values, Path(file), file=file, advice="export it again")
-    there = f"the file has {', '.join(map(str, values))}"
+    keys_found = f"the file has {', '.join(map(str, values))}"
 
-    def numbers(what: str, given: str | None = None, count: int | None = None) -> np.ndarray | None:
-        keys = (given,) if given else KEYS.get(what, (what,))
+    def numbers(item: str, given: str | None = None, count: int | None = None) -> np.ndarray | None:
+        keys = (given,) if given else KEYS.get(item, (item,))
         present = [key for key in keys if key in values]
-        message = f"{len(present)} of {', '.join(present or keys)} are there, one {what} is needed"
+        message = f"{len(present)} of {', '.join(present or keys)} are there, one {item} is needed"
         if len({str(values[key]) for key in present}) == 1:
             value, wanted = values[present[0]], {count} - {None}
             if isinstance(value, Mapping):
@@ -119,77 +117,78 @@ def read_intrinsics(
                 known = all(re.fullmatch(r"\d{1,9}", side) for side in size)
                 wanted |= {int(size[0]) * int(size[1])} if known else set()
                 value = value.get("data")
-            with suppress(ValueError):  # lists of other lengths
+            with suppress(ValueError):  # nested lists of unequal lengths
                 words = np.array(value, dtype=str)
                 decimal = all(map(DECIMAL.fullmatch, words.ravel().tolist()))
                 if decimal and not wanted - {words.size} and np.isfinite(words.astype(float)).all():
                     return words.astype(float)
-            message = f"{present[0]} holds no {max(wanted, default='')} decimal numbers, but "
+            message = f"{present[0]} must be {max(wanted, default='')} decimal numbers, found "
             message += str(value)[:80]
         elif not (present or given):
             return None
-        raise RecordingError(f"{message}; name its key by option; {there}", file=file, key=what)
+        message = f"{message}; name the key by option; {keys_found}"
+        raise RecordingError(message, file=file, key=item)
 
-    held = [numbers(side, count=1) for side in ("width", "height")]
-    stated = [None if side is None else int(side) for side in held]
+    sides = [numbers(side, count=1) for side in ("width", "height")]
+    stated = [None if side is None else int(side) for side in sides]
     size = tuple(
         given or own or most
         for given, own, most in zip((width, height), stated, ANY_SIZE, strict=True)
     )
     camera = numbers("camera matrix", matrix, 9)
     if camera is not None:
-        # Open3D writes a flat one, column by column
+        # Open3D writes the matrix as a flat list, column by column
         columns = camera.ndim == 1 and "intrinsic_matrix" in ({matrix} if matrix else values)
         camera = camera.reshape(3, 3).T if columns else camera.reshape(3, 3)
     elif {*FOCAL} <= {*values}:
         fx, fy, cx, cy = (numbers(name, count=1).item() for name in FOCAL)
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    bent = numbers("distortion", distortion)
-    absent = bent is None and (not is_json or any(map(BENT.fullmatch, values)))
+    bend = numbers("distortion", distortion)
+    absent = bend is None and (not is_json or any(map(DISTORTION_KEY.fullmatch, values)))
     if camera is None or absent:
-        message = f"no camera matrix, or no distortion; {there}: name their keys by option, or "
-        message += "write fx, fy, cx, cy outside of any other key, and zeros for no distortion"
+        message = f"no camera matrix, or no distortion; {keys_found}: name the keys by option, or "
+        message += "write fx, fy, cx, cy at the outermost level, and zeros for no distortion"
         raise RecordingError(message, file=file)
-    bent, model = np.zeros(0) if bent is None else bent.ravel(), values.get("distortion_model")
+    bend, model = np.zeros(0) if bend is None else bend.ravel(), values.get("distortion_model")
     own = tuple(side or given for side, given in zip(stated, size, strict=True))
-    return pinhole(camera, bent, size, stated=own, model=model, file=file)
+    return pinhole(camera, bend, size, stated=own, model=model, file=file)
 
 
 def _values(file: Path) -> tuple[Mapping, bool]:
-    """Return the file's values by key, numbers as text, and whether it is JSON; in YAML of whole
-    lines alone, since nothing else shows that a number was cut.
+    """Return key → value of the file, numbers as text, and whether it is JSON. A last line of YAML
+    without line end is ignored, since its number may be cut.
     """
     text = read_text(file)
     body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
-    is_json, held = whole.lstrip().startswith("{"), []
+    is_json, documents = whole.lstrip().startswith("{"), []
     try:
         if is_json:
-            held = [json.loads(whole, parse_float=str, parse_int=str)]
+            documents = [json.loads(whole, parse_float=str, parse_int=str)]
         elif body.lstrip().startswith("<"):
-            held = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
+            documents = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
         else:
-            # OpenCV's directive is not YAML
+            # OpenCV's first line is not valid YAML
             body = re.sub(r"^%YAML:1\.0.*\n", "", body)
-            held = [one for one in yaml.load_all(body, yaml.BaseLoader) if one]
+            documents = [one for one in yaml.load_all(body, yaml.BaseLoader) if one]
     except (yaml.YAMLError, ElementTree.ParseError, ValueError, RecursionError):
-        held = []
-    # Open3D writes the camera beside its pose, ROS prints many messages
-    plain = [one.get("intrinsic", one) for one in held if isinstance(one, Mapping)]
+        documents = []
+    # Open3D's file has the camera and its pose, a ROS print has many messages
+    plain = [one.get("intrinsic", one) for one in documents if isinstance(one, Mapping)]
     plain = [dict(one) for one in plain if isinstance(one, Mapping)]
     for one in plain:
         one.pop("header", None)
-    if not plain or len(plain) < len(held) or any(other != plain[0] for other in plain):
-        message = "this is no calibration in OpenCV's YAML or XML, YAML or JSON, or truncated, or "
-        message += "several that are not all equal; export one again"
+    if not plain or len(plain) < len(documents) or any(other != plain[0] for other in plain):
+        message = "no calibration in YAML, XML or JSON, or truncated, or several calibrations that "
+        message += "differ; export one again"
         raise RecordingError(message, file=file)
     if "ppx" in plain[0]:
         named = {REALSENSE.get(key, key): value for key, value in plain[0].items()}
-        return {"distortion_model": "that is not stated"} | named, is_json
+        return {"distortion_model": "not stated"} | named, is_json
     return plain[0], is_json
 
 
 def _element(element: ElementTree.Element) -> object:
-    """Return the content of an element as OpenCV's XML has it."""
+    """Return the content of an element of OpenCV's XML: key → value, words or text."""
     if len(element):
         return {one.tag: _element(one) for one in element}
     words = (element.text or "").split()
@@ -197,8 +196,8 @@ def _element(element: ElementTree.Element) -> object:
 
 
 def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
-    """Write the camera as OpenCV's YAML; numbers read back exactly."""
-    import cv2  # here, as few write a calibration
+    """Write the camera as OpenCV's YAML, without rounding."""
+    import cv2  # here, since few callers write a calibration
 
     one = intrinsics
     matrix = np.array([[one.fx, 0, one.cx], [0, one.fy, one.cy], [0, 0, 1]])
@@ -206,7 +205,7 @@ def write_intrinsics(file: Path, intrinsics: Intrinsics) -> None:
     storage.write("cameraMatrix", matrix)
     storage.write("distortionCoefficients", np.array([one.distortion or (0.0,) * 5]))
     body = storage.releaseAndGetString().partition("\n")[2]
-    # the head of OpenCV 2 to 4, which version 5 reads too
+    # first line of OpenCV 2 to 4, which version 5 also reads
     Path(file).write_bytes(f"%YAML:1.0\n{body}".encode())
 
 

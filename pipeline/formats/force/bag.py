@@ -1,4 +1,4 @@
-"""Forces in ROS bags: messages WrenchStamped, in N and N·m by the definition of their type."""
+"""Forces in ROS bags: WrenchStamped messages, in N and N·m by definition."""
 
 from pathlib import Path
 
@@ -12,13 +12,13 @@ WRENCH = ("geometry_msgs/msg/WrenchStamped",)
 
 
 def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
-    """Return the record of the option's ``topic`` in the bag ``file``, or of the only one of its
-    type; times are those of the messages' headers, ``counts`` those of a table of forces.
+    """Return the record of the option ``topic`` (default the only WrenchStamped topic) in the bag
+    ``file``, at the times of the message headers; ``counts`` as in :func:`read_force_table`.
 
-    Raises RecordingError for a bag that cannot be read, no topic or more than one, and values that
-    are not finite or times that go back, by the sample from 0.
+    Raises RecordingError for an unreadable bag, for no topic or several; with the sample number
+    (from 0), where a value is not finite or the time decreases.
     """
-    # here, as most force logs are no bags
+    # here, since most force logs are no bags
     from pipeline.formats.rosbag import choose_topic, messages
 
     topic = choose_topic(file, WRENCH, options.topic)

@@ -1,6 +1,6 @@
-"""Calibrations of ATI transducers (``.cal`` files, XML): units, ratings and the matrix from gauge
-voltages to forces. Version 1.1 has it in ``UserAxis``. Version 1.0 has ``Axis`` alone: rows times a
-scale, about the gauges' origin, and ``BasicTransform`` from there to the transducer's origin.
+"""Calibrations of ATI transducers (``.cal`` files, XML): units, ratings, and the matrix from gauge
+voltages to forces. Version 1.1 has the matrix in ``UserAxis``. Version 1.0 has ``Axis`` (matrix
+times a scale, about the gauges' origin) and ``BasicTransform`` (gauges' to transducer's origin).
 """
 
 from collections.abc import Mapping
@@ -19,22 +19,22 @@ AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 
 @dataclass(frozen=True)
 class Calibration:
-    """One calibration, in its own units."""
+    """Calibration of one transducer, in the units of the file."""
 
     file: Path
     serial: str
     force_unit: str
     torque_unit: str
     matrix: np.ndarray  # (6, 6) force_unit and torque_unit per volt of the six gauges
-    full_scale: np.ndarray  # (6,) rated load of fx … tz
+    full_scale: np.ndarray  # (6,) rated loads fx, fy, fz, tx, ty, tz
 
 
 def read_calibration(file: Path) -> Calibration:
-    """Return the calibration in ``file``; RecordingError for a file that is no XML or not one
-    calibration, an axis without six gauges or a rating, and a basic transform that turns the axes.
+    """Return the calibration in ``file``; RecordingError for a file that is no XML or does not have
+    one calibration, an axis without six gauges or a rating, and a basic transform with a rotation.
     """
     try:
-        # as text, since the first line may state another encoding than the file has
+        # parse text, since the encoding in the first line may be wrong
         elements = [*ElementTree.fromstring(decoded(file_content(file)) or "").iter()]
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         line = {"line": error.position[0]} if hasattr(error, "position") else {}
@@ -52,12 +52,12 @@ def read_calibration(file: Path) -> Calibration:
             raise ValueError("max of an axis must be above 0")
         if kind == "Axis":
             matrix = matrix / _numbers(rows, "scale", 1)
-            # torque about the transducer's origin, which lies at the offset in the gauges' frame
+            # move the torque to the transducer's origin, at the offset in the gauges' frame
             matrix[3:] -= np.cross(_offset(basic, units), matrix[:3], axisb=0, axisc=0)
         if not np.isfinite(matrix).all():
             raise ValueError("scale of an axis is 0")
     except (KeyError, ValueError) as error:
-        message = f"not one calibration with ForceUnits and TorqueUnits and {kind} of each of "
+        message = f"the file must have one calibration with ForceUnits, TorqueUnits and {kind} of "
         message += f"{', '.join(AXES)} ({error}); copy it again"
         raise RecordingError(message, file=file) from None
     names = units["ForceUnits"], units["TorqueUnits"]
@@ -65,18 +65,18 @@ def read_calibration(file: Path) -> Calibration:
 
 
 def _numbers(rows: Mapping[str, Mapping[str, str]], name: str, count: int) -> np.ndarray:
-    held = [[*map(float, rows[axis][name].split())] for axis in AXES]
-    if {*map(len, held)} != {count} or not np.isfinite(held).all():
+    numbers = [[*map(float, rows[axis][name].split())] for axis in AXES]
+    if {*map(len, numbers)} != {count} or not np.isfinite(numbers).all():
         raise ValueError(f"{name} of an axis must be {count} finite number(s)")
-    return np.array(held)
+    return np.array(numbers)
 
 
 def _offset(basic: Mapping[str, str], stated: Mapping[str, str]) -> np.ndarray:
-    """Return (3,) the offset of the basic transform in the length unit of the torques, or as stated
-    where the file has no unit of distance.
+    """Return the offset (3,) of the basic transform, in the torque unit's unit of length if the
+    file has DistUnits, else as stated.
     """
-    if any(float(basic.get(turn, 0)) for turn in ("Rx", "Ry", "Rz")):
-        raise ValueError("the basic transform turns the axes; ask for one with UserAxis rows")
+    if any(float(basic.get(angle, 0)) for angle in ("Rx", "Ry", "Rz")):
+        raise ValueError("the basic transform has a rotation; get a calibration with UserAxis")
     offset = np.array([float(basic.get(shift, 0)) for shift in ("Dx", "Dy", "Dz")])
     if not offset.any() or "DistUnits" not in stated:
         return offset

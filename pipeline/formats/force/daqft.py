@@ -1,12 +1,12 @@
-"""Logs of ATI's programs: DAQ F/T, in the number format of its PC, and Net F/T.
+"""Logs of ATI's programs DAQ F/T (in the number format of the PC) and Net F/T.
 
-DAQ F/T: an optional line of skipped samples; labels, units and settings (``Frequency = 1000``,
-without a column) in one row or several; then a quoted row a sample, of forces or of the gauges'
-voltages ``G0`` to ``G5``, as a rule without time. PCs with a decimal comma separate cells by
-semicolons.
+A DAQ F/T log has an optional line of skipped samples; one or more rows with labels, units and
+settings (such as ``Frequency = 1000``); then one quoted row per sample, with forces or gauge
+voltages ``G0`` to ``G5``, usually without time. A PC with decimal commas writes semicolons between
+cells.
 
-Net F/T: lines of ``key: value`` (start time, RDT sample rate, units, counts per unit), the labels,
-and a row a packet. Earlier versions print whole counts, later ones units with a decimal point.
+A Net F/T log has lines ``key: value`` (start time, RDT sample rate, units, counts per unit), the
+labels, and one row per packet: integer counts in earlier versions, later decimal fractions.
 """
 
 import re
@@ -32,24 +32,24 @@ HEADING = re.compile(
 
 def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
     """Return the record in ``file``, in N, N·m and s; the calibration of ``options`` converts gauge
-    voltages. Without a column of times or sample numbers the samples follow each other at the
-    stated rate. ``counts`` and errors are those of ``read_force_table``, with ``paused_ms`` or
-    ``skipped_samples`` before the first sample; RecordingError also for gauge voltages without a
-    calibration, and no frequency or averaging level.
+    voltages. Without a column of times or sample numbers, samples are equally spaced at the stated
+    rate. ``counts`` and errors are as in :func:`read_force_table`, with ``paused_ms`` or
+    ``skipped_samples`` before the first sample. RecordingError also for gauge voltages without a
+    calibration, and for no frequency or averaging level.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     if _is_netft(sheet.header):
         message = "this is a log of a Net F/T: set format to netft"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
-    settings, theirs = sheet.settings, getattr(options.calibration, "serial", "")
+    settings, calibrated = sheet.settings, getattr(options.calibration, "serial", "")
     serial, started = (settings.get(name, "") for name in ("F/T Serial Number", "Time Started"))
-    if serial and theirs and serial != theirs:
-        message = f"the log is of the transducer {serial}, the calibration of {theirs}"
+    if serial and calibrated and serial != calibrated:
+        message = f"the log is of the transducer {serial}, the calibration of {calibrated}"
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
     named = options.columns or any(map(forces.axis_of, sheet.labels))
     voltages = not named and not {*GAUGES}.isdisjoint(sheet.labels)
     if voltages:
-        # a bias is linear too, so that the tare takes it out afterwards
+        # the conversion is linear, so that the tare removes the bias of the gauges afterwards
         columns, matrix, factors = _gauges(sheet, options)
     else:
         columns, factors = forces.axis_factors(sheet, options)
@@ -70,8 +70,8 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
 def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, np.ndarray]:
     """Return the columns of G0 to G5, the calibration's matrix and the factors to N and N·m."""
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
-        message = "gauge voltages need G0 to G5 and the transducer's calibration; no column is "
-        message += "labelled Force X, Force Y, Force Z"
+        message = "no column is labelled Force X, Force Y, Force Z; gauge voltages need columns G0 "
+        message += "to G5 and the transducer's calibration"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
         raise RecordingError(message, **where)
     factors = forces.calibrated_factors(options.calibration, options)
@@ -79,26 +79,26 @@ def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarr
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
-    """Return samples a second: sampling frequency over averaging level, else the option's."""
+    """Return the sample rate in Hz: sampling frequency over averaging level, else the option."""
     stated, rate = [], options.rate
     for key in ("Frequency", "Averaging Level"):
         text = sheet.settings.get(key, "")
-        # beside decimal commas, a point separates thousands
+        # with decimal commas, a point separates thousands
         plain = text if sheet.decimal == "." else text.replace(".", "?").replace(",", ".")
         stated += [float(plain)] if NUMBER.fullmatch(plain) else []
     whole = len(stated) == 2 and all(0 < number < np.inf for number in stated)
     own = stated[0] / stated[1] if whole else rate
     if own is None or (rate is not None and not np.isclose(rate, own)):
-        message = f"{own or 'no'} samples a second by the log (Frequency over Averaging Level), "
-        message += f"{rate} by the option: one rate is required; set rate to the right one"
+        message = f"the sample rate in Hz is {own} in the log (Frequency over Averaging Level) and "
+        message += f"{rate} by the option; set rate to the right one"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.rate"}
         raise RecordingError(message, **where)
     return own
 
 
 def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
-    """Write ``record`` in N and N·m, with fifteen significant digits and averaging level 1, as the
-    program does on a PC with the ``decimal`` mark "." or ",".
+    """Write ``record`` as DAQ F/T does on a PC with the ``decimal`` mark "." or ",": in N and N·m,
+    with fifteen significant digits and averaging level 1.
     """
     separator = ";" if decimal == "," else ","
     labels = [f"Force {axis} (N)" for axis in "XYZ"] + [f"Torque {axis} (N-m)" for axis in "XYZ"]
@@ -112,14 +112,15 @@ def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
 
 
 def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
-    """Return the record in ``file``, in N, N·m and s; the time is the RDT sequence over the sample
-    rate, so that lost packets leave a gap. ``counts`` and errors are those of ``read_force_table``,
-    with ``lost_packets`` and ``status_rows`` (with a condition; kept); RecordingError also for a
-    header without rate, units or counts per unit, and for numbers that may be counts or not.
+    """Return the record in ``file``, in N, N·m and s. The time is the RDT sequence number over the
+    sample rate, with a gap for lost packets. ``counts`` and errors are as in
+    :func:`read_force_table`, with ``lost_packets`` and ``status_rows`` (status not 0; kept).
+    RecordingError also for a header without rate, units or counts per unit, and where numbers may
+    be counts or not.
     """
-    sheet = read_sheet(file, separator=",", decimal=".", key=OPTION)  # on every PC
+    sheet = read_sheet(file, separator=",", decimal=".", key=OPTION)  # whatever the PC's marks
     if not _is_netft(sheet.header):
-        message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or cut"
+        message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or a truncated one"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
     settings, columns = sheet.settings, forces.axis_columns(sheet, options)
     units = {kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")}
@@ -127,7 +128,7 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     def positive(name: str, option: str) -> float:
         text = settings.get(name, "")
         if not NUMBER.fullmatch(text) or not 0 < float(text) < np.inf:
-            message = f"the header must state {name} above 0, not {text!r}"
+            message = f"{name} in the header must be > 0, got {text!r}"
             raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
         return float(text)
 
@@ -136,20 +137,20 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         cells = [cell for column in columns.values() for cell in sheet.words(column)]
         counted = not any("." in cell or "e" in cell.lower() for cell in cells)
         if not counted and not np.any(sheet.values([*columns.values()]) % 1):
-            message = "numbers with a decimal point that are all whole may be counts or not: set "
-            message += "counts to true or false"
+            message = "all numbers are whole but have a decimal point, so that they may be counts "
+            message += "or not: set counts to true or false"
             where = {"line": sheet.label_line, "key": f"{OPTION}.counts"}
             raise RecordingError(message, file=file, **where)
     for axis in columns if counted else ():
         kind = KINDS[axis]
         per_unit[kind] = positive(f"Counts per Unit {kind.title()}", "counts")
-    held, factors = forces.axis_factors(sheet, options, units, per_unit)
+    used, factors = forces.axis_factors(sheet, options, units, per_unit)
     timed = replace(options, columns=columns | {"t": "RDT Sequence"})
 
     def rate() -> float:
         return options.rate or positive("RDT Sample Rate", "rate")
 
-    record = forces.sheet_record(sheet, held, lambda values: values * factors, timed, rate)
+    record = forces.sheet_record(sheet, used, lambda values: values * factors, timed, rate)
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
     status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])

@@ -1,5 +1,5 @@
-"""Records of one force/torque transducer: options and units of logs, samples that were not
-measured, and tables of forces, whose columns and units options, labels or the header state.
+"""Records of one force/torque transducer: options and units of logs, faulty samples, and tables of
+forces with columns and units by options, labels or header.
 """
 
 import re
@@ -27,35 +27,35 @@ UNITS = {"force": FORCE_UNITS, "torque": TORQUE_UNITS, "time": TIME_UNITS}
 KINDS = dict.fromkeys(FORCES, "force") | dict.fromkeys(TORQUES, "torque") | {"t": "time"}
 OPTION = "dataset.force.log"
 KEY = f"{OPTION}.columns"
-FEWEST = 10  # samples of a record; what holds fewer may be settings that look like numbers
+FEWEST = 10  # least number of samples; fewer rows may be settings that look like numbers
 AXIS = re.compile(
     r"(?:.*[./]|.*_(?=force|torque))?(f|force|t|torque|m|moment)[ _./-]?([xyz])\s*(?:[(\[].*[)\]])?"
 )
 TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
-JITTER = 0.1  # of the median step
+JITTER = 0.1  # greatest deviation of an even step, over the median step
 
 
 @dataclass(frozen=True)
 class ForceRecord:
-    """N samples of one sensor in the sensor's frame."""
+    """N samples of one transducer in the transducer's frame."""
 
     time: np.ndarray  # (N,) s since the first recorded sample
     force: np.ndarray  # (N, 3) N
-    torque: np.ndarray  # (N, 3) N·m, NaN where the log holds forces alone
+    torque: np.ndarray  # (N, 3) N·m, NaN if the log has no torques
     rate: float  # Hz, nominal
     serial: str
-    started: str  # as the PC printed it
+    started: str  # start time as printed in the log
     counts: dict[str, int]  # see the reader
-    units: Mapping[str, str] = field(default_factory=dict)  # as the log states them
+    units: Mapping[str, str] = field(default_factory=dict)  # quantity → unit stated in the log
     marks: Mapping[str, str] = field(default_factory=dict)  # separator and decimal of a table
 
 
 @dataclass(frozen=True)
 class ForceLogOptions:
-    """Options for what a force log does not say (section dataset.force.log); None where it does."""
+    """Facts that a force log does not state (section dataset.force.log); None if it does."""
 
-    # t, fx … tz → label, or number from 0
+    # t, fx … tz → column label, or column number from 0
     columns: Mapping[str, str | int] = field(default_factory=dict)
     separator: str | None = None
     decimal: str | None = None
@@ -65,7 +65,7 @@ class ForceLogOptions:
     rate: float | None = None  # Hz
     counts: bool | None = None  # whether a Net F/T log holds counts
     calibration: Calibration | None = None
-    topic: str | None = None  # of a bag
+    topic: str | None = None  # topic of a bag
 
 
 NO_OPTIONS = ForceLogOptions()
@@ -74,8 +74,9 @@ NO_OPTIONS = ForceLogOptions()
 def si_factor(
     quantity: str, stated: str | None, options: ForceLogOptions, **where: object
 ) -> float:
-    """Return the factor to N, N·m or s of a quantity (KINDS) from its ``stated`` unit, else the
-    option's, else the calibration's; RecordingError for no unit, and where log and option differ.
+    """Return the factor to N, N·m or s of a ``quantity`` (KINDS), from the unit ``stated`` in the
+    log, else in the options, else in the calibration. RecordingError for no known unit, and where
+    log and options differ.
     """
     kind = KINDS[quantity]
     units, option = UNITS[kind], getattr(options, f"{kind}_unit")
@@ -84,21 +85,21 @@ def si_factor(
     factors = [units.get(plain(word)) for word in words if word]
     differ = stated and option and factors[0] != factors[1]
     if not factors or factors[0] is None or differ:
-        message = f"{quantity} has no known unit: in {stated!r} by the log, in {option!r} by the "
-        message += f"option; state one of {', '.join(units)} as {kind}_unit"
+        message = f"{quantity} has no known unit: {stated!r} in the log, {option!r} by the option; "
+        message += f"set {kind}_unit to one of {', '.join(units)}"
         raise RecordingError(message, key=f"{OPTION}.{kind}_unit", **where)
     return factors[0]
 
 
 def calibrated_factors(calibration: Calibration, options: ForceLogOptions) -> np.ndarray:
-    """Return (6,) the factors from the units of a calibration to N and N·m."""
+    """Return the factors (6,) from the units of a calibration to N and N·m."""
     units = {axis: getattr(calibration, f"{KINDS[axis]}_unit") for axis in (*FORCES, *TORQUES)}
     where = {"file": calibration.file, "line": 1}
     return np.array([si_factor(axis, unit, options, **where) for axis, unit in units.items()])
 
 
 def full_scale(calibration: Calibration | None) -> np.ndarray | None:
-    """Return (6,) the ratings of a calibration in N and N·m, None without one."""
+    """Return the ratings (6,) of a calibration in N and N·m, None without a calibration."""
     return calibration and calibration.full_scale * calibrated_factors(calibration, NO_OPTIONS)
 
 
@@ -116,9 +117,9 @@ def axis_of(label: str) -> str | None:
 
 def require_record(record: ForceRecord, file: object) -> None:
     """Raise RecordingError where ``record`` has fewer than FEWEST samples."""
-    if (held := len(record.time)) < FEWEST:
-        message = f"{held} sample(s), at least {FEWEST} are needed; the first is {record.force[0]} "
-        message += "N, which may be a line of settings below a header: record again"
+    if (count := len(record.time)) < FEWEST:
+        message = f"{count} sample(s), at least {FEWEST} are required; the first is "
+        message += f"{record.force[0]} N, which may be a line of settings: record again"
         raise RecordingError(message, file=file)
 
 
@@ -130,10 +131,10 @@ def sound_samples(
     *,
     file: object,
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return (N,) whether a sample was measured, and the numbers of frozen samples (identical for
-    longer than ``longest`` s) and saturated samples (an axis at or beyond ``full_scale``, (3,) N or
-    (6,) N and N·m). RecordingError where either is more than a ``share`` of the samples, and for
-    too few samples.
+    """Return the mask (N,) of sound samples, and the numbers of frozen samples (constant for longer
+    than ``longest`` s) and saturated samples (an axis at or beyond ``full_scale``, (3,) N or (6,) N
+    and N·m). RecordingError where more than a ``share`` of the samples is frozen or saturated, and
+    for fewer than FEWEST samples.
     """
     require_record(record, file)
     values = np.hstack([record.force, np.nan_to_num(record.torque)])
@@ -146,10 +147,10 @@ def sound_samples(
         faulty["saturated"] = beyond.any(axis=1), "full_scale"
     for name, (samples, option) in faulty.items():
         if samples.mean() > share:
-            first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} may be"
+            first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} is allowed"
             message = f"{samples.sum()} of {len(samples)} samples are {name}, {first}"
             raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
-    counts = {f"{name}_samples": int(found.sum()) for name, (found, _) in faulty.items()}
+    counts = {f"{name}_samples": int(samples.sum()) for name, (samples, _) in faulty.items()}
     sound = ~np.any([samples for samples, _ in faulty.values()], axis=0)
     return sound, {name: count for name, count in counts.items() if count}
 
@@ -161,11 +162,11 @@ def timed_record(
     file: Path,
     counts: Mapping[str, int],
 ) -> ForceRecord:
-    """Return the record of ``values`` (N, axes) at ``time`` (N,) s, with ``counts`` and
-    ``doubled_rows`` (the same sample and time, left out), ``equal_times`` (another sample, kept),
-    ``uneven_steps`` (a tenth of the median off it) and ``missing_samples`` (by longer steps).
-    RecordingError, by one of ``places`` (name, numbers (N,)), for a time that goes back or that
-    most samples share with the sample before.
+    """Return the record of ``values`` (N, axes) at ``time`` (N,) s. Its counts are ``counts``,
+    ``doubled_rows`` (sample and time equal to the row before; left out), ``equal_times`` (only the
+    time equal; kept), ``uneven_steps`` (off the median step by more than JITTER of it) and
+    ``missing_samples`` (in long steps). RecordingError, with the entry of ``places`` (name, numbers
+    (N,)), where the time decreases or most steps are 0.
     """
     time = time - time[0] if len(time) else time
     steps = np.diff(time)
@@ -176,7 +177,7 @@ def timed_record(
         row = int(np.argmax(back)) + 1 if back.any() else 0
         message = f"the time goes back to {time[row]:.9g} s: rows are swapped or of two recordings"
         if not back.any():
-            message = "most samples share their time with the one before: no clock"
+            message = "most samples have the same time as the sample before: no clock"
         raise RecordingError(message, file=file, **{places[0]: places[1][row]})
     clock = {
         "doubled_rows": int(doubled.sum()),
@@ -196,20 +197,20 @@ def _record(
 
 
 def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
-    """Return the record in ``file``, in N, N·m and s, of the columns that options or labels name:
-    fx, fy, fz, and optionally t, tx, ty, tz. Without t, samples follow each other at the option's
-    rate. ``counts`` are ``repeated_rows`` and ``zero_rows``, both kept, those of
-    :func:`read_sheet` and :meth:`Sheet.samples`, and with times those of :func:`timed_record`.
-    Raises RecordingError, with the line and the option, for axes or units that nothing names, a
-    time that goes back, and malformed rows.
+    """Return the record in ``file``, in N, N·m and s, from the columns named in options or labels:
+    fx, fy, fz, and optionally t, tx, ty, tz. Without t, samples are equally spaced at the option
+    ``rate``. ``counts`` are ``repeated_rows`` and ``zero_rows`` (both kept), the counts of
+    :func:`read_sheet` and :meth:`Sheet.samples`, and with t the counts of :func:`timed_record`.
+    Raises RecordingError, with the line and the option, where no axis or unit is known, the time
+    decreases or a row is malformed.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     columns, factors = axis_factors(sheet, options)
 
     def rate() -> float:
         if options.rate is None:
-            message = "neither a column t nor a rate gives the samples a time; set rate to the "
-            raise RecordingError(f"{message}samples a second", file=file, key=f"{OPTION}.rate")
+            message = "the samples have no time: name a column t, or set rate in Hz"
+            raise RecordingError(message, file=file, key=f"{OPTION}.rate")
         return options.rate
 
     return sheet_record(sheet, columns, lambda values: values * factors, options, rate)
@@ -221,8 +222,8 @@ def axis_factors(
     stated: Mapping[str, str | None] | None = None,
     per_unit: Mapping[str, float] | None = None,
 ) -> tuple[list[int], np.ndarray]:
-    """Return the columns of forces and, where there are any, torques, and their factors to N and
-    N·m, from the units ``stated`` by kind, else in the header; ``per_unit`` numbers are one unit.
+    """Return the columns of forces and torques (if present) and the factors of the columns to N and
+    N·m. Units are ``stated`` (kind → unit), else in the header; ``per_unit`` counts are one unit.
     """
     columns, factors = axis_columns(sheet, options), []
     for axis, column in columns.items():
@@ -233,7 +234,7 @@ def axis_factors(
 
 
 def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
-    """Return the column of each force, and each torque if there are any, by options or labels."""
+    """Return axis → column of the forces, and the torques if present, by options or labels."""
     named, twice = {axis: column for axis, column in options.columns.items() if axis != "t"}, ""
     for column, label in enumerate(() if options.columns else sheet.labels):
         if axis := axis_of(label):
@@ -258,8 +259,8 @@ def sheet_record(
     options: ForceLogOptions,
     rate: Callable[[], float],
 ) -> ForceRecord:
-    """Return the record of the ``columns`` (N, axes), which ``convert`` returns in N and N·m, timed
-    by a column of times or sample numbers, else by the ``rate``.
+    """Return the record of the ``columns`` (N, axes), which ``convert`` turns into N and N·m, at
+    the times of a column of times or sample numbers, else equally spaced at ``rate()`` in Hz.
     """
     labels = [bare(label) for label in sheet.labels]
     fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]

@@ -1,5 +1,5 @@
 """Joint logs of a robot's controller: signals of all joints on one clock, from a plain table or
-from messages JointState of a ROS bag.
+from the JointState messages of a ROS bag.
 """
 
 from collections import Counter
@@ -19,12 +19,12 @@ from pipeline.formats.number_sheet import read_sheet
 
 OPTION = "dataset.joint_log"
 FLAT = (
-    "; one number a line is one column: signals: {actual: [0]} with time: null reads it as one "
-    "joint, else write the joints of one time in one line"
+    "; the table has one column: for one joint, set signals: {actual: [0]} and time: null; for "
+    "several joints, write the values of all joints at one time in one line"
 )
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ANGLES = ("actual", "target")
-# signal → field of a message; every other signal is its effort
+# signal → field of a message; other signals are in the field effort
 FIELDS = {"speed": "velocity", "velocity": "velocity"}
 FIELDS |= dict.fromkeys((*ANGLES, "position"), "position")
 
@@ -34,41 +34,40 @@ class JointLog:
     """N samples of all joints: ``actual`` and ``target`` in rad, commanded ``speed`` in rad/s."""
 
     time: np.ndarray  # (N,) s on the controller's clock, increasing
-    signals: Mapping[str, np.ndarray]  # each (N, joints)
-    counts: dict[str, int]  # of rows and cells that were left out or filled; see the reader
-    joints: tuple[str, ...] = ()  # their names in order, where the file states them
+    signals: Mapping[str, np.ndarray]  # signal → (N, joints)
+    counts: dict[str, int]  # numbers of omitted or interpolated rows and cells; see the reader
+    joints: tuple[str, ...] = ()  # joint names in column order, if the file states them
 
 
 @dataclass(frozen=True)
 class LogOptions:
-    """Options for what a log does not say (section dataset.joint_log)."""
+    """Facts that a log does not state (section dataset.joint_log)."""
 
-    # column by label, or by number from 0; None: the rows follow each other at ``rate``
+    # label or number (from 0) of the time column; None: rows are equally spaced at ``rate``
     time: str | int | None = 0
-    rate: float = np.nan  # 1/s, of logs without a time
-    separator: str | None = None  # as found
-    decimal: str | None = None  # as found
+    rate: float = np.nan  # Hz, of logs without a time column
+    separator: str | None = None  # None: detected
+    decimal: str | None = None  # None: detected
     angle_unit: str = "rad"
     time_unit: str = "s"
-    joints: int | None = None  # as many as the log holds
-    names: Sequence[str] = ()  # of the joints; those that a log states have to be these
-    # signal → factor of its values, one number or one a joint (default 1)
+    joints: int | None = None  # number of joints; None: all joints of the log
+    names: Sequence[str] = ()  # names of the joints; joint names in a log must equal them
+    # signal → factor of its values, one number or one per joint (default 1)
     factors: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
-    # the signals to be read, each with the columns of its joints by label or by number from 0; None
-    # for all columns behind the time
+    # signal → columns of its joints (labels, or numbers from 0); None: all columns behind the time
     signals: Mapping[str, Sequence[str | int] | None] = field(default_factory=dict)
-    circular: np.ndarray | bool = True  # (joints,) which turn; others' values are no angles
+    circular: np.ndarray | bool = True  # (joints,) whether a joint revolves, else it is linear
 
 
 def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:
-    """Return ``log`` without rows that repeat the one before (``doubled_rows``); RecordingError at
-    the ``place`` of the first other row whose time does not increase.
+    """Return ``log`` without rows equal to the row before (counted as ``doubled_rows``);
+    RecordingError with ``place(row)`` of the first other row whose time does not increase.
     """
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
-    if (wrong := (np.diff(log.time) <= 0) & ~doubled).any():
-        at = place(int(np.argmax(wrong)) + 1)
-        raise RecordingError("the time does not increase", file=file, **at)
+    if (backward := (np.diff(log.time) <= 0) & ~doubled).any():
+        evidence = place(int(np.argmax(backward)) + 1)
+        raise RecordingError("the time does not increase", file=file, **evidence)
     keep = np.append(True, ~doubled)
     signals = {name: rows[keep] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
@@ -76,18 +75,18 @@ def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, objec
 
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
-    """Return the signals of ``options`` in ``file``, at the times of rows with a measured angle.
-    ``counts`` are those of :func:`read_sheet` and :meth:`Sheet.samples`. RecordingError as these,
-    with the line for a time that does not increase; with the option for a column that is not there
-    and for another unit in the header.
+    """Return the signals that ``options`` name in the table ``file``, from rows with a measured
+    angle. ``counts`` are the counts of :func:`read_sheet` and :meth:`Sheet.samples`. Raises
+    RecordingError as these functions do; with the line, where the time does not increase; with the
+    option, where a column is missing or the header states another unit.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
     wanted = {} if options.time is None else {"time": options.time}
-    first, chosen = len(wanted), {}  # signal → its columns of the values
+    first, chosen = len(wanted), {}  # chosen: signal → slice of the columns of ``values``
     for signal, columns in options.signals.items():
         if columns is None and sheet.width != options.joints + first:
             values = f"{'a time and ' if first else ''}{sheet.width - first} values"
-            message = f"the line has {values}, not {options.joints}; check joints, or name the "
+            message = f"the line has {values}, not {options.joints}; correct joints, or name the "
             message += f"columns in signals{FLAT if sheet.width == 1 else ''}"
             raise RecordingError(message, file=file, line=sheet.lines[0])
         named = range(first, sheet.width) if columns is None else columns
@@ -114,15 +113,15 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
 
 
 def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:
-    """Return the columns of a ``signal`` of the ``joints``."""
+    """Return the column label ``signal_joint`` of each of the ``joints``."""
     return [f"{signal}_{joint}" for joint in joints]
 
 
 def write_joint_table(
     file: Path, time: np.ndarray, signals: Mapping[str, np.ndarray], joints: Sequence[str]
 ) -> None:
-    """Write ``time`` (N,) in s and the ``signals``, each (N, joints) in rad, with six and seven
-    decimals, under a row of :func:`joint_labels`.
+    """Write ``time`` (N,) in s with six decimals and the ``signals`` (N, joints) in rad with seven,
+    below a row of :func:`joint_labels`.
     """
     header = ["time", *(label for signal in signals for label in joint_labels(signal, joints))]
     table = np.column_stack([time, *signals.values()])
@@ -132,16 +131,16 @@ def write_joint_table(
 
 
 def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
-    """Return the signals in the bag ``file``, in rad and rad/s by the definition of JointState,
-    each of the topic that ``signals`` names or whose name says which it is: ``actual`` and
-    ``target`` angles, ``speed`` and ``velocity``; other signals are efforts. Joints are those of
-    ``options``, else those of the message with the most, each read by its name.
+    """Return the signals in the bag ``file``, in rad and rad/s as JointState defines. The option
+    ``signals``, else the topic's name, assigns a topic to a signal. ``actual`` and ``target`` are
+    positions, ``speed`` and ``velocity`` velocities, other signals efforts. Joints are read by
+    name: the ``names`` of ``options``, by default the joints of the message with the most joints.
 
-    Counted are ``interpolated_rows`` (commands, at the times of the measured angles),
-    ``rows_without_command`` (before the first or after the last, left out),
-    ``messages_of_other_joints`` (passed over), ``doubled_rows`` (dropped) and ``unwrapped_jumps``
-    of circular joints. Raises RecordingError for a bag that cannot be read, no topic or several,
-    and, with the message from 0, for a joint without a value and a time that does not increase.
+    Commands are interpolated at the times of measured angles. ``counts``: ``interpolated_rows``;
+    ``rows_without_command`` (before the first or after the last command, left out);
+    ``messages_of_other_joints`` (skipped); ``doubled_rows`` (left out); ``unwrapped_jumps`` of
+    circular joints. Raises RecordingError for an unreadable bag, and for no topic or several; with
+    the message's number (from 0), where a joint has no value or the time does not increase.
     """
     joints, counts, logs = tuple(options.names), Counter(), {}
     for signal, topic in sorted(_topics(file, options).items()):
@@ -153,58 +152,59 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
         logs[signal] = time, values
     time, measured = logs.pop("actual")
     signals = {"actual": measured}
-    keep, beside = np.ones(len(time), bool), np.zeros(len(time), bool)
+    keep, interpolated = np.ones(len(time), bool), np.zeros(len(time), bool)
     for signal, (stamps, values) in logs.items():
         keep &= (stamps[0] <= time) & (time <= stamps[-1])
-        beside |= ~np.isin(time, stamps)
+        interpolated |= ~np.isin(time, stamps)
         signals[signal] = np.column_stack([np.interp(time, stamps, joint) for joint in values.T])
     if not keep.any():
-        raise RecordingError("no command has the time of a measured angle", file=file)
+        raise RecordingError("no measured angle is within the times of the commands", file=file)
     repaired = {name: count for name, count in counts.items() if count}
-    repaired["interpolated_rows"] = int((beside & keep).sum())
+    repaired["interpolated_rows"] = int((interpolated & keep).sum())
     repaired["rows_without_command"] = int((~keep).sum())
     signals = {signal: values[keep] for signal, values in signals.items()}
     return JointLog(time[keep] - time[0], signals, repaired, joints)
 
 
 def _topics(file: Path, options: LogOptions) -> dict[str, str]:
-    """Return signal → topic, of those that are named or name themselves; always ``actual``."""
-    from pipeline.formats.rosbag import topics  # here, as most logs are no bags
+    """Return signal → topic by the options, else by the topics' names; always with ``actual``."""
+    from pipeline.formats.rosbag import topics  # here, since most logs are no bags
 
-    held = sorted(name for name, kind in topics(file).items() if kind == JOINT_STATE)
-    place = {}
+    present = sorted(name for name, kind in topics(file).items() if kind == JOINT_STATE)
+    chosen = {}
     for signal, columns in {"actual": None, **(options.signals or {"target": None})}.items():
-        named = [*columns] if columns else named_like(signal, held) if signal in ANGLES else []
-        if not columns and signal == "actual" and len(held) == 1:
-            named = held
-        if len(named) == 1 and named[0] in held:
-            place[signal] = named[0]
-        elif named or signal == "actual":
-            message = f"{len(named)} topics could hold the {signal} values: name one of the topics "
-            message += f"of JointState, {', '.join(held) or 'of which there are none'}"
+        fits = [*columns] if columns else named_like(signal, present) if signal in ANGLES else []
+        if not columns and signal == "actual" and len(present) == 1:
+            fits = present
+        if len(fits) == 1 and fits[0] in present:
+            chosen[signal] = fits[0]
+        elif fits or signal == "actual":
+            message = f"{len(fits)} topics could hold the {signal} values: name one of the topics "
+            message += f"of JointState in signals: {', '.join(present) or 'the bag has none'}"
             raise RecordingError(message, file=file, key=f"{OPTION}.signals")
-    return place
+    return chosen
 
 
 def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
+    """Return the time in s and joint → value in the field ``name``, NaN for a missing value."""
     from pipeline.formats.rosbag import seconds
 
     values = np.asarray(getattr(message, name)).tolist()
-    held = dict(zip(message.name, values, strict=False))
-    return seconds(message), dict.fromkeys(message.name, np.nan) | held
+    present = dict(zip(message.name, values, strict=False))
+    return seconds(message), dict.fromkeys(message.name, np.nan) | present
 
 
 def _values(
     file: Path, topic: str, signal: str, joints: tuple[str, ...], counts: Counter
 ) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return times (N,) in s and values (N, joints) of a ``signal``, and its joints."""
+    """Return times (N,) s, values (N, joints) and joints of a ``signal``; update ``counts``."""
     from pipeline.formats.rosbag import messages
 
     name = FIELDS.get(signal, "effort")
-    held = [*messages(file, topic, partial(_sample, name=name))]
-    joints = joints or tuple(max((values for _, values in held), key=len, default=()))
+    samples = [*messages(file, topic, partial(_sample, name=name))]
+    joints = joints or tuple(max((values for _, values in samples), key=len, default=()))
     times, rows, where = [-np.inf], [], {"file": file, "topic": topic}
-    for number, (time, values) in enumerate(held):
+    for number, (time, values) in enumerate(samples):
         row = [values.get(joint, np.nan) for joint in joints]
         missing = [joint for joint, one in zip(joints, row, strict=True) if not np.isfinite(one)]
         if not {*joints} & {*values}:
@@ -219,8 +219,8 @@ def _values(
             times.append(time)
             rows.append(row)
     if not rows:
-        others = ", ".join(sorted({joint for _, values in held for joint in values})) or "none"
-        message = f"no message has the joints {', '.join(joints) or 'of an arm'}; there are "
+        others = ", ".join(sorted({joint for _, values in samples for joint in values})) or "none"
+        message = f"no message has the joints {', '.join(joints) or 'of an arm'}; the joints are "
         raise RecordingError(message + others, key=f"{OPTION}.joints", **where)
     return np.array(times[1:]), np.array(rows), joints
 
@@ -233,10 +233,10 @@ def _begins(head: Head) -> bool:
     try:
         return JOINT_STATE in topics(head.file).values()
     except RecordingError:
-        return False  # the reader of any bag says why
+        return False  # the error of the bag reader tells the reason
 
 
 BAG = Format("joint states in a ROS bag", Kind.JOINTS, read_joint_bag, _begins)
-# it looks like any other table: what is no other log of joints is read as one
+# a table of joints has no mark: any table that no other format recognises is read as one
 TABLE = Format("table of joints", Kind.JOINTS, read_joint_table)
 FORMAT = (BAG, TABLE)

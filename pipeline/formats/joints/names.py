@@ -1,5 +1,5 @@
-"""Time, measured and commanded angles of a joint log by the words in the names of its arrays and
-columns, and by the values where words are not enough.
+"""Recognition of the time, the measured and the commanded angles of a joint log, by words in the
+names of its arrays and columns, and by their values where the words are ambiguous.
 """
 
 import re
@@ -32,14 +32,14 @@ COMMANDED = _words(
     "target tgt desired des commanded command commands cmd reference ref setpoint goal nominal",
     "planned soll targets setpoints references goals",
 )
-STATE = {"state", "states"}  # measured, beside no word for a command
+STATE = {"state", "states"}  # a measured signal, unless another word of the name is in COMMANDED
 JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
-PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of a pose
-COORDINATES = {*"xyzw"}  # last words of a vector or a quaternion
-FOLLOWS = 0.05  # of the motion, by which a command may miss the measured angles
-INTEGRAL = 0.1  # of the motion, by which the integral of a speed may miss it
-UNIT_NORM = 1e-3  # by which four columns that are a quaternion may be off a length of 1
-TURNS = _words("gyro gyr gyroscope angular omega")  # angular velocities of an inertial sensor
+PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of poses
+COORDINATES = {*"xyzw"}  # last words of the components of a vector or a quaternion
+FOLLOWS = 0.05  # greatest difference of commanded and measured angles, over the measured range
+INTEGRAL = 0.1  # greatest error of the integral of a speed, over the motion
+UNIT_NORM = 1e-3  # greatest error of the norm of four columns that are a quaternion
+TURNS = _words("gyro gyr gyroscope angular omega")  # words for angular velocity of an IMU
 ACCELERATIONS = _words("acc accel accelerometer acceleration linear")
 
 SHORT = {"tq": "target q", "tqd": "target qd", "tqdd": "target qdd", "aq": "actual q"}
@@ -55,30 +55,30 @@ for _mark in (word for word in (*MEASURED, *COMMANDED) if len(word) > 2):
 
 @dataclass(frozen=True)
 class Meaning:
-    """Role and quantity that one name states."""
+    """Role and quantity in the name of an array or a column."""
 
     role: str  # actual, target, or empty
     quantity: str  # position, velocity, other, or empty
-    number: int | None  # of the joint
-    rest: tuple[str, ...]  # words that say neither
+    number: int | None  # number of the joint
+    rest: tuple[str, ...]  # words that are neither a role nor a quantity
 
     @property
     def is_angle(self) -> bool:
-        """Return whether it can be an angle of a joint."""
+        """True if the name can be the name of a joint angle."""
         placed = len(self.rest) == 1 and self.rest[0] in PLACES
         return self.quantity in ("position", "") and not placed
 
 
 @cache
 def meaning(name: str) -> Meaning:
-    """Return the meaning of ``name``: signs, capitals and numbers separate its words, the last
-    number is the joint's; ``qd`` is a speed, ``q_d`` and ``d`` a command.
+    """Return the meaning of ``name``. Signs, capitals and numbers separate words; the last number
+    is the joint's number; ``qd`` is a speed, ``q_d`` a command.
     """
     text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
     words = [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
     places = [place for place, word in enumerate(words) if word.isdigit()]
     number = int(words.pop(places[-1])) if places else None
-    if len(words) > 1:  # tq alone is a commanded q
+    if len(words) > 1:  # tq as the only word is a commanded q
         words = ["torque" if word == "tq" else word for word in words]
     role, quantity, rest = "", "", []
     for word in " ".join(SHORT.get(word, word) for word in words).split():
@@ -98,47 +98,46 @@ def meaning(name: str) -> Meaning:
 
 
 def named_like(quantity: str, names: Iterable[str]) -> list[str]:
-    """Return the ``names`` of a ``quantity``: time, actual or target angles."""
+    """Return those ``names`` that mean the ``quantity``: time, actual or target (joint angles)."""
     if quantity == "time":
         plain = {n: re.split(r"[./]", bare(n).lower()) for n in names}
         alone = [n for n, parts in plain.items() if re.sub("[^a-z]", "", "".join(parts)) in TIME]
         return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
-    angles = {name: what for name in names if (what := meaning(name)).is_angle}
-    said = [name for name, what in angles.items() if what.role == quantity]
-    if quantity == "actual":  # angles without a word for a command
-        said += [name for name, what in angles.items() if not what.role and what.quantity]
-    return [name for name in said if not angles[name].rest] or said
+    angles = {name: parsed for name in names if (parsed := meaning(name)).is_angle}
+    fits = [name for name, parsed in angles.items() if parsed.role == quantity]
+    if quantity == "actual":  # position names without a role are measured angles
+        fits += [name for name, parsed in angles.items() if not parsed.role and parsed.quantity]
+    return [name for name in fits if not angles[name].rest] or fits
 
 
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Return the ``labels`` by the name that they share beside their number, in the order of the
-    numbers, as ``q_0, q_1``; under actual or target where words name the joints, as
-    ``actual_elbow``.
+    """Return group name → column labels: ``q_0, q_1`` form the group ``q`` in the order of the
+    numbers; labels with a joint's name, such as ``actual_elbow``, form ``actual`` and ``target``.
     """
     numbered: dict[str, dict[int, str]] = {}
     worded: dict[str, list[str]] = {}
     for label in labels:
-        what = meaning(label)
+        parsed = meaning(label)
         parts = re.fullmatch(r"(.*?)[\s_./\[(]*(\d+)[\])]?(\D*)", bare(label))
-        if parts and what.number is not None and parts[1] + parts[3]:
+        if parts and parsed.number is not None and parts[1] + parts[3]:
             numbered.setdefault(parts[1] + parts[3], {})[int(parts[2])] = label
-        role = what.role or ("actual" if what.quantity == "position" else "")
-        if role and what.rest and what.is_angle and what.rest[-1] not in COORDINATES:
+        role = parsed.role or ("actual" if parsed.quantity == "position" else "")
+        if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in COORDINATES:
             worded.setdefault(role, []).append(label)
-    groups = {name: [held[n] for n in sorted(held)] for name, held in numbered.items()}
+    groups = {name: [group[n] for n in sorted(group)] for name, group in numbered.items()}
     joints = {frozenset((meaning(n).rest, meaning(n).number) for n in w) for w in worded.values()}
     plain = any(meaning(n).is_angle and meaning(n).role and not meaning(n).rest for n in groups)
-    named = {label for held in worded.values() for label in held}
+    named = {label for group in worded.values() for label in group}
     if len(joints) == 1 and not plain and any(meaning(label).number is None for label in named):
-        groups = {name: held for name, held in groups.items() if not named & {*held}} | worded
+        groups = {name: group for name, group in groups.items() if not named & {*group}} | worded
     return groups
 
 
 def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | None:
-    """Return the content of a table of no joints, by its ``labels`` and the ``units`` of its
-    columns: poses of a body, an inertial sensor or positions of a point; None where it is unknown.
+    """Return the content of a table without joints, by the ``labels`` and ``units`` of its columns:
+    poses of a body, an inertial sensor or positions of a point; None for unknown content.
     """
-    axes: dict[str, dict[str, int]] = {}  # column by last letter, of labels that are alike else
+    axes: dict[str, dict[str, int]] = {}  # label without its axis letter → axis letter → column
     for column, label in enumerate(labels):
         plain = re.sub(r"\s*[\[(].*", "", label.lower())
         stem = re.sub(r"[wxyz]$", "", plain)
@@ -159,56 +158,56 @@ def signals_of(
     time: np.ndarray | None = None,
     load: Callable[[str], np.ndarray] | None = None,
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return signal → columns of the joints, and signal → reason of a guess. Names state a signal;
-    with values (``load(label)`` returns (N,) at ``time`` (N,)), so does the only group that follows
-    the measured angles and is neither their derivative nor a quaternion.
+    """Return signal → column labels of the joints, and signal → reason of a guess, by column names.
+    Without a name for the command, the command is the only group whose values follow the measured
+    angles, except derivatives and quaternions; ``load(label)`` returns (N,) at ``time`` (N,).
     """
     groups = columns_by_name(labels)
-    groups = {name: held for name, held in groups.items() if len(held) > 1 or len(groups) < 4}
-    values = {n: np.column_stack([*map(load, held)]) for n, held in groups.items()} if load else {}
+    groups = {n: group for n, group in groups.items() if len(group) > 1 or len(groups) < 4}
+    values = {n: np.column_stack([*map(load, g)]) for n, g in groups.items()} if load else {}
     return signals_of_groups(groups, values, time)
 
 
 def signals_of_groups(
     groups: Mapping[str, list[str]], values: Mapping[str, np.ndarray], time: np.ndarray | None
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Return :func:`signals_of` groups of columns, by name, and their ``values`` (N, joints)."""
+    """Return :func:`signals_of` groups of columns, and ``values`` (N, joints) per group."""
     fits = {n for n in groups if n not in values or not _is_quaternion(values[n])}
     actual = [name for name in named_like("actual", groups) if name in fits]
-    said = [name for name in named_like("target", groups) if name in fits and name not in actual]
-    if len(said) == 1:
-        alike = [n for n in actual or fits - {*said} if len(groups[n]) == len(groups[said[0]])]
-        if not actual:  # the name of the command without the word for it, as J1 beside J1_cmd
-            own = meaning(groups[said[0]][0]).rest
-            held = {name: meaning(groups[name][0]) for name in alike}
-            alike = [n for n, m in held.items() if m.is_angle and not m.role and m.rest == own]
+    target = [name for name in named_like("target", groups) if name in fits and name not in actual]
+    if len(target) == 1:
+        alike = [n for n in actual or fits - {*target} if len(groups[n]) == len(groups[target[0]])]
+        if not actual:  # measured angles may have the command's name without cmd: J1 and J1_cmd
+            own = meaning(groups[target[0]][0]).rest
+            meanings = {name: meaning(groups[name][0]) for name in alike}
+            alike = [n for n, m in meanings.items() if m.is_angle and not m.role and m.rest == own]
         actual = alike if len(alike) == 1 else actual
     signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
     guessed: dict[str, str] = {}
     if len(actual) != 1 or actual[0] not in values:
-        return signals | ({"target": groups[said[0]]} if len(said) == 1 else {}), guessed
+        return signals | ({"target": groups[target[0]]} if len(target) == 1 else {}), guessed
     moved = values[actual[0]]
     if time is None or len(time) != len(moved):
         time = np.arange(len(moved), dtype=float)
     alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
     follows = [n for n in alike if _follows(values[n], moved)]
     speeds = [n for n in alike if n not in follows and is_derivative(values[n], moved, time)]
-    clear = [name for name in said if name not in speeds]
+    clear = [name for name in target if name not in speeds]
     if len(clear) == 1:
         signals["target"] = groups[clear[0]]
-    elif not said and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1:
-        # a possible speed that is no derivative, where no other group is the target
+    elif not target and len(weak := [n for n in possibly_speed(alike) if n not in speeds]) == 1:
+        # a group named qd that is not the derivative of the angles
         signals["target"] = groups[weak[0]]
         if weak[0] not in follows:
             guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
-    elif not said and len(follows) == 1:
+    elif not target and len(follows) == 1:
         signals["target"] = groups[follows[0]]
         guessed["target"] = f"{follows[0]} follows {actual[0]} by its values"
     return signals, guessed
 
 
 def possibly_speed(names: Iterable[str]) -> list[str]:
-    """Return the names that are a speed in most logs and a command in some."""
+    """Return the names ``qd``, which mean a speed in most logs and a command in some."""
     return [name for name in names if re.sub(r"[^a-z]", "", bare(name).lower()) == "qd"]
 
 
@@ -218,19 +217,19 @@ def _is_quaternion(values: np.ndarray) -> bool:
 
 
 def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:
-    """Return whether most rows of two signals (N, joints) are alike beside their motion."""
+    """Return whether 90 % of the rows differ by less than FOLLOWS of the measured range."""
     motion = np.ptp(measured, axis=0).max(initial=0.0)
     return bool(motion) and bool(np.quantile(np.abs(commanded - measured), 0.9) < FOLLOWS * motion)
 
 
 def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:
-    """Return whether the integral of ``speed`` (N, joints) over ``time`` (N,), in any unit, is the
-    motion of the ``angles`` (N, joints).
+    """Return whether the integral of ``speed`` (N, joints) over ``time`` (N,) is proportional to
+    the motion of the ``angles`` (N, joints), whatever the units; True if the speed is zero.
     """
     steps = (speed[1:] + speed[:-1]) / 2 * np.diff(time)[:, None]
-    gone, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]
-    power = float((gone**2).sum())
-    if not power:  # nothing moves, so that the values tell nothing against the name
+    integral, moved = np.cumsum(steps, axis=0), angles[1:] - angles[0]
+    power = float((integral**2).sum())
+    if not power:
         return True
-    left = moved - gone * float((gone * moved).sum()) / power
-    return bool((left**2).sum() < INTEGRAL**2 * (moved**2).sum())
+    residual = moved - integral * float((integral * moved).sum()) / power
+    return bool((residual**2).sum() < INTEGRAL**2 * (moved**2).sum())

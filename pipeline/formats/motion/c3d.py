@@ -1,4 +1,4 @@
-"""Motion-capture takes as C3D (c3d.org), read by ezc3d in a process of its own."""
+"""Motion-capture takes as C3D (c3d.org), read by ezc3d in a separate process."""
 
 import os
 import re
@@ -16,10 +16,10 @@ from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 KEY = 0x50  # the second byte of every C3D file
 INTEL, DEC, MIPS = 84, 85, 86
 BLOCK = 512  # bytes
-LONGEST = 0xFFFF  # greatest frame number in the header's last word
+LONGEST = 0xFFFF  # greatest frame number that the header can hold
 AGAIN = "export or copy the take again"
 
-# groups of POINT whose entries name points that a model computed, in Nexus and Visual3D
+# parameters of POINT, in Nexus and Visual3D, with the labels of points that a model computed
 OUTPUTS = re.compile(r"(ANGLES|FORCES|MOMENTS|POWERS|SCALARS|REACTIONS)\d*")
 
 
@@ -27,51 +27,51 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     """Return the markers of the C3D take in ``file``, in m and s; ``unit`` (m, cm or mm) is the
     unit of lengths where POINT:UNITS is empty.
 
-    A sample is missing where its residual is negative, all its coordinates are exactly zero, or one
-    is no number or beyond GREATEST, as NDI's -3.7e28 (counted as ``invalid_samples``). Points of
-    one label are each ``label [n]``, points without one are ``Point n``.
-    Points that POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS name are outputs of a
-    model: they are left out and counted, as are labels beyond the points. Raises RecordingError for
-    a file that cannot be read, is no C3D, is in the byte order of MIPS, is shorter than its header
-    says, makes the library fail, or has no marker, no rate or no unit.
+    A sample is missing if its residual is negative, if all coordinates are exactly zero, or if a
+    coordinate is NaN or beyond GREATEST, as NDI's -3.7e28 (counted as ``invalid_samples``). Points
+    that share a label are called ``label [n]``, points without a label ``Point n``. Points listed
+    in POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS are outputs of a model: they are
+    left out and counted, and so are surplus labels. Raises RecordingError for an unreadable or
+    damaged file, a file that is no C3D, has the byte order of MIPS or is shorter than its header
+    states, and for no marker, no rate or no unit.
     """
     points, announced, first = _first_block(file)
     require("markers", points, "points", file)
     contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
     position, residual, rate = (contents[name] for name in ("points", "residuals", "rate"))
-    _, held, frames = position.shape
-    if (held, residual.shape) != (points, (held, frames)) or announced not in (None, frames):
+    _, found, frames = position.shape
+    if (found, residual.shape) != (points, (found, frames)) or announced not in (None, frames):
         message = f"the header announces {points} points in {announced} frames, the file holds "
-        message += f"{held} in {frames}: truncated or damaged; {AGAIN}"
+        message += f"{found} in {frames}: truncated or damaged; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:USED")
     if rate.shape != (1,) or not 0 < rate[0] < np.inf:
-        raise RecordingError("the file gives no frame rate", file=file, key="POINT:RATE")
+        message = f"the file has no frame rate; {AGAIN}"
+        raise RecordingError(message, file=file, key="POINT:RATE")
     stated = {text.strip().lower() for text in contents["units"]} - {""}
     unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
-    if (start := contents["start"]).size == 2:  # words of 16 bits that complete the header's
+    if (start := contents["start"]).size == 2:  # low and high word of the first frame's number
         number = int(start[0]) % 2**16 + int(start[1]) % 2**16 * 2**16
         first = number if first in (number % 2**16, LONGEST) else first
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
-    markers, invalid = {}, 0
-    # a label that several points have names none of them
+    markers, invalid_samples = {}, 0
     names = [*labels[:points], *[""] * (points - len(labels))]
     names = [name or f"Point {number}" for number, name in enumerate(names, start=1)]
     for number, name in enumerate(names):
-        # outputs name the label with its subject (Arm:HipAngles) or without
+        # the list of outputs has the label with its subject (Arm:HipAngles) or without
         if {name, name.rpartition(":")[2]} & outputs:
             continue
         samples = position[:, number].T.copy()
         with np.errstate(invalid="ignore"):
-            wrong = ~(np.abs(samples) < GREATEST)
-        invalid += int(wrong.any(axis=1).sum())
-        samples[wrong | (residual[number] < 0)[:, None]] = np.nan
+            invalid = ~(np.abs(samples) < GREATEST)
+        invalid_samples += int(invalid.any(axis=1).sum())
+        samples[invalid | (residual[number] < 0)[:, None]] = np.nan
         several = names.count(name) > 1
         markers[f"{name} [{names[: number + 1].count(name)}]" if several else name] = samples
     if not markers:
         message = f"all {points} points are outputs of a model (angles, moments or others)"
         raise RecordingError(f"{message}; export the take with its markers", file=file)
-    rare = {"skipped_model_outputs": points - len(markers), "invalid_samples": invalid}
+    rare = {"skipped_model_outputs": points - len(markers), "invalid_samples": invalid_samples}
     rare["skipped_labels"] = max(len(labels) - points, 0)
     more = {"unlabelled_points": points - sum(map(bool, labels[:points]))}
     more |= {name: count for name, count in rare.items() if count}
@@ -81,38 +81,38 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
 
 
 def _first_block(file: Path) -> tuple[int, int | None, int]:
-    """Return points, frames (None where the header's words cannot hold them) and first frame of the
-    header; RecordingError for another header, and a file that is too short for it.
+    """Return the header's number of points, number of frames (None if too large for the header) and
+    first frame; RecordingError for no C3D header and for a file shorter than its header states.
     """
     with readable(file), Path(file).open("rb") as stream:
         content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
     if (processor := _processor(content)) not in (INTEL, DEC):
         message = f"this is no C3D file, or its header is cut short; {AGAIN}"
         if processor == MIPS:
-            message = "the numbers are in the order of an SGI computer (big-endian MIPS), which is "
-            message += "not read; convert the file to Intel's order, as Mokka or C3Dserver do"
+            message = "the numbers are big-endian (SGI, MIPS), which is not read; convert the file "
+            message += "to Intel's byte order with Mokka or C3Dserver"
         raise RecordingError(message, file=file)
     points, analog, first, last = struct.unpack_from("<4H", content, 2)
     start = struct.unpack_from("<H", content, 16)[0]
-    # a negative scale means floating point; DEC has the word with its sign first
+    # a negative scale means floating point; DEC stores the word with the sign first
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
     frames = last - first + 1
     needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
     if not points or frames < 1 or (last != LONGEST and size < needed):
-        message = f"the header announces {points} points in {frames} frames, and thereby {needed} "
-        message += f"bytes of the {size} in the file: empty or truncated; {AGAIN}"
+        message = f"the header announces {points} points in {frames} frames, which need {needed} "
+        message += f"bytes; the file has {size}: empty or truncated; {AGAIN}"
         raise RecordingError(message, file=file)
     return points, None if last == LONGEST else frames, first
 
 
 def read_contents(file: str) -> dict[str, np.ndarray]:
-    """Return what ezc3d reads, which may crash or never return on a damaged file: ``points``
-    (3, P, N) in the file's unit, ``residuals`` (P, N), ``labels``, ``outputs`` (labels of points
-    that are no markers), ``units``, ``rate`` and ``start`` as stated.
+    """Return the contents by ezc3d, which may crash or hang on a damaged file: ``points`` (3, P, N)
+    in the file's unit, ``residuals`` (P, N), ``labels``, ``outputs`` (labels of points that are no
+    markers), ``units``, ``rate`` and ``start``.
     """
     import ezc3d
 
-    # by its descriptor, since the library takes no name that is not UTF-8
+    # open by descriptor, since the library refuses names that are not UTF-8
     descriptor = os.open(file, os.O_RDONLY)
     try:
         recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
@@ -135,14 +135,12 @@ def read_contents(file: str) -> dict[str, np.ndarray]:
 
 
 def _values(group: dict, *names: str) -> list:
-    """All values that a group of parameters has under ``names``, in their order."""
+    """Return all values of the parameters ``names`` in a group, in the order of ``names``."""
     return [value for name in names if name in group for value in group[name]["value"]]
 
 
 def _processor(content: bytes) -> int:
-    """Return the processor by the fourth byte of the parameters, whose block the first byte names;
-    0 where ``content`` is no C3D.
-    """
+    """Return the processor, byte 4 of the parameter block; 0 where ``content`` is no C3D."""
     at = (content[0] - 1) * BLOCK + 3 if content and content[0] else len(content)
     is_c3d = len(content) >= BLOCK and content[1] == KEY and at < len(content)
     return content[at] if is_c3d and content[at] in (INTEL, DEC, MIPS) else 0

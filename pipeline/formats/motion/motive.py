@@ -1,9 +1,8 @@
-"""OptiTrack Motive's takes as CSV, read in either of their grammars, written as version 1.23.
+"""Reader and writer of CSV takes of OptiTrack Motive: versions 1.0 to 1.25 are read, 1.23 written.
 
-The columnar grammar (format versions 1.2 to 1.25) has a row of keys and values, rows that label
-every column (Type, Name, ID, in later versions Parent, then the quantity, then Frame, Time and the
-axes), and a row a frame. From 1.22 on, column B names the rows of labels; their order does before.
-The module ``motive_rows`` reads the earlier grammar.
+Format versions 1.2 to 1.25 are columnar: one row of keys and values, label rows (Type, Name, ID,
+Parent in later versions, quantity, and Frame, Time and axes), then one row per frame. From 1.22 on,
+column B names the label rows; before, their order is fixed. ``motive_rows`` reads 1.0 and 1.1.
 """
 
 import re
@@ -28,22 +27,22 @@ KEYS = ("Format Version", *TEXTS, *RATES, "Capture Start Time", "Capture Start F
 KEYS += ("Total Frames in Take", "Total Exported Frames", "Rotation Type", "Length Units")
 KEYS += ("Coordinate Space",)
 RAW, SOLVED, BODY = "Marker", "Rigid Body Marker", "Rigid Body"
-HEADER_LINES = 20  # with blank ones it is five to eight
+HEADER_LINES = 20  # upper limit; headers have five to eight lines, including blank lines
 
 
 def read_motive(file: Path, unit: str | None = None) -> MotionTake:
-    """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is the unit of lengths where
-    the file states none (versions 1.0 and 1.1).
+    """Return the take in ``file``, in m and s; ``unit`` (m, cm or mm) is the unit of lengths if the
+    file states no unit (versions 1.0 and 1.1).
 
-    A raw marker replaces the body's solved marker of the same name. Assets of one name but several
-    IDs are each ``name [ID]``; before version 1.2, markers without a name fill as many
-    ``Unlabeled`` ones as are seen at once. The printed times give a rate that the file does not
-    state. ``counts`` besides those of :func:`checked_take`: ``blank_rows``, ``cut_rows`` (a last
-    row without line end), ``repeated_rows``, ``solved_replaced`` and ``solved_only`` markers,
-    ``unused_columns``, ``skipped_bones``; before 1.2 ``stray_ids``, ``stray_samples`` and
-    ``lacking_body_rows`` (frames in which a body has no row). Raises RecordingError, with the line
-    where there is one, for a file without unit, rate, marker and body, another unit than ``unit``,
-    a rate that the times contradict, and malformed or disordered rows.
+    A raw marker replaces a solved marker of the same name. Assets that share a name but not an ID
+    are called ``name [ID]``. In versions 1.0 and 1.1, markers without a name are called
+    ``Unlabeled 1``, ``Unlabeled 2``, … in each frame. If the file states no rate, the printed times
+    give the rate. ``counts`` adds to the counts of :func:`checked_take`: ``blank_rows``,
+    ``cut_rows`` (last row without line end), ``repeated_rows``, ``solved_replaced`` and
+    ``solved_only`` markers, ``unused_columns``, ``skipped_bones``; before 1.2 ``stray_ids``,
+    ``stray_samples`` and ``lacking_body_rows`` (frames in which a body has no row). Raises
+    RecordingError, with the line if known, where the file has no unit, no rate or neither marker
+    nor body; where its unit is not ``unit``; where times contradict the rate; for malformed rows.
     """
     text = read_text(file)
     first = "".join(cells_of(text.lines[0], ",", file=file, number=1)[:1]) if text.lines else ""
@@ -51,8 +50,8 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
         return _read_columns(text, Path(file), unit)
     if first in ROW_TYPES:
         return read_rows(text, Path(file), unit)
-    message = "no Motive export: it must begin with 'Format Version' or a row type and a comma; "
-    message += "export it with its header"
+    message = "no Motive export: the file must begin with 'Format Version' or a row type, and a "
+    message += "comma; export it with its header"
     if re.match(r"(?:Format Version|comment|info)[;\t]", first):
         message = "cells are separated by semicolons or tabs: another program saved the take; "
         message += "export it with commas"
@@ -60,19 +59,19 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
 
 
 class ColumnLabels(NamedTuple):
-    """Rows above the frames."""
+    """Column labels in the header rows."""
 
-    line: int  # of the axis row
-    time: int | None  # column
+    line: int  # line number of the axis row, the last header row
+    time: int | None  # column of the times
     # (type, name, ID): {(quantity, axis): column}
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
-    labels: list[str]  # of each column up to the last with one
-    bones: int  # bones and markers of bones, which are not read
-    unused: int  # labelled columns that are none of the above
+    labels: list[str]  # one label per column, up to the last labelled column
+    bones: int  # number of bones and bone markers, which are not read
+    unused: int  # number of labelled columns outside ``groups``
 
 
 def _labels(lines: list[str], file: Path) -> ColumnLabels:
-    """Return the rows above the frames; RecordingError where they do not label the columns."""
+    """Return the column labels; RecordingError where a label is missing or occurs twice."""
     rows, number = [], 1
     for number, line in enumerate(lines[1:HEADER_LINES], start=2):
         cells = cells_of(line, ",", file=file, number=number)
@@ -83,7 +82,7 @@ def _labels(lines: list[str], file: Path) -> ColumnLabels:
     named, message = {row[1]: row for row in rows[:-2] if row[1]}, ""
     whole = len(rows) > 3 and rows[-1][0] == "Frame" and (not named or {"Type", "Name"} <= {*named})
     if not whole:
-        message = "no row starts with 'Frame' below rows of each column's Type, Name and quantity: "
+        message = "no row that starts with 'Frame' follows the rows Type, Name and quantity: "
         message += "the header is truncated or damaged; export the take again"
         raise RecordingError(message, file=file, line=number)
     types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
@@ -101,7 +100,7 @@ def _labels(lines: list[str], file: Path) -> ColumnLabels:
             message = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
     bones = {(kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind}
     if not groups:
-        message = f"{capture.NO_ASSET}{', but bones alone' * bool(bones)}"
+        message = f"{capture.NO_ASSET}{', only bones' * bool(bones)}"
     if message:
         raise RecordingError(f"{message}; export the take again", file=file, line=number)
     time = next((n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")), None)
@@ -113,15 +112,15 @@ def _labels(lines: list[str], file: Path) -> ColumnLabels:
 
 
 def _fields(line: str, file: Path) -> dict[str, str]:
-    """Return the first row by its keys; a text with commas that nobody quoted ends at a key."""
+    """Return key → value of the first row; an unquoted text with commas ends at the next key."""
     cells = cells_of(line, ",", file=file, number=1)
     starts = [place for place, cell in enumerate(cells) if cell in KEYS] + [len(cells)]
     fields: dict[str, str] = {}
     for i, j in pairwise(starts):
-        held = cells[i + 1 : j]
-        value = ",".join(held).strip(",") if cells[i] in TEXTS else "".join(held[:1])
+        parts = cells[i + 1 : j]
+        value = ",".join(parts).strip(",") if cells[i] in TEXTS else "".join(parts[:1])
         if fields.setdefault(cells[i], value) != value:
-            message = f"the header gives {cells[i]} twice, and differently"
+            message = f"the header has two different values of {cells[i]}"
             raise RecordingError(message, file=file, line=1, key=cells[i])
     if (space := fields.get("Coordinate Space")) not in (None, "", "Global"):
         message = f"the Coordinate Space is {space!r}; export the take in Global"
@@ -147,35 +146,35 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     rate = _rate(fields, frame, printed, file)
     unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
     markers, solved, bodies, places, solved_places = {}, {}, {}, {}, {}
-    # a name that two assets share names neither of them
-    named = Counter((kind, name) for kind, name, _ in groups)
-    shared = {name for (_, name), number in named.items() if number > 1}
+    # a name that two assets share does not identify an asset: the ID is appended
+    uses = Counter((kind, name) for kind, name, _ in groups)
+    shared = {name for (_, name), number in uses.items() if number > 1}
     for (kind, name, identity), group in groups.items():
         key = f"{name} [{identity}]" if name in shared else name
-        held = [group["Position", axis] for axis in "XYZ"]
-        (solved_places if kind == SOLVED else places)[key] = held
-        position = np.stack([values[column] for column in held], axis=-1)
+        xyz = [group["Position", axis] for axis in "XYZ"]
+        (solved_places if kind == SOLVED else places)[key] = xyz
+        position = np.stack([values[column] for column in xyz], axis=-1)
         if kind == BODY:
-            turn = {axis: values[group[what, axis]] for what, axis in group if what == "Rotation"}
-            quaternion = _quaternion(turn, fields.get("Rotation Type", ""), file)
+            rotation = {axis: values[group[q, axis]] for q, axis in group if q == "Rotation"}
+            quaternion = _quaternion(rotation, fields.get("Rotation Type", ""), file)
             bodies[key] = capture.RigidBody(position, quaternion)
         else:
             (markers if kind == RAW else solved)[key] = position
     more = {"solved_replaced": len({*solved} & {*markers}), "unused_columns": header.unused}
     more["solved_only"] = len(solved) - more["solved_replaced"]
-    markers |= {name: held for name, held in solved.items() if name not in markers}
+    markers |= {name: position for name, position in solved.items() if name not in markers}
     places = solved_places | places
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
     rate_from = "" if any(fields.get(key) for key in RATES) else capture.FROM_TIMES
-    held = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
-    raw = MotionTake(*held, printed, markers, bodies, counts, unit, rate_from=rate_from)
+    origin = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
+    raw = MotionTake(*origin, printed, markers, bodies, counts, unit, rate_from=rate_from)
     return capture.checked_take(raw, file, numbers, places, more)
 
 
 def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
-    """Return the rows of frames, their lines, and the number of those that repeat the one before;
-    RecordingError for fewer cells than labels, and for content in a column without a label.
+    """Return the frame rows, their line numbers and the number of rows equal to the row before;
+    RecordingError where a row has fewer cells than labels, or content in an unlabelled column.
     """
     rows, numbers, repeated, width = [], [], 0, len(header.labels)
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
@@ -185,8 +184,8 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
         beyond = [cell.strip() for cell, label in labelled if cell and not label]
         if len(cells) < width or any(beyond):
             found = f"{max(beyond)!r} in a column without a label" if any(beyond) else "a cut row"
-            message = f"{len(cells)} cells where the header labels {width} columns: {found}, of "
-            message += "another take, or with decimal commas; export the take again"
+            message = f"the row has {len(cells)} cells, the header labels {width} columns: {found} "
+            message += "(row of another take, or decimal commas?); export the take again"
             raise RecordingError(message, file=file, line=number)
         row = ",".join(cells[:width])
         if rows and row == rows[-1]:
@@ -195,7 +194,7 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
         rows.append(row)
         numbers.append(number)
     if not rows:
-        message = "the header is followed by no frame; export the take again"
+        message = "no frame follows the header; export the take again"
         raise RecordingError(message, file=file, line=header.line)
     return rows, numbers, repeated
 
@@ -207,15 +206,17 @@ def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray, file: 
     if not stated and timed is not None:
         return timed
     rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
-    message = f"the frame rate is {stated!r} by the header and {timed or 0:.6g} by their times; "
-    message += "a rate > 0 is required that the times keep to; export the take again"
+    message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
+    message += "times; a rate > 0 that agrees with the times is required; export the take again"
     if 0 < rate < np.inf and (not len(printed) or capture.keeps_time(frame, printed, rate)):
         return rate
     raise RecordingError(message, file=file, line=1, key=key)
 
 
 def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.ndarray:
-    """Return (N, 4) of columns of quaternions, or of angles in degrees about the moving axes."""
+    """Return (N, 4) quaternions x, y, z, w from ``rotation``: axis → quaternion component, or axis
+    → Euler angle in degrees about the moving axes, in the ``order`` of the axes, such as XYZ.
+    """
     from scipy.spatial.transform import Rotation
 
     if {*rotation} == {*"XYZW"}:
@@ -223,7 +224,7 @@ def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.n
     if {*rotation} != {*"XYZ"} or sorted(order) != ["X", "Y", "Z"]:
         message = f"the Rotation Type is {order!r} and the columns of Rotation are "
         message += f"{', '.join(sorted(rotation)) or 'none'}: export the take with quaternions (X, "
-        message += "Y, Z, W), or write the order of the angles, such as XYZ, after Rotation Type"
+        message += "Y, Z, W), or write the order of the angles, such as XYZ, behind Rotation Type"
         raise RecordingError(message, file=file, line=1, key="Rotation Type")
     angles = np.stack([rotation[axis] for axis in order], axis=-1)
     tracked = ~np.isnan(angles).any(axis=-1)
@@ -234,9 +235,9 @@ def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.n
 
 
 def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
-    """Write ``take`` as Motive's 1.23 export in metres: six decimals, CRLF, a missing sample as
-    blank cells, bodies before markers; ``start`` is the capture's start as Motive prints it, such
-    as ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
+    """Write ``take`` in format version 1.23, in m: six decimals, CRLF, blank cells for a missing
+    sample, bodies before markers. ``start`` is the start of the capture in Motive's format, such as
+    ``2024-03-05 10.15.00.000 AM``. ``take.version`` and ``take.counts`` are not written.
     """
     values = dict.fromkeys(KEYS, "") | dict.fromkeys(RATES, f"{take.rate:.6f}")
     values |= {"Format Version": "1.23", "Take Name": _quoted(take.name)}
@@ -244,7 +245,7 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     values |= {"Coordinate Space": "Global", "Capture Start Time": start}
     values["Total Frames in Take"] = str(int(take.frame[-1] - take.frame[0]) + 1)
     values["Total Exported Frames"] = str(len(take.frame))
-    del values["Capture Start Frame"]  # 1.23 writes it for some takes only
+    del values["Capture Start Frame"]  # Motive 1.23 writes this key for some takes only
     pose = [("Rotation", axis) for axis in "XYZW"] + [("Position", axis) for axis in "XYZ"]
     labels = [(BODY, name, *label) for name in take.bodies for label in pose]
     labels += [(RAW, name, "Position", axis) for name in take.markers for axis in "XYZ"]
@@ -271,7 +272,7 @@ def _quoted(name: str) -> str:
 
 
 def _begins(head: Head) -> bool:
-    # another program may have saved it with other separators, which the reader then says
+    # accept separators of other programs too, since the reader's error explains them
     lines = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
     first = lines[0][0].strip().strip('"') if lines else ""
     return first == "Format Version" or (first in ROW_TYPES and max(map(len, lines)) > 1)

@@ -1,20 +1,20 @@
-"""The row-typed grammar of OptiTrack's CSV takes (format versions 1.0 of Tracking Tools and 1.1 of
-Motive).
+"""Reader of OptiTrack's CSV takes in format version 1.0 (Tracking Tools) or 1.1 (Motive), in which
+the first cell of a row is its type.
 
-The first cell of a row says what it is. In this order: any number of ``comment`` rows;
-``righthanded`` or ``lefthanded``; ``info,version|framecount|rigidbodycount,…`` (1.0 gives no
-version); a definition of each rigid body; then, per frame, one ``frame`` row and one row of each
-body. 1.0 writes ``trackable`` for ``rigidbody``. Bracketed cells are of 1.1 alone::
+The rows have this order: any number of ``comment`` rows; ``righthanded`` or ``lefthanded``;
+``info,version|framecount|rigidbodycount,…`` (1.0 has no version); one definition of every rigid
+body; then, per frame, one ``frame`` row and one row per body. Version 1.0 writes ``trackable``
+instead of ``rigidbody``. Only version 1.1 has the cells in brackets::
 
-    rigidbody, name, ID, n, n × (x, y, z)                      the definition, in the body's frame
+    rigidbody, name, ID, n, n × (x, y, z)                       definition in the body's frame
     frame, frame, time, m, m × (ID, x, y, z, qx, qy, qz, qw, yaw, pitch, roll),
            p, p × (x, y, z, ID[, name])
     rigidbody, frame, time, name, ID, frames since last tracked, n, n × (x, y, z[, ID]) solved,
                n × (x, y, z) measured, n × tracked, n × quality, mean error (mm)
 
-Positions are read from the frame row (poses of the m bodies tracked, all p markers seen) and,
-measured, from the bodies' rows (``name-Marker i``). Solved places are not read: they do not move
-while a body is lost. No row states a unit of length or a rate.
+The reader takes the poses of the m tracked bodies and the positions of all p visible markers from
+the frame row, and the measured positions of ``name-Marker i`` from the row of the body ``name``. It
+ignores solved positions, which are constant while a body is lost. No row has a unit or a rate.
 """
 
 from collections import defaultdict
@@ -37,37 +37,35 @@ Samples = dict[str, dict[int, list[float]]]  # name → index of the frame → n
 
 
 class TypedRows:
-    """Content of the rows that were added, whose cells are taken from left to right; ValueError for
-    a cell or a row that cannot come.
-    """
+    """Parser that collects the content of rows; ValueError for an invalid cell or row."""
 
     def __init__(self) -> None:
-        self.cells = iter(())  # of the row, that are not taken yet
+        self.cells = iter(())  # remaining cells of the current row
         self.named = False  # whether markers have IDs and names (1.1)
         self.infos: dict[str, str] = {}
-        self.names: dict[int, str] = {}  # of bodies by ID
-        self.frame, self.time, self.line = [], [], []
+        self.names: dict[int, str] = {}  # body ID → name
+        self.frame, self.time, self.line = [], [], []  # one entry per frame row
         self.poses: Samples = {}
         self.markers: Samples = {}
-        self.strays: list[list[list[float]]] = []  # of each frame
+        self.strays: list[list[list[float]]] = []  # positions of unnamed markers, per frame
         self.stray_ids: set[str] = set()
         self.body_rows = 0
 
     def take(self, count: int) -> list[str]:
-        """Return the next ``count`` cells."""
+        """Return the next ``count`` cells of the row."""
         if len(cells := [*islice(self.cells, count)]) < count:
-            raise ValueError(f"the row has fewer cells than the {count} more its counts require")
+            raise ValueError(f"the row ends where its counts require {count} more cells")
         return cells
 
     def count(self) -> int:
-        """Return the next cell, a count or an ID."""
+        """Return the integer in the next cell, a count or an ID."""
         (cell,) = self.take(1)
         if not capture.WHOLE.fullmatch(cell):
             raise ValueError(f"a cell holds {cell!r} where a count or an ID is required")
         return int(cell)
 
     def numbers(self, count: int) -> list[float]:
-        """Return the next ``count`` cells, NaN where one is missing."""
+        """Return the numbers in the next ``count`` cells, NaN for a missing number."""
         cells = self.take(count)
         values = [float(cell) if NUMBER.fullmatch(cell) else nan for cell in cells]
         for cell, value in zip(cells, values, strict=True):
@@ -76,7 +74,7 @@ class TypedRows:
         return values
 
     def add(self, kind: str, cells: list[str], line: int) -> None:
-        """Add the row of a ``kind`` at ``line``, of more ``cells``."""
+        """Add the row in ``line``: the row type ``kind`` and the ``cells`` behind it."""
         self.cells = iter(cells)
         if kind == "info":
             key, value = self.take(2)
@@ -87,9 +85,9 @@ class TypedRows:
             add_body = self._add_body if self.frame else self._define
             (self._add_frame if kind == "frame" else add_body)()
             if any(self.cells):
-                raise ValueError("the row goes on where its counts end it")
+                raise ValueError("the row has more cells than its counts state")
         elif kind != "righthanded":
-            message = f"the row is of the type {kind!r}, where a right-handed take has "
+            message = f"the row type is {kind!r}; a right-handed take has the row types "
             raise ValueError(f"{message}{', '.join(ROW_TYPES)}")
 
     def _define(self) -> None:
@@ -98,7 +96,7 @@ class TypedRows:
         if identity in self.names or name in self.poses:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
-        # a marker that is never seen is missing, not absent
+        # a marker without any measured position is in the take, with NaN in all frames
         self.markers |= {f"{name}-Marker {marker}": {} for marker in range(1, markers + 1)}
 
     def _add_frame(self) -> None:
@@ -109,7 +107,7 @@ class TypedRows:
             pose = self.poses.get(self.names.get(identity := self.count(), ""), {k: []})
             if k in pose:
                 raise ValueError(f"rigid body {identity} is not defined, or has two poses")
-            pose[k] = self.numbers(10)[:7]  # position, quaternion, and angles that repeat it
+            pose[k] = self.numbers(10)[:7]  # position and quaternion; the angles are redundant
         for _ in range(self.count()):
             sample, (identity, *name) = self.numbers(3), self.take(2 if self.named else 1)
             if capture.STRAY.fullmatch(name := "".join(name)):
@@ -122,7 +120,7 @@ class TypedRows:
     def _add_body(self) -> None:
         at, (name,), identity = self.numbers(2), self.take(1), self.count()
         if at != [self.frame[-1], self.time[-1]] or self.names.get(identity) != name:
-            raise ValueError(f"rigid body {name!r} is not defined, or not of the frame before it")
+            raise ValueError(f"rigid body {name!r} is not defined, or not in the frame above it")
         self.count()
         markers, strays = self.count(), self.strays[-1]
         self.take((4 if self.named else 3) * markers)
@@ -131,15 +129,15 @@ class TypedRows:
             if sample in strays:
                 strays.remove(sample)
             if not all(map(isnan, sample)):
-                held = self.markers.setdefault(f"{name}-Marker {marker}", {})
-                held[len(self.frame) - 1] = sample
+                samples = self.markers.setdefault(f"{name}-Marker {marker}", {})
+                samples[len(self.frame) - 1] = sample
         self.take(2 * markers + 1)
         self.body_rows += 1
 
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
-    """Return the take in the row-typed ``text``; see :func:`..motive.read_motive`."""
-    held, previous = TypedRows(), None
+    """Return the take in ``text`` of version 1.0 or 1.1; see :func:`..motive.read_motive`."""
+    parser, previous = TypedRows(), None
     counts = {"blank_rows": 0, "cut_rows": int(text.cut is not None), "repeated_rows": 0}
     for number, line in enumerate(text.lines, start=1):
         if line.startswith("comment"):
@@ -149,27 +147,27 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
             continue
         kind, *cells = cells_of(line, ",", file=file, number=number)
         try:
-            held.add(kind, cells, number)
+            parser.add(kind, cells, number)
         except ValueError as error:
             raise RecordingError(f"{error}; export it again", file=file, line=number) from None
         previous = line
-    frame = capture.frame_numbers(np.array(held.frame), held.line, file)
-    printed = np.array(held.time)
+    frame = capture.frame_numbers(np.array(parser.frame), parser.line, file)
+    printed = np.array(parser.time)
     if (rate := capture.rate_from_times(frame, printed)) is None:
-        message = "the file holds no frame, or the times of its frames do not increase, so that "
-        message += "they give no rate; export the take again"
-        raise RecordingError(message, file=file, line=[len(text.lines), *held.line][-1])
+        message = "no rate: the file has no frame, or the times of its frames do not increase; "
+        message += "export the take again"
+        raise RecordingError(message, file=file, line=[len(text.lines), *parser.line][-1])
     unit = capture.settle_unit("", unit, file, key="info")
-    if capture.WHOLE.fullmatch(announced := held.infos.get("framecount", "")):
+    if capture.WHOLE.fullmatch(announced := parser.infos.get("framecount", "")):
         counts["announced_frames"] = int(announced)
-    names = len(held.markers) + len(held.poses) + max(map(len, held.strays))
+    names = len(parser.markers) + len(parser.poses) + max(map(len, parser.strays))
     require("markers", names, "markers and bodies", file)
     if not names:
         raise RecordingError(f"{capture.NO_ASSET}; export it with them", file=file)
-    # a name that few rows hold is a column of all frames
+    # a name in a few frames needs memory for all frames
     require("memory_mib", names * len(frame) * SAMPLE / MIB, "MiB of samples", file)
     strays: Samples = defaultdict(dict)
-    for k, samples in enumerate(held.strays):
+    for k, samples in enumerate(parser.strays):
         for i, sample in enumerate(samples, start=1):
             strays[f"Unlabeled {i}"][k] = sample
 
@@ -178,11 +176,11 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         table[[*samples]] = np.array([*samples.values()]).reshape(-1, width)
         return table
 
-    markers = {name: dense(samples, 3) for name, samples in (held.markers | strays).items()}
-    poses = {name: dense(samples, 7) for name, samples in held.poses.items()}
+    markers = {name: dense(samples, 3) for name, samples in (parser.markers | strays).items()}
+    poses = {name: dense(samples, 7) for name, samples in parser.poses.items()}
     bodies = {name: RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in poses.items()}
-    lacking = len(frame) * len(held.names) - held.body_rows if held.body_rows else 0
-    more = {"stray_ids": len(held.stray_ids), "stray_samples": sum(map(len, held.strays))}
-    about = file.stem, held.infos.get("version", "1.0"), rate, frame, printed, markers, bodies
+    lacking = len(frame) * len(parser.names) - parser.body_rows if parser.body_rows else 0
+    more = {"stray_ids": len(parser.stray_ids), "stray_samples": sum(map(len, parser.strays))}
+    about = file.stem, parser.infos.get("version", "1.0"), rate, frame, printed, markers, bodies
     raw = MotionTake(*about, counts, unit, rate_from=capture.FROM_TIMES)
-    return capture.checked_take(raw, file, held.line, more=more | {"lacking_body_rows": lacking})
+    return capture.checked_take(raw, file, parser.line, more=more | {"lacking_body_rows": lacking})

@@ -11,73 +11,76 @@ from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import spelled
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
-FARTHEST = 100.0  # m from the origin, beyond which nothing is captured
-# names of markers without an asset, as capture programs write them
+FARTHEST = 100.0  # m, greatest coordinate
+# names that capture programs give to markers without a name
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
 TIME_ROUNDING = 0.0101  # s, greatest error of a step between times of two decimals or more
-RATE_TOLERANCE = 0.01  # share of a stated rate, far above any clock's drift
-UNIT_TOLERANCE = 0.01  # of a quaternion's length, far above rounding
-TELLING = 20  # printed times that can contradict a stated rate
-NO_ASSET = "the take holds no marker and no rigid body"
-BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # counts above those of samples
+RATE_TOLERANCE = 0.01  # relative error of a stated rate, far above any clock's drift
+UNIT_TOLERANCE = 0.01  # error of a quaternion's length, far above rounding
+TELLING = 20  # least number of printed times that can contradict a stated rate
+NO_ASSET = "the take has no marker and no rigid body"
+BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # counts listed before samples
 FROM_TIMES = "the printed times: the file states no rate"
 
 
 @dataclass(frozen=True)
 class RigidBody:
-    """Pose of a rigid body's pivot in the world frame, NaN where it was lost."""
+    """Pose of a rigid body's pivot in the world frame, NaN where the body was lost."""
 
     position: np.ndarray  # (N, 3) m
-    quaternion: np.ndarray  # (N, 4) x, y, z, w; signs are as recorded and flip between frames
+    quaternion: np.ndarray  # (N, 4) x, y, z, w; the sign is as recorded and may flip
 
 
 @dataclass(frozen=True)
 class MotionTake:
-    """One take of N frames in the world frame of the capture (right-handed; of Motive, y up)."""
+    """One take of N frames in the capture's world frame (right-handed; Motive: y up)."""
 
     name: str
-    version: str  # of the format
-    rate: float  # Hz, of the frame numbers
+    version: str  # format version
+    rate: float  # Hz, rate of the frame numbers
     frame: np.ndarray  # (N,) int64, increasing; gaps are frames that were not exported
     time: np.ndarray  # (N,) s since the first exported frame, from frame numbers and rate
     markers: dict[str, np.ndarray]  # name: (N, 3) m, NaN where occluded
     bodies: dict[str, RigidBody]
-    counts: dict[str, int]  # of skipped, lost and repaired content; see the reader of the format
-    unit: str = "m"  # of lengths in the file
-    printed_rate: float | None = None  # Hz, by the times that the file prints
-    rate_from: str = ""  # source of a rate that the file does not state
+    counts: dict[str, int]  # numbers of skipped, lost and repaired items; see the format's reader
+    unit: str = "m"  # unit of lengths in the file
+    printed_rate: float | None = None  # Hz, by the times in the file
+    rate_from: str = ""  # source of ``rate``, if the file does not state it
 
 
 def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str:
-    """Return the unit of a file's lengths (m, cm or mm): ``stated`` under ``key``, else the
-    ``option``; RecordingError for another unit, none, and a contradiction.
+    """Return the unit of a file's lengths (m, cm or mm): the unit ``stated`` under the file's
+    ``key``, else the ``option``. Raises RecordingError for another unit, for no unit, and where
+    ``stated`` and ``option`` differ.
     """
     unit = spelled(stated) or option
     if unit in UNITS_PER_METRE and option in (None, unit):
         return unit
     known = spelled(stated) in ("", *UNITS_PER_METRE)
-    message = "the file does not say the unit of its lengths: set it to m, cm or mm"
+    message = "the file does not state the unit of its lengths: set it to m, cm or mm"
     if stated.strip():
         message = f"lengths are in {stated!r} by {key} of the file, not in "
-        message += f"{option}: mend the option" if option else "m, cm or mm: export in one of these"
+        message += f"{option}: correct the option" if option else "m, cm or mm: export in these"
     raise RecordingError(message, file=file, key="dataset.mocap.unit" if known else key)
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
-    """Return (N,) int64; RecordingError by line where one does not increase or is not whole."""
+    """Return the frame numbers (N,) int64 in ``values`` (N,); RecordingError with the line where a
+    number is not whole or does not increase.
+    """
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
-    if (wrong := ~whole | np.append(False, np.diff(values) <= 0)).any():
-        line = lines[int(np.argmax(wrong))]
+    if (invalid := ~whole | np.append(False, np.diff(values) <= 0)).any():
+        line = lines[int(np.argmax(invalid))]
         message = "the frame number is missing, is not whole or does not increase"
         raise RecordingError(f"{message}; export the take again", file=file, line=line)
     return values.astype(np.int64)
 
 
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
-    """Return frames a second by the printed times: the whole number nearest to the mean rate, or
-    the mean where that number misses a time by more than rounding or half a frame; None where
-    times do not increase.
+    """Return the frame rate in Hz by the ``printed`` times (N,) s: the mean rate rounded to an
+    integer. Return the unrounded mean where the integer rate misses a printed time by more than
+    rounding or half a frame, and None where times do not increase.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < 2 or time[-1] <= time[0]:
@@ -90,8 +93,8 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
 
 
 def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
-    """Return whether the ``printed`` times (N,) s keep to ``rate`` (1/s), by the median over
-    quarters of the take, since times jump now and then; True where there are too few times.
+    """Return whether the ``printed`` times (N,) s agree with ``rate`` (Hz); True with fewer than
+    TELLING times. The median over all spans of a quarter of the take decides, since times may jump.
     """
     frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
     if len(time) < TELLING:
@@ -109,13 +112,13 @@ def checked_take(
     columns: Mapping[str, Sequence[int]] | None = None,
     more: Mapping[str, int] | None = None,
 ) -> MotionTake:
-    """Return the take in m and s, with lost samples as NaN, of ``raw``: positions in the file's
-    unit, times as the file prints them, none or (N,) s. ``counts`` are those of ``raw``, ``more``,
-    frames found, ``gaps`` in their numbers and ``skipped_frames`` in the gaps, ``time_mismatches``
-    of rows, missing samples and poses, of which ``zero_samples`` are zero in all coordinates and
-    ``partial_samples`` lack some. Raises RecordingError by the frame or its line, and the column of
-    X, Y, Z, for coordinates beyond FARTHEST, a coordinate in no row, and a quaternion of another
-    length than 1.
+    """Return the take in m and s, with lost samples as NaN. ``raw`` has positions in the file's
+    unit and printed times (N,) s or (0,). ``counts`` are the counts of ``raw`` and ``more``,
+    ``found_frames``, ``gaps`` of the frame numbers, ``skipped_frames`` in the gaps,
+    ``time_mismatches``, missing samples and poses, ``zero_samples`` (all coordinates 0) and
+    ``partial_samples`` (some coordinates missing). Raises RecordingError, with the frame or its
+    line and the column, for a coordinate beyond FARTHEST, a coordinate that is missing in all rows,
+    and a quaternion whose length is not 1.
     """
     frame, step = raw.frame, np.diff(raw.frame)
     time = (frame - frame[0]) / raw.rate
@@ -129,13 +132,13 @@ def checked_take(
         place = {"frame": int(frame[k])} if lines is None else {"line": lines[k]}
         return RecordingError(message, file=file, **place, **evidence)
 
-    def placed(position: np.ndarray, name: str) -> np.ndarray:
+    def check_position(position: np.ndarray, name: str) -> np.ndarray:
         position = position / UNITS_PER_METRE[raw.unit]
         missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
         absent = missing.all(axis=0) & sighted[:, None]
-        if (wrong := far if far.any() else absent).any():
-            k, axis = (int(index) for index in np.argwhere(wrong)[0])
+        if (invalid := far if far.any() else absent).any():
+            k, axis = (int(index) for index in np.argwhere(invalid)[0])
             message = f"{name} has no {'XYZ'[axis]} in any row, but other coordinates: a column is "
             message += "missing or shifted; export the take again"
             if far.any():
@@ -149,26 +152,26 @@ def checked_take(
         position[zero | lost] = np.nan
         return position
 
-    markers = {name: placed(position, name) for name, position in raw.markers.items()}
+    markers = {name: check_position(position, name) for name, position in raw.markers.items()}
     bodies = {}
     for name, body in raw.bodies.items():
-        position, turn = placed(body.position, name), body.quaternion
-        zero = (turn == 0).all(axis=-1)
+        position, rotation = check_position(body.position, name), body.quaternion
+        zero = (rotation == 0).all(axis=-1)
         counts["zero_samples"] += int(zero.sum())
-        turn = np.where((zero | np.isnan(turn).any(axis=-1))[:, None], np.nan, turn)
+        rotation = np.where((zero | np.isnan(rotation).any(axis=-1))[:, None], np.nan, rotation)
         with np.errstate(over="ignore"):
-            length = np.linalg.norm(turn, axis=-1)
+            length = np.linalg.norm(rotation, axis=-1)
         if (off := np.abs(length - 1) > UNIT_TOLERANCE).any():
             k = int(off.argmax())
-            message = f"the rotation of {name} is of the length {length[k]:.6g}, where a unit "
-            message += "quaternion is required: a number is damaged, or columns are shifted"
+            message = f"the quaternion of {name} has the length {length[k]:.6g}, 1 is required: a "
+            message += "number is damaged, or columns are shifted; export the take again"
             raise fault(message, k)
-        bodies[name] = RigidBody(position, turn)
+        bodies[name] = RigidBody(position, rotation)
     poses = [body.position + body.quaternion[:, :3] for body in bodies.values()]
     counts |= {name: more[name] for name in BEFORE if more and name in more}
     counts["marker_samples"] = len(markers) * len(frame)
-    counts["missing_samples"] = int(sum(np.isnan(held[:, 0]).sum() for held in markers.values()))
+    counts["missing_samples"] = int(sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values()))
     counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
     timed = rate_from_times(frame, raw.time) if len(raw.time) else None
-    held = {"time": time, "markers": markers, "bodies": bodies, "printed_rate": timed}
-    return replace(raw, counts=counts | (more or {}), **held)
+    checked = {"time": time, "markers": markers, "bodies": bodies, "printed_rate": timed}
+    return replace(raw, counts=counts | (more or {}), **checked)

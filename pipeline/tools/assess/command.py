@@ -29,16 +29,16 @@ from pipeline.statistics.scores import normal_log_score
 from pipeline.statistics.takes import percentile_interval
 
 HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/assess")
-CHARACTERIZED = Path("data/characterize")  # runs of characterize, a folder a dataset
+CHARACTERIZED = Path("data/characterize")  # runs of characterize, one folder per dataset
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
-ENOUGH = 20  # takes outside the fit, from which on they are the only reference
-DIFFERENCE = 1e-5  # rad
-# share of takes of the same kind that are called different, half of it as a whole, half by a span
+ENOUGH = 20  # least number of test takes for a comparison without training takes
+DIFFERENCE = 1e-5  # rad, step of the numerical derivative
+# false positive rate: half of it for the whole take, half for the greatest difference of a span
 LEVEL = 0.05
-MOST_CHANCE = 0.25  # the same share of few takes, above which no difference can be shown
-FEWEST = round(2 / MOST_CHANCE) - 1  # takes to compare with, so that a difference can be shown
-SPANS = 10  # parts of the motion that are compared one by one
-GREATEST = 8.0  # standard deviations at which a span is darkest
+MOST_CHANCE = 0.25  # greatest false positive rate; with a greater rate nothing can be shown
+FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
+SPANS = 10  # number of parts of the motion that are compared
+GREATEST = 8.0  # |t| at which a span has the darkest shade
 MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
 ARGUMENTS = {
     "file": {"type": Path, "metavar": "FILE", "help": "recording in the dataset's format"},
@@ -52,8 +52,8 @@ def run(file: Path, model: Path | None = None) -> None:
         name = config.sections("assess", HERE / "reads.yaml").dataset.name
         files = sorted(EXPORTS.glob(f"{name}_*.json"))
         if len(files) != 1:
-            there_are = ", ".join(map(str, files)) or f"none of {name} in {EXPORTS}"
-            message = f"name one exported model by --model; there is {there_are}; "
+            present = ", ".join(map(str, files)) or f"none of {name} in {EXPORTS}"
+            message = f"name one exported model by --model; there is {present}; "
             message += "`python -m pipeline export MODEL` writes one"
             raise ConfigError(message, key="--model")
         model = files[0]
@@ -67,21 +67,20 @@ def run(file: Path, model: Path | None = None) -> None:
 
 
 def run_folder(dataset: str, model: Path) -> Path:
-    """Return the folder in which the stages ran on ``dataset``, here or by characterize.
-
-    Raises ConfigError where there is no such run.
+    """Return the folder in which the stages ran on ``dataset``: the project's root or the folder of
+    characterize. Raises ConfigError without such a run.
     """
     for folder in (Path(), CHARACTERIZED / dataset):
         composed = folder / config.COMPOSED
         if composed.is_file() and read_yaml(composed)["dataset"]["name"] == dataset:
             return folder
-    message = f"the model is of the dataset {dataset}, of which no run is here; set dataset: "
+    message = f"the model is of the dataset {dataset}, which has no run here; set dataset: "
     message += f"{dataset} in params.yaml and run `dvc repro`, or run characterize"
     raise ConfigError(message, file=model)
 
 
 def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str, str, Figure]]:
-    """Name, verdict in words and picture of each take in the recording."""
+    """Yield name, verdict as text and figure of each take in the recording."""
     dataset = config.sections("assess", HERE / "reads.yaml").dataset
     names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
@@ -103,11 +102,11 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[
 
 
 def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
-    """Return by name the angles (M+1, n) in rad of each repetition in ``file``: one of a motion
-    capture, all of a joint log, in phase with ``mean`` (M+1, n) in rad, the mean of the dataset's
-    takes.
+    """Return name → angles (M+1, n) in rad of the repetitions in ``file``: one in a motion capture
+    take, all in a joint log. Repetitions in a log are shifted into phase with ``mean`` (M+1, n) in
+    rad, the mean of the dataset's takes.
 
-    Raises RecordingError for a file that the dataset's stages would refuse.
+    Raises RecordingError as the stages of the dataset do.
     """
     if not file.exists():
         raise RecordingError("there is no such file", file=file)
@@ -121,7 +120,7 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
     takes, observed, _ = find_takes(read, dataset)
     if not takes:
         motions = "; ".join(sorted(set(observed))) or "no motion"
-        message = f"no repetition of the dataset's motion; it holds {motions}"
+        message = f"no repetition of the dataset's motion; the file has {motions}"
         raise RecordingError(message, file=file)
     path, place = mean[rest : rest + moving + 1], align if rest else in_phase
     return {
@@ -147,12 +146,12 @@ class Innovations(NamedTuple):
 def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Innovations:
     """Return the innovations e = y − x⁻ of the measured ``poses`` y (T, M+1, n) in rad under the
     ``commands``, by the extended Kalman filter (Anderson & Moore, Optimal Filtering, 1979, Sec.
-    8.2) with the slope F of the model's mean by differences:
+    8.2). F is the Jacobian of the model's mean by central differences:
 
         x⁻ = E(q_{k+1} | x),   P⁻ = F P Fᵀ + Cov(q_{k+1} | x),   S = P⁻ + Σ,   G = P⁻S⁻¹,
         x = x⁻ + G e,   P = (I − G)P⁻.
 
-    The noise Σ of a measured pose is the exported one, zero where it is not known. Raises
+    The covariance Σ of a measured pose is exported with the model, or zero if unknown. Raises
     ModelDomainError where the model has no moments, or no noise at a pose.
     """
     known, n = model.record["pose_covariance_rad2"], poses.shape[-1]
@@ -172,7 +171,7 @@ def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) ->
             G = np.swapaxes(np.linalg.solve(S, P), -1, -2)
         except np.linalg.LinAlgError:
             message = "the model has no noise at a pose, so no measurement can be compared with it;"
-            advice = "state dataset.motion.pose_noise and export it again"
+            advice = "set dataset.motion.pose_noise and export the model again"
             raise ModelDomainError(f"{message} {advice}", step=k) from None
         x, P = x + np.matvec(G, e), P - G @ P
         P = (P + np.swapaxes(P, -1, -2)) / 2
@@ -180,42 +179,42 @@ def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) ->
 
 
 class TakeVerdict(NamedTuple):
-    """Distance of a take from N others, of all joints together and of each."""
+    """Distance of a take from N other takes, for all joints together and for each joint."""
 
-    evidence: pd.DataFrame  # nats a step: own, the others' mean and std, p; all joints, then each
-    p_whole: float  # of the greatest |t| of these
-    ends: np.ndarray  # (SPANS + 1,) s, of the spans
-    span_t: np.ndarray  # (n, SPANS) t of each joint in each span
-    p_spans: float  # of the greatest |t| of these
-    others: np.ndarray  # (T,) True for the takes it was compared with
+    evidence: pd.DataFrame  # all joints, then each joint: own, mean, std (nats per step) and p
+    p_whole: float  # p of the greatest |t| of the whole take
+    ends: np.ndarray  # (SPANS + 1,) s, limits of the spans
+    span_t: np.ndarray  # (n, SPANS) t by joint and span
+    p_spans: float  # p of the greatest |t| in ``span_t``
+    others: np.ndarray  # (T,) mask of the takes to compare with
 
     @property
     def limit(self) -> float:
-        """Greatest p of a take that is called different: of few takes the least possible p."""
+        """Greatest p of a take that is called different; with few takes the least possible p."""
         return max(LEVEL / 2, 1 / (1 + self.others.sum()))
 
     @property
     def behaves(self) -> bool:
-        """True where neither the whole nor a span differs from the others."""
+        """True if neither the whole take nor a span differs from the other takes."""
         return bool(min(self.p_whole, self.p_spans) > self.limit)
 
     @property
     def shows(self) -> bool:
-        """True where there are enough takes to compare with for a difference to be shown."""
+        """True if there are enough takes to show a difference."""
         return bool(2 * self.limit <= MOST_CHANCE)
 
 
 def judge(
     innovations: Innovations, number: int, others: np.ndarray, joints: Sequence[str], rate: float
 ) -> TakeVerdict:
-    """Return the verdict on take ``number`` of T takes of n ``joints`` among the ``others`` (T,), a
-    mask; ``rate`` is in steps a second.
+    """Return the verdict on take ``number`` of T takes of n ``joints``, compared with the takes in
+    the mask ``others`` (T,); ``rate`` in Hz.
 
-    The evidence of a take is the mean of ln N(e; 0, S) over its steps, its distance from N others
-    t = (x − x̄)/(s√(1 + 1/N)). Log evidence is skew and heavy-tailed, so that t is not Student's:
-    each other take is compared with the remaining ones likewise, and p is the rank of the greatest
-    |t| among theirs, exact for exchangeable takes (Vovk et al., Algorithmic Learning in a Random
-    World, 2005).
+    The evidence x of a take is the mean of ln N(e; 0, S) over its steps. The distance from N other
+    takes is t = (x − x̄)/(s√(1 + 1/N)). Log evidence is skewed and heavy-tailed, so that t has no
+    Student law. Instead, t is also computed for every other take among the remaining takes, and p
+    is the rank of the greatest |t|, exact for exchangeable takes (Vovk et al., Algorithmic Learning
+    in a Random World, 2005).
     """
     error, std = innovations.error, innovations.std
     alone = -0.5 * ((error / std) ** 2 + np.log(2 * np.pi)) - np.log(std)
@@ -228,15 +227,15 @@ def judge(
     span_t, their_span_t = _distances(spans[others], spans[number])
     table = {"own": whole[number], "mean": whole[others].mean(axis=0)}
     table["std"] = whole[others].std(axis=0, ddof=1)
-    table["p"] = [_rank(one, rest) for one, rest in zip(t, their_t.T, strict=True)]
+    table["p"] = [_p_value(one, rest) for one, rest in zip(t, their_t.T, strict=True)]
     table = pd.DataFrame(table, index=["all joints", *joints])
     ends = np.array([0, *(part[-1] + 1 for part in steps)]) / rate
-    p_whole, p_spans = _rank(t, their_t), _rank(span_t, their_span_t)
+    p_whole, p_spans = _p_value(t, their_t), _p_value(span_t, their_span_t)
     return TakeVerdict(table, p_whole, ends, span_t, p_spans, others)
 
 
 def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """t of ``one`` (...) among ``theirs`` (N, ...), and t of each of these among the others."""
+    """Return t of ``one`` (...) from N takes ``theirs``, and t of every take in ``theirs``."""
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
@@ -246,15 +245,15 @@ def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndar
     return distance(one, theirs), np.stack(list(map(distance, theirs, others)))
 
 
-def _rank(t: np.ndarray, theirs: np.ndarray) -> float:
-    """p of the greatest |``t``| among the greatest of each of ``theirs`` (N, ...)."""
+def _p_value(t: np.ndarray, theirs: np.ndarray) -> float:
+    """Return p of the greatest |``t``|, by its rank among the greatest |t| of N others."""
     greatest = np.abs(theirs).reshape(len(theirs), -1).max(axis=1)
     return float((1 + np.sum(greatest >= np.abs(t).max())) / (1 + len(theirs)))
 
 
 def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
-    """Return the verdict in a sentence, then a line of numbers for each joint; the ``model`` was
-    fitted to ``fitted`` of the takes that the ``take`` is compared with.
+    """Return the verdict as a sentence, and one line of numbers per joint. ``fitted`` is the number
+    of takes to compare with to which the ``model`` was fitted.
     """
     count = int(verdict.others.sum())
     known = f", {fitted} of which the model was fitted to" if fitted else ""
@@ -282,7 +281,9 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
 
 
 def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int) -> Figure:
-    """Innovations of take ``number`` with ±2σ and the middle 95 % of the others, spans shaded."""
+    """Return the figure of the innovations of take ``number``, with ±2σ, the middle 95 % of the
+    other takes, and spans shaded by |t|.
+    """
     looks = style.joint_lines([*verdict.evidence.index[1:]]).values()
     shape = (style.TWO_COLUMNS, 1.5, 0.85)
     figure, (grid,) = style.joint_panels(len(looks), style.panels_across(len(looks)), shape)
@@ -299,7 +300,7 @@ def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int
         axes.set(title=look["label"], xlim=(0, t[-1]))
     grid[0].set_ylabel("innovation (rad)")
     unlike = "behaves as" if verdict.behaves else "does NOT behave as"
-    compared = f"{unlike if verdict.shows else 'beside'} the {int(verdict.others.sum())}"
+    compared = f"{unlike if verdict.shows else 'and'} the {int(verdict.others.sum())}"
     figure.suptitle(f"{take} {compared} other takes", fontsize=9)
     labels = [take, "±2σ by the model", "95 % of the other takes"]
     figure.legend([error, bound, band], labels, loc="outside lower center", ncols=3)

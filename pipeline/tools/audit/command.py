@@ -1,5 +1,5 @@
-"""``python -m pipeline audit FOLDER``: comparison of all committed files with the files of a new
-run of every stage, in a clone of the last commit.
+"""``python -m pipeline audit FOLDER``: run all stages in a clone of the last commit and compare all
+files with the committed files.
 """
 
 import os
@@ -12,13 +12,13 @@ from pathlib import Path
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
-HELP = "folder of the clone, which is kept"
+HELP = "folder of the clone (not deleted afterwards)"
 ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 
 def run(folder: Path) -> None:
-    """Clone the last commit to ``folder``, delete the outputs of its stages, run the stages and
-    print the files that git finds changed. Raises PipelineError for any difference.
+    """Clone the last commit to ``folder``, delete the outputs of the stages, run the stages and
+    print the files that differ from the commit. Raises PipelineError for any difference.
     """
     root = Path.cwd()
     print(f"audit: commit {_git(root, 'rev-parse', 'HEAD').strip()}", flush=True)
@@ -29,13 +29,13 @@ def run(folder: Path) -> None:
     environment = os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "DVC_NO_ANALYTICS": "1",
-        # DVC's own records of files between runs lie outside its cache
+        # DVC's state of files between runs, by default outside the project
         "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
     }
     repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
     dry = subprocess.run([*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE)
     planned = set(re.findall(r"(?m)^Running stage '([^']+)'", dry.stdout.decode()))
-    stages = []  # entries of the lock files whose stages still exist
+    stages = []  # entries of the lock files, without removed stages
     for lock in project.rglob("dvc.lock"):
         place = lock.parent.relative_to(project).as_posix()
         prefix = "" if place == "." else f"{place}/dvc.yaml:"
@@ -46,17 +46,17 @@ def run(folder: Path) -> None:
     ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
     if dry.returncode or ran.returncode or not planned:
         raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
-    # hashes of the files that git does not hold are in the lock files
+    # the lock files contain the hashes of files that are not in git
     if changed := _git(project, "status", "--porcelain"):
         print(changed + _git(project, "diff", "--stat"), end="")
-        message = f"{len(changed.splitlines())} files differ from the commit after a run of its"
+        message = f"{len(changed.splitlines())} files differ from the commit after a run of all"
         raise PipelineError(f"{message} stages; see `git -C '{project}' diff`", folder=project)
     print(f"audit: {len(stages)} stages run again, every file equal to the commit")
 
 
 def clone_commit(root: Path, folder: Path) -> Path:
-    """Clone the commit of ``root`` into ``folder`` without DVC's cache, link the recordings that
-    lie beside the project by a datasheet, and return the clone.
+    """Clone the commit of ``root`` into ``folder`` without DVC's cache, link recordings that a
+    datasheet places outside the project, and return the clone.
     """
     folder.mkdir(parents=True, exist_ok=True)
     project = folder / "project"

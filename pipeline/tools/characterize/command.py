@@ -1,8 +1,8 @@
-"""``python -m pipeline characterize FOLDER --urdf FILE``: model card and exported model of the
+"""``python -m pipeline characterize FOLDER --urdf FILE``: model card and exported model from the
 recordings in a folder, in one run.
 
-The dataset's two files are written as by new-dataset. The stages run in data/characterize/NAME,
-so that the results of the dataset in params.yaml stay as they are.
+The dataset's two files are written as by new-dataset. The stages run in data/characterize/NAME and
+do not change the results of the dataset in params.yaml.
 """
 
 import json
@@ -37,7 +37,7 @@ WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.lo
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
 TAILS, TO_EXPORT = "## Tails and coverage\n", re.compile(r"To have it: .*\n*")
-SCALE = "size of the computation (default paper); smoke is quick, its intervals mean nothing"
+SCALE = "size of the computation (default paper); smoke is quick, but its intervals are not valid"
 ARGUMENTS = {
     "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
     "--urdf": {"type": Path, "metavar": "FILE", "help": "URDF of the arm (default: in FOLDER)"},
@@ -51,7 +51,7 @@ ARGUMENTS = {
 def run(
     folder: Path, urdf: Path | None, name: str | None, scale: str, model: str | None, **options: Any
 ) -> None:
-    """Write the dataset if there is none of that name, run the stages, write card and export."""
+    """Write the dataset if it does not exist, run the stages, write model card and export."""
     if not folder.is_dir():
         raise ConfigError("there is no such folder of recordings", file=folder)
     if model is not None:
@@ -82,7 +82,7 @@ def run(
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(figure, report, "noise_quantiles")
-    # the model is exported here; the card's own command would export from params.yaml's dataset
+    # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
     print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
@@ -95,12 +95,12 @@ def run(
 def _write_dataset(
     name: str, folder: Path, assigned: dict[str, str], *, ask: bool, motion: int | None
 ) -> None:
-    """Write the dataset's files where they are missing or open; ConfigError for values left ???."""
+    """Write the dataset's files if missing or incomplete; ConfigError if a value is still ???."""
     option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
     exists = option.exists() and sheet.exists()
     if exists:
-        print(f"characterize: the dataset {name} exists and is used as it is; to make it anew by")
-        print(f"characterize: --urdf, --set or --motion delete {sheet} and {option}")
+        print(f"characterize: the dataset {name} exists and is used without changes; to write it")
+        print(f"characterize: again by --urdf, --set or --motion, delete {sheet} and {option}")
         values = config.dataset_values(option)
         if not datasheet.is_open(values):
             return
@@ -115,20 +115,20 @@ def _write_dataset(
             usual |= dict([("robot.tool", tool) for tool in TOOLS if tool in links][:1])
         taken = {key: value for key, value in usual.items() if key in draft.open_values()}
         for key, value in taken.items():
-            print(f"characterize: took {key}: {value}; --set {key}=VALUE takes another")
+            print(f"characterize: {key} is set to {value}; --set {key}=VALUE changes it")
         draft.fill(taken, suggested=True)
         if "joint_log.start" in (keys := draft.open_values()) and {*keys} <= {*KEYS}:
             draft.fill({}, motion=motion or 1)
-            print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER takes another")
+            print(f"characterize: motion {motion or 1} is analysed; --motion NUMBER changes it")
     draft.write()
     if keys := draft.open_values():
-        message = f"the files do not state {', '.join(keys)}; run it again with --ask, or with"
+        message = f"the files do not state {', '.join(keys)}; run again with --ask, or with"
         raise ConfigError(f"{message} --set KEY=VALUE for each", file=option)
 
 
 @contextmanager
 def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
-    """Change into a new folder with a params.yaml for the dataset, and back at the end."""
+    """Work in a new folder with a params.yaml for the dataset, then return to the old folder."""
     root, place = Path.cwd(), WORK / name
     option = config.dataset_values(config.CONF / "dataset" / f"{name}.yaml")
     robot = {"urdf": str(Path(option["robot"]["urdf"]).resolve())}
@@ -146,9 +146,7 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
 
 
 def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFrame], dict]:
-    """Motions, tables and metrics of the stages, or of the plain models alone where a stage refuses
-    the motion.
-    """
+    """Return motions, tables and metrics; of the plain models only, if a stage fails."""
     dataset, metrics = settings.dataset, {}
     try:
         _run_stage(ingest.run, "motion")
@@ -161,7 +159,7 @@ def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFra
     except PipelineError as error:
         if dataset.joint_log is None:
             raise
-        print(f"characterize: plain models alone, as the analysed motion is refused: {error}")
+        print(f"characterize: only plain models, since the motion cannot be analysed: {error}")
         if not (motions := logged_motions(dataset)):
             message = f"no motion of the logs can be analysed: {error.message}"
             raise ConfigError(message, key="joint_log") from None
@@ -176,7 +174,7 @@ def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFra
 
 
 def _run_stage(run: Callable[..., None], *words: str) -> None:
-    """Run a stage; its messages go to the file LOG."""
+    """Run a stage and append its printed messages to the file LOG."""
     name = run.__module__.rpartition(".")[2]
     print(" ".join(["characterize: stage", name, *words]), flush=True)
     with LOG.open("a", encoding="utf-8") as log, redirect_stdout(log):

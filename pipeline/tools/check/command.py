@@ -1,5 +1,5 @@
-"""``python -m pipeline check [DATASET]``: faults in a dataset's two files, robot and recordings
-that the stages would refuse.
+"""``python -m pipeline check [DATASET]``: faults of a dataset's two files, robot and recordings for
+which the stages would raise an error.
 """
 
 import os
@@ -28,7 +28,7 @@ ARGUMENTS = {"name": {"nargs": "?", "metavar": "DATASET", "help": HELP}}
 
 
 def run(name: str | None = None) -> None:
-    """Print a line for each fault. Raises ConfigError if there is a fault."""
+    """Print one line per fault; ConfigError if there is a fault."""
     config.require_dataset(name := name or read_yaml(PARAMS).get("dataset"))
     option_file = config.CONF / "dataset" / f"{name}.yaml"
     faults = dataset_faults(option_file)
@@ -43,20 +43,20 @@ def run(name: str | None = None) -> None:
 
 
 def dataset_faults(option_file: Path) -> list[str]:
-    """Return every fault of the dataset's values, or, if there is none, of ingest and configure."""
+    """Return all faults of the dataset's values; without such faults, of ingest and configure."""
     try:
         values = config.dataset_values(option_file)
     except PipelineError as error:
         return [str(error)]
     dataset, _, absent = datasheet.check_values(values)
     texts = [f"{key}: ??? must be replaced by a value" for key in datasheet.unfilled_keys(values)]
-    texts += [f"{key}: no value for it" for key in absent]
+    texts += [f"{key}: no value" for key in absent]
     errors = value_faults(values)
     if not texts and not errors:
         errors = ingest_faults(dataset)
     if not texts and not errors and read_yaml(PARAMS).get("dataset") == option_file.stem:
         errors = _errors(config.compose_config, PARAMS)
-    # errors that differ in a number alone are one line, with the files of the others
+    # errors that differ only in numbers are one line, with the files of the further errors
     groups: dict[str, list[PipelineError]] = {}
     for error in errors:
         kind = f"{error.message.partition(';')[0]} {error.evidence.get('key')}"
@@ -71,7 +71,7 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     """Return the faults of types, ranges, robot and folder in the filled-in ``values``."""
     sound = deepcopy(values)
     errors: list[PipelineError] = [*datasheet.check_values(values)[1]]
-    for fault in errors:  # the robot is read without the faulty values
+    for fault in errors:  # remove faulty values before the robot is read
         above, _, name = str(fault.evidence["key"]).removeprefix("dataset.").rpartition(".")
         if isinstance(node := get_nested(sound, above), dict):
             node.pop(name, None)
@@ -93,7 +93,7 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
 
 
 def ingest_faults(dataset: Dataset) -> list[PipelineError]:
-    """Return every refusal of the stage ingest, run in a temporary folder, and singular poses."""
+    """Return all errors of the stage ingest, run in a temporary folder, and singular poses."""
     errors: list[PipelineError] = []
     for part in ("motion", "depth", "force"):
         with TemporaryDirectory() as name:

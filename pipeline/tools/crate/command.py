@@ -1,9 +1,9 @@
 """``python -m pipeline crate``: dataset card of params.yaml's dataset, and a Process Run Crate that
 records how each file of the reports was made.
 
-The crate, reports/ro-crate-metadata.json, is an RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) whose
-root is the folder of the reports; other paths start at the project's root, after a #. It holds no
-time of day: equal inputs give equal bytes.
+The crate, reports/ro-crate-metadata.json, is an RO-Crate 1.1 (https://w3id.org/ro/crate/1.1) with
+the folder of the reports as root. Paths outside this folder are written as # and the path from the
+project's root. The crate has no time stamps: equal inputs give equal bytes.
 """
 
 import json
@@ -50,7 +50,7 @@ def run() -> None:
 
 
 def _locked_stages(file: Path) -> dict[str, dict]:
-    """Stages of a lock file by name, if their outputs exist: DVC keeps entries of removed ones."""
+    """Return name → stage of a lock file for stages whose outputs exist; DVC keeps removed ones."""
     entries = read_yaml(file).get("stages", {}) if file.is_file() else {}
     made = [name for name, e in entries.items() if all(Path(o["path"]).exists() for o in e["outs"])]
     return {name: entries[name] for name in made}
@@ -61,8 +61,8 @@ def card(
 ) -> str:
     """Return the dataset card as Markdown: card.yaml with values and tables.
 
-    ``settings`` holds seed and dataset, ``about`` is the datasheet's section, ``stored`` the locked
-    outputs of the recording, ``takes`` and ``quality`` are tables of the reports.
+    ``settings`` has seed and dataset, ``about`` is the datasheet's section, ``stored`` are the
+    locked outputs of the recording, ``takes`` and ``quality`` are tables of the reports.
     """
     dataset, motion = settings.dataset, settings.dataset.motion
     answers = read_yaml(HERE / "card.yaml")["synthetic" if dataset.laboratory else "recorded"]
@@ -81,8 +81,8 @@ def card(
 
 
 def _crate(citation: Mapping, recordings: Mapping, stages: Mapping, files: list[Path]) -> dict:
-    """The crate as JSON-LD of CITATION.cff, path, subject, source and licence of the recordings,
-    entries of DVC's lock files by name, and all files of the reports.
+    """Return the crate as JSON-LD, from CITATION.cff, path, subject, source and licence of the
+    ``recordings``, name → stage of DVC's lock files, and all ``files`` of the reports.
     """
     crate = ROCrate(version="1.1")
 
@@ -91,7 +91,7 @@ def _crate(citation: Mapping, recordings: Mapping, stages: Mapping, files: list[
         return crate.get(entity.id) or crate.add(entity)
 
     def at(path: str, md5: str | None = None) -> Entity:
-        """Entity of a path from the project's root, with the MD5 that DVC has of it."""
+        """Return the entity of a path from the project's root, with the MD5 in DVC's lock file."""
         inside = path.removeprefix("reports/") if path.startswith("reports/") else f"#{path}"
         kind = "CreativeWork" if PurePosixPath(path).suffix else "Dataset"
         entity = crate.get(inside) or crate.get(f"{inside}/") or add(f"#{path}", kind, name=path)

@@ -1,5 +1,5 @@
-"""``python -m pipeline export MODEL [--to FILE]``: fitted model in one file for planners and
-filters outside the pipeline, and one Python file that reads it with NumPy alone.
+"""``python -m pipeline export MODEL [--to FILE]``: fitted model as one JSON file for planners and
+filters outside the pipeline, and a Python file that reads it and needs only NumPy.
 """
 
 import ast
@@ -33,7 +33,7 @@ from pipeline.recordings.motions import logged_motions
 from pipeline.recordings.steps import fitted_ranges, training_steps
 
 HERE, EXPORTS, FIT = Path(__file__).parent, Path("data/export"), Path("data/fit")
-# files that a run's numbers come from, beside the fitted parameters
+# source files of an export, in addition to the fitted parameters
 SOURCES = [Path("data/config.yaml"), Path("data/track/joints.parquet")]
 UNITS = {
     "joint angle": "rad, m of a prismatic joint",
@@ -51,7 +51,7 @@ ARGUMENTS = {
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
 }
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
-# modules that only fits and annotations need, or that reader.txt replaces
+# modules that are not copied: only fits and annotations need them, or reader.txt replaces them
 LEFT_OUT = (
     "pipeline.core.validation",
     "pipeline.models",
@@ -62,14 +62,14 @@ LEFT_OUT = (
 
 
 def run(model: str, to: Path | None = None) -> None:
-    """Write the model, fitted here where the last run has no fit of it, and its reader."""
+    """Write the model and its reader; fit the model first if the last run has no fit of it."""
     settings = config.sections("export", HERE / "reads.yaml")
     record = exported_record(model, settings)
     write_export(record, to or EXPORTS / f"{settings.dataset.name}_{model}.json")
 
 
 def write_export(record: dict[str, Any], file: Path) -> None:
-    """Write ``record`` to ``file`` and the reader beside it, and print how to load it."""
+    """Write ``record`` to ``file``, the reader into the same folder, and print how to load it."""
     reader = file.parent / READER_NAME
     contracts.write_text(json.dumps(record, indent=1, ensure_ascii=False) + "\n", file)
     contracts.write_text(reader_source(), reader)
@@ -77,26 +77,26 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     print(f"export: in that folder: from {reader.stem} import load; load('{file.name}')")
     for each in record["not_known"]:
         of = f" of {each['joint']}" if each.get("joint") else ""
-        print(f"export: no number for {each['parameter']}{of}: {each['found']}")
+        print(f"export: not known: {each['parameter']}{of}: {each['found']}")
 
 
 def require_name(model: str) -> None:
     """Raise ConfigError where no model has this name."""
     options = config.option_names("model")
     if model not in PLAIN and model.removesuffix(CLOSED) not in options:
-        there_are = ", ".join([*PLAIN, *options])
-        raise ConfigError(f"no model {model!r}; there are {there_are}", key="MODEL")
+        known = ", ".join([*PLAIN, *options])
+        raise ConfigError(f"no model {model!r}; there are {known}", key="MODEL")
 
 
 def exported_record(
     model: str, settings: Any, motions: Sequence[MotionSteps] | None = None
 ) -> dict[str, Any]:
-    """Return the record of ``model``: a plain model, fitted here to ``motions`` (default: all
-    motions of the logs); a model of the run or its closed-loop form; or any other option of
-    pipeline/conf/model, fitted here to the training takes.
+    """Return the JSON record of ``model``. A plain model is fitted to ``motions`` (default all
+    motions of the logs). A model of the last run, or its closed-loop form, is read from the run.
+    Any other option of pipeline/conf/model is fitted to the training takes.
 
-    Raises ConfigError for an unknown model, and ModelDomainError where the recordings give none or
-    leave a parameter unknown that its predictions need.
+    Raises ConfigError for an unknown model, and ModelDomainError where the recordings determine no
+    model or not all parameters that its predictions need.
     """
     require_name(model)
     dataset, sources = settings.dataset, SOURCES
@@ -150,7 +150,7 @@ def exported_record(
 
 
 def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Ends and unit by name, for each quantity of a table of ranges that a model warns by."""
+    """Return quantity → name → unit, least and greatest value, from a table of ranges."""
     return {
         quantity: own.set_index("name")[["unit", "least", "greatest"]].to_dict("index")
         for quantity, own in rows.groupby("quantity", sort=False)
@@ -159,7 +159,7 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
 
 
 def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
-    """Part of the record from the stage fit, or a fit here; and its sources."""
+    """Return the fitted part of the record (from the stage fit, or a new fit) and its sources."""
     name = model.removesuffix(CLOSED)
     closed_form, not_known, covariance, sources = model != name, [], None, SOURCES
     file = FIT / name / (FOLDER if closed_form else "") / "parameters.json"
@@ -188,7 +188,7 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
     require_known(model, parameters, recorded)
     share = parameters.get(SHARE, 0.0)
     if parameters["kind"] == "gaussian" and estimates.get("u_unbounded"):
-        # the level alone is known: α and u apart have no number
+        # only the level α·u is known, not α and u
         level = {"kind": "gaussian", "level": parameters["alpha"] * parameters["u"]}
         parameters = level | {key: v for key, v in parameters.items() if key == SHARE}
         unknown = [k for k in estimates if k.split("_")[0] in ("alpha", "u") or "_alpha" in k]
@@ -196,7 +196,7 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
         covariance, found = None, "u at the end of its search"
         required = "a greatest likelihood or least error at a finite u"
         not_known = [{"parameter": "alpha and u apart", "found": found, "required": required}]
-    if share > 0:  # the ranges of the commands that the closed loop has corrected
+    if share > 0:  # ranges apply to the commands after the closed-loop correction
         v = mean_path(recorded).corrected_commands(recorded.q, share)
         noise = recorded.q_next - recorded.q - recorded.chain.nominal_step(recorded.q, v)
         recorded = replace(recorded, v=v, noise=noise)
@@ -211,8 +211,8 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
 
 
 def require_known(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
-    """Raise ModelDomainError for a gain that grows with the speed of a joint which hardly moves in
-    ``recorded``, and for a Wishart model without a covariance.
+    """Raise ModelDomainError for a scaled model if a joint hardly moves in ``recorded``, and for a
+    Wishart model without a covariance.
     """
     if parameters["kind"] == "scaled":
         most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))

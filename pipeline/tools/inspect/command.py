@@ -1,8 +1,8 @@
 """``python -m pipeline inspect FILE|FOLDER [--json]``: format, rate, units and counted faults of
-recordings, the options that they leave open, and the reasons that would stop their analysis.
+recordings, options that are still open, and faults that would stop the analysis.
 
-In the table ? marks an open option, ! a fault that stops the analysis. Each file is read by the
-stages' reader of its format, in a separate process that bounds time and memory.
+In the table, ? marks an open option and ! a fault that stops the analysis. The stages' reader of
+the format reads a file, in a separate process with bounds on time and memory.
 """
 
 import os
@@ -32,19 +32,19 @@ from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
 NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
-INDEXES = (".txt", ".csv", "")  # endings of the names of indexes of frames
+INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
 DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
 BOUNDS = f"bounds on a file and on its reader, as in dataset.reading (default {DEFAULTS})"
 ARGUMENTS = {
-    "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "recording, or folder of them"},
-    "--json": {"action": "store_true", "help": "every fact as JSON (default a table)"},
+    "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "recording or folder of recordings"},
+    "--json": {"action": "store_true", "help": "all facts as JSON (default a table)"},
     "--reading": {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "help": BOUNDS},
 }
 LENGTH, UNIT, SIZE = "dataset.mocap.unit", "dataset.depth.units_per_metre", ("width", "height")
-TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # of counts
+TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # no faults
 DEPTH_TYPES = (rosbag.IMAGE, rosbag.CLOUD)
-ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # types of messages
-# option → the types of messages of its topic
+ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # message types
+# option that names a topic → message types of the topic
 TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
 TOPICS |= {"depth.camera_info": (rosbag.CAMERA_INFO,)}
 NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
@@ -56,17 +56,17 @@ BINARY = (
 
 
 def run(place: Path, json: bool, reading: Sequence[str]) -> None:
-    """Print the accounts as a table or as JSON."""
+    """Print the findings as a table or as JSON."""
     bounds = Reading(**dict(word.partition("=")[::2] for word in reading))
     findings = within(bounds, inspect, place)
     print(as_json(findings) if json else as_table(findings, place))
 
 
 def inspect(place: Path) -> list[Finding]:
-    """Return the account of ``place``, or of each recording below it: a file, the frames of one
-    depth sequence or the files of one bag.
+    """Return the finding of ``place``, or the findings of all recordings below ``place``. A
+    recording is a file, the frames of one depth sequence or the files of one bag.
 
-    The account of an unreadable file has the reason in ``stops``. Raises RecordingError where
+    The finding of an unreadable file has the reason in ``stops``. Raises RecordingError if
     ``place`` does not exist.
     """
     if not os.path.exists(place):
@@ -83,13 +83,13 @@ def inspect(place: Path) -> list[Finding]:
             return [read(place)]
         paths = [p for p in sorted(place.rglob("*")) if "/." not in f"/{p.relative_to(place)}"]
         bags = {path for path in paths if path.is_dir() and is_bag(path)}
-        # a folder that may not be read is a file that is refused
+        # an unreadable folder is listed as a file, so that its finding reports the error
         files = [p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))]
         files = [file for file in files if bags.isdisjoint(file.parents)]
         indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
-        # an index may name depth/../depth/1.png
+        # normalise paths, since an index may contain depth/../depth/1.png
         placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
-        sequences: dict[Path, list[Path]] = {}  # pattern → frames that differ in their last number
+        sequences: dict[Path, list[Path]] = {}  # pattern → frames that differ only in a number
         for file in files:
             if os.path.normpath(file) not in placed:
                 parts = NUMBERED.fullmatch(file.stem)
@@ -105,13 +105,13 @@ def inspect(place: Path) -> list[Finding]:
 
 
 def describe_file(file: Path) -> Finding:
-    """Return the account of one file or bag, read in this process."""
+    """Return the finding of one file or bag, read in this process."""
     finding = Finding(file)
     try:
         if is_bag(file):
             return _read(finding, rosbag.FORMAT)
         if not file.is_file():
-            raise RecordingError("this is no readable file or folder, or a link to nothing")
+            raise RecordingError("no readable file or folder, or a broken link")
         if file.stat().st_size == 0:
             raise RecordingError("the file is empty")
         head = Head.read(file)
@@ -145,7 +145,7 @@ def _add_motion(finding: Finding, form: Format) -> None:
         finding.refuse(error)
         if error.evidence.get("key") != LENGTH:
             return
-        # without a unit no length is reported; in mm no marker is refused as too far away
+        # lengths are not printed; with mm no marker is too far away
         take, unit = form.read(finding.file, "mm"), "not stated"
     finding.version = take.version if take.version != form.name else None
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
@@ -153,7 +153,7 @@ def _add_motion(finding: Finding, form: Format) -> None:
     finding.duration = steps / take.rate
     markers = [name for name in take.markers if not STRAY.fullmatch(name)]
     if not (markers or take.bodies):
-        question = "no marker has a name of its own, and there is no rigid body: label them"
+        question = "no marker has a name, and there is no rigid body: label the markers"
         finding.ask(question, "dataset.mocap.markers")
     finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
     finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
@@ -192,7 +192,7 @@ def _add_image(finding: Finding, form: Format) -> None:
     shape = image.depth_size(read_whole(finding.file), file=finding.file)
     pixels = image.read_depth(finding.file, shape=shape).pixels
     measured, span = pixels[pixels > 0], ""
-    # the encoding decides which values mean a missing depth
+    # values above 0 may also be missing depths, depending on the encoding
     share = round(1 - measured.size / pixels.size, 4)
     finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
     finding.version = f"{8 * pixels.itemsize} bits"
@@ -236,7 +236,7 @@ def _add_index(finding: Finding, form: Format) -> None:
 
 
 def describe_numbered(pattern: Path) -> Finding:
-    """Return the account of the numbered frames that match ``pattern``."""
+    """Return the finding of the numbered frames that match ``pattern``."""
     index = numbered_frames(pattern.parent, pattern.name, rate=1.0)
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
     finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
@@ -246,12 +246,12 @@ def describe_numbered(pattern: Path) -> Finding:
 
 
 def _add_frames(finding: Finding, names: Sequence[str]) -> None:
-    """Add the frames by ``names``, and the account of the first that exists."""
+    """Add the frames ``names``, and the finding of the first frame that exists."""
     finding.files = [finding.file.parent / name for name in names]
     finding.facts["frames"] = len(names)
     exists = [frame.is_file() for frame in finding.files]
     if not all(exists):
-        count = f"{exists.count(False)} of {len(names)} frames of the index are not there"
+        count = f"{exists.count(False)} of {len(names)} frames of the index do not exist"
         finding.stops.append(f"{count}: {names[exists.index(False)]} …")
     if not any(exists):
         return
@@ -292,12 +292,12 @@ def _add_bag(finding: Finding, form: Format) -> None:
 
 
 def _add_robot(finding: Finding, form: Format) -> None:
-    """Add joints, arms (joints from base to tip of a last link) and planar chains of three."""
+    """Add joints, arms (joints from base to the tip) and planar chains of three joints."""
     tree = read_urdf(finding.file)
     joints: dict[str, list[str]] = {}
     for joint in tree.joints.values():
         joints.setdefault(joint.kind, []).append(joint.name)
-    # a joint that follows another (mimic) has no coordinate of its own
+    # exclude mimic joints, which depend on another joint
     own = {j.name for j in tree.joints.values() if j.kind in SINGLE and j.follows is None}
     moving = {
         end: [joint.name for joint in tree.above(end) if joint.name in own] for end in tree.ends
@@ -320,7 +320,7 @@ def _add_robot(finding: Finding, form: Format) -> None:
     if refusals and not chains:
         finding.stops.append(refusals[0])
     if not (arms or chains):
-        finding.stops.append("no joint of one coordinate moves a last link: no arm")
+        finding.stops.append("no revolute or prismatic joint moves a last link: no arm")
     elif len(chains) > 1:
         finding.ask("which three parallel joints are the chain", "dataset.robot.joints")
     elif len(chains[0]["tools"] if chains else arms) > 1:

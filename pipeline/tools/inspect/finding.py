@@ -1,4 +1,4 @@
-"""Account of one recording: facts, open questions, refusals; accounts as a table and as JSON."""
+"""Finding of one recording: facts, open questions, faults; findings as a table and as JSON."""
 
 import json
 import os
@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from pipeline.core.errors import PipelineError
 
-UNKNOWN, ROBOT = "unknown", "robot"  # kinds beside those of pipeline.formats.format.Kind
-WIDTH = 100  # characters of a line of facts
-LISTED = 4  # names of a list
+UNKNOWN, ROBOT = "unknown", "robot"  # kinds in addition to pipeline.formats.format.Kind
+WIDTH = 100  # greatest number of characters in a line of facts
+LISTED = 4  # number of printed names of a longer list
 PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height
     points organised share_without_position viewpoint share_not_above_zero samples steps
     first_frame rate_from times robot joints signals
@@ -21,7 +21,7 @@ PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width hei
 
 
 class Question(NamedTuple):
-    """A question that a file leaves open, the option that answers it, and a likely value."""
+    """Open question about a file, the option that answers the question, and a likely value."""
 
     question: str
     option: str
@@ -34,25 +34,25 @@ class Question(NamedTuple):
 
 @dataclass
 class Finding:
-    """Account of a file or of a folder that is one recording; None where it states no value."""
+    """Facts and faults of one recording (file or folder); None for a value that is not stated."""
 
     file: Path
     format: str = UNKNOWN
     kind: str = UNKNOWN
-    option: str | None = None  # name by which an option of the dataset chooses the reader
+    option: str | None = None  # name of the format in options of the dataset
     version: str | None = None
     rate: float | None = None  # Hz
     duration: float | None = None  # s, from the first sample to the last
-    units: dict[str, str] = field(default_factory=dict)  # quantity → unit as the file states it
+    units: dict[str, str] = field(default_factory=dict)  # quantity → unit stated in the file
     gaps: dict[str, int] = field(default_factory=dict)  # counts of missing or repaired samples
-    facts: dict[str, object] = field(default_factory=dict)  # everything else, by name
+    facts: dict[str, object] = field(default_factory=dict)  # further facts by name
     files: list[Path] = field(default_factory=list)  # frames of a sequence
     open: list[Question] = field(default_factory=list)
-    stops: list[str] = field(default_factory=list)  # reasons for which the stages would refuse it
+    stops: list[str] = field(default_factory=list)  # faults for which the stages raise an error
 
     @property
     def suggested(self) -> dict[str, str]:
-        """Suggested value by the last part of its option's key."""
+        """Last part of an option's key → suggested value."""
         return {one.option.rpartition(".")[2]: one.suggested for one in self.open if one.suggested}
 
     def count(self, counts: dict[str, int]) -> None:
@@ -64,7 +64,7 @@ class Finding:
         self.open.append(Question(question, option, suggested))
 
     def refuse(self, error: PipelineError) -> "Finding":
-        """Add a question where the ``error`` names an option of the dataset, else a stop."""
+        """Add a question if ``error`` names an option of the dataset, else a stop."""
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):
             self.ask(error.message, option)
@@ -75,13 +75,13 @@ class Finding:
 
 
 def printable_path(path: Path, folder: Path | None = None) -> str:
-    """Return ``path``, relative to ``folder`` if it lies there, as text without broken bytes."""
+    """Return ``path``, relative to ``folder`` if inside, as text with undecodable bytes escaped."""
     path = path.relative_to(folder) if folder in path.parents else path
     return os.fsencode(path.as_posix()).decode("utf-8", "backslashreplace")
 
 
 def as_json(findings: list[Finding]) -> str:
-    """Return a list of objects, one a recording, with every fact but the names of the frames."""
+    """Return a JSON list, one object per recording, without the names of depth frames."""
     plain = [
         {name: value for name, value in vars(one).items() if name != "files"}
         | {"file": printable_path(one.file), "open": [each._asdict() for each in one.open]}
@@ -91,9 +91,7 @@ def as_json(findings: list[Finding]) -> str:
 
 
 def as_table(findings: list[Finding], folder: Path) -> str:
-    """Return the accounts as text: one for recordings whose names differ in a number alone;
-    ? marks a question, ! a stop.
-    """
+    """Return the findings as text, grouped by name without numbers; ? is a question, ! a stop."""
     groups: dict[str, list[Finding]] = {}
     reasons: dict[str, list[str]] = {}
     for one in findings:
@@ -111,12 +109,12 @@ def as_table(findings: list[Finding], folder: Path) -> str:
         lines += [f"    ? {question}" for question in group[0].open]
         lines += [f"    ! {reason}" for reason in group[0].stops]
     lines += [f"not recognised, {reason}: {_text(names)}" for reason, names in reasons.items()]
-    # names come from the files: no control character reaches the terminal
+    # replace control characters, since names come from the files
     return "\n".join("".join(c if c.isprintable() else "\ufffd" for c in line) for line in lines)
 
 
 def _fact_lines(group: list[Finding], folder: Path) -> list[str]:
-    """Ranges and sums over the ``group``, and the other facts of its first recording."""
+    """Return the lines of a ``group``: ranges, sums, and other facts of the first recording."""
     first, place = group[0], printable_path(group[0].file, folder)
     if len(group) > 1:
         place = f"{re.sub(r'[0-9]+', '*', place)} ({len(group)})"

@@ -1,4 +1,4 @@
-"""Account of joint logs and tables of numbers: columns, units, clock, tracking."""
+"""Findings of joint logs and tables of numbers: columns, units, clock, tracking error."""
 
 from collections.abc import Sequence
 from math import comb
@@ -19,19 +19,19 @@ from pipeline.recordings.movement import CLOCK_TOLERANCE, MOST_TURNS, UNWRAPPED,
 from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
 from pipeline.tools.inspect.finding import Finding
 
-RATES = 5.0, 5000.0  # 1/s, between which controllers log
-ORDER = 6  # of the differences that show noise
-LEAST_NOISE = 1e-8  # rad, stated where the differences show no noise
-ANGLES = ("actual", "target")  # signals that are compared
+RATES = 5.0, 5000.0  # Hz, range of the rates of controllers' logs
+ORDER = 6  # order of the differences that estimate noise
+LEAST_NOISE = 1e-8  # rad, least estimate of the noise
+ANGLES = ("actual", "target")  # signals to compare
 LOG_OF_BOTH = f"{OPTION}.joints, .signals, .time, or dataset.force.log.columns with format table"
 ONE_COLUMN = (
-    "one number a line is one column: it is one joint's, read with signals {actual: [0], …} and "
-    "time null; else write the numbers of one time in one line"
+    "the table has one column: for one joint, set signals {actual: [0], …} and time null; for "
+    "several joints, write the values of all joints at one time in one line"
 )
 
 
 def add_joint_log(finding: Finding, form: Format) -> None:
-    """Add signals, joints and clock of a log of the joints."""
+    """Add signals, joints and clock of a joint log to ``finding``."""
     record = form.read(finding.file, LogOptions())
     signals, time = record.signals, record.time
     finding.count(record.counts)
@@ -51,8 +51,8 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > CLOCK_TOLERANCE).any():
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
         question = (
-            f"the times jitter by {1e3 * float(steps.std()):.3g} ms, and row by row the angles are "
-            f"{smoother:.3g} times as smooth as over the times"
+            f"the times jitter by {1e3 * float(steps.std()):.3g} ms; over evenly spaced rows the "
+            f"angles are {smoother:.3g} times as smooth as over the times"
         )
         finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
     if {*ANGLES} <= {*signals}:
@@ -61,7 +61,7 @@ def add_joint_log(finding: Finding, form: Format) -> None:
 
 
 def add_table(finding: Finding, form: Format) -> None:
-    """Add size, columns and clock of a table of numbers, and the columns of joint angles."""
+    """Add size, columns, clock and joint angles of a table of numbers to ``finding``."""
     sheet = form.read(finding.file, key=f"{OPTION}.separator, .decimal (or dataset.force.log)")
     facts, labels = finding.facts, sheet.labels
     cells = pd.DataFrame(sheet.values(sheet.numeric, gaps=True)).dropna(how="all")
@@ -75,9 +75,9 @@ def add_table(finding: Finding, form: Format) -> None:
     finding.count(sheet.counts | repeats(cells.to_numpy()) | counts)
     if sheet.left_out:
         facts["columns_without_numbers"] = sheet.left_out
-    # two sources of one table may have rows of the same time
+    # rows may share a time if the table merges two sources
     later = np.greater_equal if missing else np.greater
-    steps = {n: np.diff(held) for n, held in values.items() if len(held) > 2}
+    steps = {n: np.diff(column) for n, column in values.items() if len(column) > 2}
     clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
     if labels:
@@ -93,15 +93,15 @@ def add_table(finding: Finding, form: Format) -> None:
         second = TIME_UNITS.get(spelled(sheet.unit(clocks[0]) or ""))
         if second and facts["step_of_time"]:
             finding.rate = round(1 / (facts["step_of_time"] * second), 3)
-    columns = {labels[n]: held for n, held in values.items()} if labels else {}
+    columns = {labels[n]: column for n, column in values.items()} if labels else {}
     signals: dict[str, list[str]] = {}
-    if len(columns) == len(values):  # else two columns have one label: numbers name them
+    if len(columns) == len(values):  # labels are unique
         signals, guesses = signals_of([*columns], time, columns.__getitem__)
         if certain := {name: own for name, own in signals.items() if name not in guesses}:
             facts["signals"] = certain
         if guesses:
             named = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
-            question = f"no label states it: {'; '.join(guesses.values())}"
+            question = f"no label states the signal: {'; '.join(guesses.values())}"
             finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
     other = other_content(labels, [sheet.unit(n) for n in range(len(labels))])
     if other and not signals:
@@ -125,7 +125,7 @@ def add_table(finding: Finding, form: Format) -> None:
 
 
 def compare_tables(findings: Sequence[Finding]) -> None:
-    """Note the ``role`` of each folder's tables by their names, and compare target with actual."""
+    """Add the ``role`` of each folder's tables by their names, and compare target and actual."""
     folders: dict[Path, dict[str, Finding]] = {}
     for finding in findings:
         if finding.kind == Kind.TABLE and finding.facts.get("timed"):
@@ -145,7 +145,7 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         try:
             logs = [read_joint_table(roles[role].file, options) for role in ANGLES]
         except PipelineError:
-            continue  # a table of something else, whose own account gives the reason
+            continue  # no joint log; the table's finding has the reason
         if (length := min(len(log.time) for log in logs)) > 2:
             time, angles = logs[0].time[:length], [log.signals["angles"][:length] for log in logs]
             scales = _scales(finding, time, angles)
@@ -155,9 +155,7 @@ def compare_tables(findings: Sequence[Finding]) -> None:
 def _scales(
     finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], *stated: str | None
 ) -> tuple[float, float]:
-    """Return s and rad per unit of times and angles: of the ``stated`` units, else of likely ones,
-    which become questions.
-    """
+    """Return s and rad per unit of times and angles; add questions for units not ``stated``."""
     clock, angle = (spelled(unit or "") for unit in stated or ("", ""))
     if clock not in TIME_UNITS:
         step = float(np.median(np.diff(time)))
@@ -176,8 +174,8 @@ def _scales(
 def _add_tracking(
     finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], joints: Sequence[str] = ()
 ) -> None:
-    """Add the tracking error of ``angles``, measured and commanded (N, joints) in rad at ``time``
-    (N,) in s, the command's motions, and options that pair the signals.
+    """Add the tracking error of ``angles`` (measured and commanded, (N, joints) in rad at ``time``
+    (N,) s), the command's motions, and options for which the signals agree.
     """
     (actual, target), time = angles, time - time[0]
     try:
@@ -188,25 +186,25 @@ def _add_tracking(
         return
     finding.count({UNWRAPPED: removed + more})
     actual = actual + TURN * whole_turns(target, actual)
-    rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # as it was meant
+    rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # nominal rate
     pairing = find_pairing(actual, target, rate)
     for quantity, option, value, without in suspects(pairing, actual, target, rate):
-        question = f"the command differs from the measured angles by its {quantity}: without that, "
-        finding.ask(f"{question}{without:.2g} of the motion is left", option, value)
+        question = f"the command differs from the measured angles by its {quantity}: without this "
+        finding.ask(f"{question}option the error is {without:.2g} of the motion", option, value)
     actual, target = pairing.apply(actual, target)
     missing, late = float(tracking_errors(actual, target).max()), lag(target, actual, rate)
     finding.facts["command"] = (
-        f"missed by {missing:.2g} of the motion (0.9 quantile) and {1e3 * late:.2g} ms"
+        f"tracking error {missing:.2g} of the motion (0.9 quantile), lag {1e3 * late:.2g} ms"
         if np.isfinite(late)
-        else f"at rest, missed by {np.abs(actual - target).max():.2g} rad"
+        else f"at rest, tracking error {np.abs(actual - target).max():.2g} rad"
     )
     lacks = [run.lack(len(target)) for run in excursions(target, commanded_speeds(target, rate))]
     finding.facts["motions"] = f"{lacks.count('')} whole"
     finding.count({"motions_cut_off": sum("cut off" in lack for lack in lacks)})
     if any("never rests" in lack for lack in lacks):
-        question = "the command never rests: a motion is cut in passing"
+        question = "the command never rests: motions have no rest before and after"
         finding.ask(question, f"{OPTION}.rest", "0")
-        if len(actual) > ORDER:  # noise in rad, by differences of the motion
+        if len(actual) > ORDER:  # noise in rad, from differences of order ORDER
             power = np.mean(np.diff(actual, ORDER, axis=0) ** 2, axis=0).max()
             noise = max(float(np.sqrt(power / comb(2 * ORDER, ORDER))), LEAST_NOISE)
             question = "no row at rest shows the noise of a measured angle"

@@ -1,5 +1,5 @@
-"""``python -m pipeline inventory FOLDER FILE``: path, bytes and SHA-256 of recordings that the
-stages read in place, so that a changed recording reruns them.
+"""``python -m pipeline inventory FOLDER FILE``: write path, size in bytes and SHA-256 of recordings
+outside data/raw, so that the stages run again after a change of a recording.
 """
 
 from pathlib import Path
@@ -14,10 +14,10 @@ ARGUMENTS = {
 
 
 def run(folder: Path, file: Path) -> None:
-    """Write the inventory of ``folder`` to ``file``, or keep ``file`` without the recordings."""
+    """Write the inventory of ``folder`` to ``file``; without recordings, keep ``file``."""
     if any(folder.glob("*")) or not (folder.is_dir() or file.is_file()):
         contracts.write_text(listing(folder).to_csv(index=False, lineterminator="\n"), file)
         return
-    print(f"inventory: no recordings in {folder}; an existing inventory stays")
+    print(f"inventory: no recordings in {folder}; an existing inventory is kept")
     if not file.is_file():
         contracts.write_text("", file)

@@ -1,4 +1,4 @@
-"""``python -m pipeline lock``: entries of every dvc.lock in the order of its dvc.yaml, without
+"""``python -m pipeline lock``: sort the entries of every dvc.lock as in its dvc.yaml and delete
 removed stages.
 
 DVC appends a stage when it first runs, so that git would show a change after an interrupted run.
@@ -15,7 +15,7 @@ ARGUMENTS: dict = {}
 
 
 def run() -> None:
-    """Sort the entries of all lock files, and print the changed files."""
+    """Sort the entries of all lock files and print the names of changed files."""
     changed = []
     for place in ("dvc.lock", "data/raw/*/dvc.lock", "pipeline/**/dvc.lock"):
         for lock in sorted(Path().glob(place)):
@@ -32,7 +32,7 @@ def run() -> None:
 
 
 def _stage_names(file: Path) -> list[str]:
-    """Stages of a dvc.yaml as the lock names them: one for each item of a matrix."""
+    """Return the stage names of a dvc.yaml as in the lock file: one per item of a matrix."""
     names = []
     for name, stage in read_yaml(file)["stages"].items():
         lists = [

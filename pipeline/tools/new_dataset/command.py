@@ -1,5 +1,5 @@
 """``python -m pipeline new-dataset NAME --from FOLDER``: datasheet and option file of a dataset,
-with ??? for each value that its recordings do not state.
+with ??? for every value that the recordings do not state.
 """
 
 import json
@@ -33,10 +33,10 @@ from pipeline.tools.new_dataset.template import Entry, fill_template, keyed_line
 from pipeline.tools.new_dataset.values import KEYS, entries
 
 FROM = "folder of the recordings (default: fill in the ??? of the existing dataset NAME)"
-VALUE = "value of a key, as robot.tool=flange; may be repeated (default none)"
-SUGGESTED = "all suggested values (default: they stay ???)"
+VALUE = "value of a key, such as robot.tool=flange; may be repeated (default none)"
+SUGGESTED = "accept all suggested values (default: they stay ???)"
 MOTION = "printed number of the motion to analyse (default: new-dataset none, characterize 1)"
-# arguments that characterize has too
+# arguments that new-dataset and characterize share
 FILLING = {
     "--set": {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE},
     "--motion": {"type": int, "metavar": "NUMBER", "help": MOTION},
@@ -48,7 +48,7 @@ ARGUMENTS = {
     "--suggested": {"action": "store_true", "help": SUGGESTED},
     **FILLING,
 }
-UNPLACED = 12  # recordings without a place that the datasheet names
+UNPLACED = 12  # greatest number of unplaced recordings that the datasheet lists
 
 
 def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
@@ -61,19 +61,19 @@ def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> N
     if "joint_log.start" in keys:
         try:
             draft.show_motions()
-            print("new-dataset: --motion NUMBER chooses one of these motions")
+            print("new-dataset: --motion NUMBER selects one of these motions")
         except PipelineError as error:
             print(f"new-dataset: {error}")
     if keys:
         print(
-            f"new-dataset: {len(keys)} values are open: {', '.join(keys)}; fill them in there, or "
-            f"by `new-dataset {name}` with --set, --suggested, --motion or --ask"
+            f"new-dataset: {len(keys)} values are open: {', '.join(keys)}; edit the two files, or "
+            f"run `new-dataset {name}` with --set, --suggested, --motion or --ask"
         )
     print(f"new-dataset: set `dataset: {name}` in params.yaml, and run `python -m pipeline check`")
 
 
 def assigned_values(words: Sequence[str]) -> dict[str, str]:
-    """Return the values of --set by key; ConfigError for a word without =."""
+    """Return key → value of --set; ConfigError for a word without =."""
     for word in words:
         if "=" not in word:
             raise ConfigError(f"--set takes KEY=VALUE, not {word!r}")
@@ -82,10 +82,10 @@ def assigned_values(words: Sequence[str]) -> dict[str, str]:
 
 def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
     """Return a draft of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml from the
-    recordings in ``folder``, or, where it is None, of the two existing files.
+    recordings in ``folder``; without ``folder``, from the two existing files.
 
-    Keys that are ``assigned`` stay open. Raises ConfigError or RecordingError for a name or folder
-    that does not fit, and for files that would be overwritten.
+    ``assigned`` keys stay open. Raises ConfigError or RecordingError for an invalid name or folder,
+    and for files that would be overwritten.
     """
     if not Path("params.yaml").is_file():
         raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
@@ -104,8 +104,8 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
     for file in filter(Path.exists, (sheet, option, inventory)):
-        message = "this file exists, and nothing is overwritten; choose another name, or leave out"
-        raise ConfigError(f"{message} --from to fill in its open values", file=file)
+        message = "this file exists and is not overwritten; choose another name, or leave out"
+        raise ConfigError(f"{message} --from to fill in open values", file=file)
     recorded = layout(inspect(folder), folder)
     texts = dict(zip((sheet, option), dataset_texts(name, recorded, folder, assigned), strict=True))
     if sheet.parent.resolve() not in folder.resolve().parents:
@@ -132,7 +132,7 @@ def _read_template(file: str, name: str) -> str:
 
 
 def _merge_values(texts: Mapping[Path, str]) -> dict[str, Any]:
-    """Keys and values of all files; ConfigError for a text that is no YAML."""
+    """Return the merged keys and values of all files; ConfigError for a text that is no YAML."""
     merged: dict[str, Any] = {}
     for file, text in texts.items():
         for key, value in (parse_yaml(text, file=file) or {}).items():
@@ -143,7 +143,7 @@ def _merge_values(texts: Mapping[Path, str]) -> dict[str, Any]:
 
 @dataclass
 class Draft:
-    """Texts of a dataset's files, and the ``recorded`` files in ``folder`` that they describe."""
+    """Texts of a dataset's files, and the layout ``recorded`` of the recordings in ``folder``."""
 
     name: str
     texts: dict[Path, str]
@@ -155,7 +155,7 @@ class Draft:
         return _merge_values(self.texts)
 
     def open_values(self) -> dict[str, tuple[str, Path, int]]:
-        """Return comment, file and line, from 0, of each ???, by key in the order of the files."""
+        """Return key → comment, file and line (from 0) of every ???, in the order of the files."""
         return {
             key: (parts["hint"] or "", file, number)
             for file, text in self.texts.items()
@@ -164,12 +164,12 @@ class Draft:
         }
 
     def answer(self, key: str, value: str) -> None:
-        """Replace the ??? of ``key`` by ``value``, YAML; ConfigError, and no change, for a key that
-        is not open and for the first fault that the value adds.
+        """Replace the ??? of ``key`` by ``value`` (YAML). Raises ConfigError, without any change,
+        for a key that is not open, and the first fault that the value causes.
         """
         if key not in (open_values := self.open_values()):
-            there_are = ", ".join(open_values) or "none"
-            raise ConfigError(f"no such value is open; there are {there_are}", key=key)
+            keys = ", ".join(open_values) or "none"
+            raise ConfigError(f"no such value is open; open values: {keys}", key=key)
         value = " ".join(value.split())
         if value in ("", OPEN):
             raise ConfigError("a value is required here", key=key)
@@ -193,19 +193,19 @@ class Draft:
     def fill(
         self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
     ) -> None:
-        """Fill in the ``assigned`` values, YAML by key as robot.tool; if ``suggested``, every
-        suggestion without a fault; the motion of the printed number; if ``ask``, answers from the
-        terminal. Raises ConfigError for an answer that does not fit.
+        """Fill in the ``assigned`` values (key such as robot.tool → YAML); if ``suggested``, all
+        suggestions without a fault; the values of the motion with the printed number ``motion``; if
+        ``ask``, answers from the terminal. Raises ConfigError for an invalid answer.
         """
         for key, value in assigned.items():
             self.answer(key, value)
-        while suggested:  # one may follow from another
+        while suggested:  # repeat, since a suggestion may depend on another one
             before = self.open_values()
             for key, entry in self._entries().items():
                 if key in before and entry.value and isinstance(entry.value, str):
                     with suppress(PipelineError):
                         self.answer(key, entry.value)
-                        print(f"taken as suggested: {key}: {get_filled(self.values(), key)}")
+                        print(f"suggestion accepted: {key}: {get_filled(self.values(), key)}")
             suggested = self.open_values() != before
         if motion is not None:
             self._choose_motion(str(motion), self.show_motions())
@@ -225,7 +225,7 @@ class Draft:
         """Print the motions in the logs, numbered from 1, and return them."""
         offered = motions_in_logs(self.values())
         if not offered:
-            raise ConfigError("the logs hold no motion from rest to rest, and none that repeats")
+            raise ConfigError("the logs have no motion from rest to rest and no repeated motion")
         for number, motion in enumerate(offered, start=1):
             counts = Counter(name for name, _ in motion.places).items()
             pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
@@ -241,7 +241,7 @@ class Draft:
 
     def _choose_motion(self, number: str, offered: list[FoundMotion]) -> None:
         if number not in map(str, range(1, len(offered) + 1)):
-            raise ConfigError(f"there is no motion {number}; there are 1 to {len(offered)}")
+            raise ConfigError(f"there is no motion {number}; choose 1 to {len(offered)}")
         motion = offered[int(number) - 1]
         rest = motion.rest(self.values()["motion"]["rate"])
         ends = (_round(motion.start, 4), _round(motion.end, 4))
@@ -250,7 +250,7 @@ class Draft:
             self.answer(key, str(values[key]))
 
     def _ask(self) -> None:
-        """Ask for the open values one by one, the robot's first, the motion's last."""
+        """Ask for the open values one by one, the robot first, the motion last."""
         passed: set[str] = set()
         with suppress(EOFError, KeyboardInterrupt):
             while keys := [key for key in self.open_values() if key not in passed]:
@@ -276,7 +276,7 @@ class Draft:
 def _accept_answer(
     accept: Callable[[str], None], prompt: str, suggested: str | None = None
 ) -> bool:
-    """Prompt until ``accept`` takes the answer, and return True; False for an empty answer."""
+    """Prompt until ``accept`` raises no error, and return True; return False for no answer."""
     while answer := input(f"[{suggested}] " if suggested else prompt).strip() or suggested:
         try:
             accept(answer)
@@ -288,18 +288,18 @@ def _accept_answer(
 
 
 def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
-    """Return the motions in the logs that the ``values`` of a dataset name, most moving joints
-    first, and last those through a singular pose or without a repetition.
+    """Return the motions in the logs of a dataset with these ``values``, most moving joints first;
+    motions near a singular pose or without repetition are last.
 
-    Raises ConfigError where a needed value is still ???, and as the logs' reader.
+    Raises ConfigError where a needed value is still ???, and errors of the reader.
     """
     if "joint_log" not in values:
-        raise ConfigError("the dataset has no joint_log: there are no motions to choose from")
+        raise ConfigError("the dataset has no joint_log, so that no motions can be found")
     log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
     rate = values["motion"]["rate"]
     needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}
     if keys := ", ".join(unfilled_keys(needed)):
-        raise ConfigError(f"the motions are found once these are filled in: {keys}")
+        raise ConfigError(f"to find the motions, first fill in {keys}")
     options, folder = JointLogSection(**log), Path(values["recordings"])
     places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
     urdf = values["robot"]["urdf"]

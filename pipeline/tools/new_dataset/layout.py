@@ -1,4 +1,4 @@
-"""Takes, sequences and logs of a folder in groups that one pattern names."""
+"""Takes, sequences and logs of a folder, in groups that match one pattern."""
 
 import glob
 import re
@@ -13,12 +13,12 @@ from pipeline.recordings.inventory import take_name
 from pipeline.tools.inspect.command import DEPTH_TYPES
 from pipeline.tools.inspect.finding import ROBOT, Finding
 
-# kinds of which one recording serves the whole dataset, but for FORCE: one a configuration
+# kinds with one recording per dataset (FORCE: per configuration)
 SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, Kind.FORCE, ROBOT)
 
 
 class Group(NamedTuple):
-    """Recordings whose paths differ in one number, by path and by the stages' name of the take."""
+    """Recordings whose paths differ in one number, by path and by take name."""
 
     pattern: str
     takes: dict[Path, Finding]
@@ -26,7 +26,7 @@ class Group(NamedTuple):
 
 
 class RecordingLayout(NamedTuple):
-    """Takes of a folder by section (mocap, encoders, depth, joint_log), other files by kind."""
+    """Takes in a folder by section (mocap, encoders, depth, joint_log), other files by kind."""
 
     groups: dict[str, list[Group]]
     single: dict[str, list[Finding]]
@@ -37,20 +37,20 @@ class RecordingLayout(NamedTuple):
         return [take for group in self.groups[section] for take in group.takes.values()]
 
     def shared(self, fact: str) -> list[str]:
-        """Return the names in a list of facts that all takes of motion capture have."""
+        """Return the names (``fact`` is markers or bodies) that all motion-capture takes have."""
         lists = [take.facts[fact] for take in self.takes("mocap")]
         return [name for name in lists[0] if all(name in names for names in lists)] if lists else []
 
 
 def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
-    """Return the recordings in ``folder`` by kind, and takes in groups that one pattern names."""
+    """Return the recordings in ``folder`` by kind, and takes in groups that match one pattern."""
     of: dict[str, list[Finding]] = defaultdict(list)
     for one in findings:
         of[one.kind].append(one)
     motion = {one.file: one for one in of[Kind.MOTION] if "markers" in one.facts}  # is not refused
     names, filmed = {path.stem for path in motion}, {}
     for one in of[Kind.SEQUENCE]:
-        # the folder with the name of a take of motion capture, else the folder of the index
+        # take folder: named as a motion-capture take, else the folder of the index
         parents = list(one.file.parents)[:3]
         filmed[next((each for each in parents if each.name in names), parents[0])] = one
     for one in of[Kind.BAG]:
@@ -70,13 +70,13 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
 
 
 def logs_of(takes: Iterable[Finding]) -> list[Finding]:
-    """Return the files of the movements ``takes``, one or several of each."""
+    """Return the files of the movements ``takes``, one or several per movement."""
     return [one for take in takes for one in (take.facts.get("tables") or {"": take}).values()]
 
 
 def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
-    """Recordings by the pattern of their paths; one group where each pattern names one recording,
-    and one pattern names all.
+    """Return the groups of recordings by path pattern; a single group if every pattern would match
+    one recording and a shared pattern matches all.
     """
     patterns: dict[str, dict[Path, Finding]] = {}
     for path, finding in recorded.items():
@@ -90,7 +90,7 @@ def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
 
 
 def _pattern(path: Path) -> str:
-    """A glob with a star for the last number in the name, or in the nearest folder with one."""
+    """Return the path as a glob with a star for its last number."""
     suffix = "" if path.suffix[1:].isdigit() else path.suffix
     name = path.as_posix().removesuffix(suffix)
     if parts := re.fullmatch(r"(.*?)(\d+)(\D*)", name, re.DOTALL):
@@ -99,7 +99,7 @@ def _pattern(path: Path) -> str:
 
 
 def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
-    """One pattern of the ``paths``, None if it matches other files or folders too."""
+    """Return one glob for all ``paths``; None if it also matches other files or folders."""
     names = [glob.escape(path.relative_to(folder).as_posix()) for path in paths]
     names = [re.sub(r"\d+", "*", name) for name in names]
     start = commonprefix(names)  # noqa: RUF071 - letter by letter
@@ -111,7 +111,7 @@ def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
 
 
 def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
-    """Tables of measured and commanded angles, else folders of tables of the same names."""
+    """Return tables with measured and commanded angles, else folders with tables of equal names."""
     whole, folders = {}, {}
     for one in tables:
         guessed = {"target"} if "signals" in one.suggested else set()

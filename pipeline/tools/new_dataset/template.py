@@ -1,4 +1,4 @@
-"""Datasheet and option file as text: a template with known values, ??? for the others."""
+"""Text of datasheet and option file: a template with known values, and ??? for other values."""
 
 import json
 import re
@@ -15,7 +15,7 @@ LINE = re.compile(
 
 
 class Entry(NamedTuple):
-    """Value of a key as YAML or mapping, None for ???; note of its comment; False: a suggestion."""
+    """Value of a key (YAML or mapping; None: ???), note for the comment, False if a suggestion."""
 
     value: str | Mapping[str, Any] | None = None
     note: str = ""
@@ -23,13 +23,13 @@ class Entry(NamedTuple):
 
 
 def text_of(text: str) -> str:
-    """Return ``text`` as YAML, quoted where it could be read as anything else."""
+    """Return ``text`` as YAML, quoted if YAML could read another value."""
     plain = re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII) and parse_yaml(text) == text
     return text if plain else json.dumps(text, ensure_ascii=False)
 
 
 def keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match | None]]:
-    """Yield each line, its dotted key and its parts; no key and parts for a comment."""
+    """Yield line, dotted key and parts of every line; "" and None for a comment."""
     path: list[tuple[int, str]] = []
     for line in text.splitlines():
         if (parts := LINE.fullmatch(line)) is None:

@@ -1,4 +1,4 @@
-"""Values of a dataset's keys that its recordings state, and values that they suggest."""
+"""Values of a dataset's keys that the recordings state or suggest."""
 
 import re
 from collections import Counter
@@ -18,8 +18,8 @@ from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
 from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
 from pipeline.tools.new_dataset.template import Entry, text_of
 
-KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # of the motion
-SPACE = 6  # rows of a pose
+KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # keys of a motion
+SPACE = 6  # number of coordinates of a pose
 PLACE = f"{OPEN} # [x, y, z]"
 CABLE = {
     "direction": f"{OPEN} # rad, [first cable, second, …]",
@@ -36,14 +36,14 @@ def _suggestion(note: str, value: str | None = None) -> Entry:
 
 
 def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
-    """The only one of the ``choices``, else a note that lists them."""
+    """Return the only one of the ``choices``, else a note that lists all ``choices``."""
     listed = [*map(text_of, choices)]
     note = f"one of {', '.join(listed)}" * bool(listed)
     return Entry(listed[0]) if len(listed) == 1 else _suggestion(note, suggested)
 
 
 def _consensus(values: Iterable[float | None]) -> Entry:
-    """The one value that all recordings state."""
+    """Return the value that all recordings state, else ???."""
     stated = {*values}
     return Entry(f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None)
 
@@ -55,9 +55,7 @@ def _name_list(names: Iterable[str]) -> str:
 def entries(
     name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
 ) -> Entries:
-    """Return by key of dataset ``name`` the values that recordings, URDF and the filled in
-    ``values`` state or suggest.
-    """
+    """Return key → entry of dataset ``name``, from recordings, URDF and filled-in ``values``."""
     takes, depth = recorded.takes("mocap"), recorded.takes("depth")
     logs, force = logs_of(recorded.takes("joint_log")), recorded.single.get(Kind.FORCE, [])
     trajectories, calibrations, cameras = (
@@ -65,8 +63,8 @@ def entries(
         for kind in (Kind.TRAJECTORY, Kind.CALIBRATION, Kind.INTRINSICS)
     )
     links = _links_of(recorded.shared("markers"))
-    # rigid bodies follow the links where no markers are named by three links, and no depth camera
-    # looks at a planar arm
+    # rigid bodies track the links if no marker names match three links, and there is no depth
+    # camera, which requires a planar arm
     bodies = [] if depth or links else recorded.shared("bodies")
     robot = _robot(recorded.single.get(ROBOT, []), values, bool(depth or (takes and not bodies)))
     sections = {
@@ -104,7 +102,7 @@ def entries(
 
 
 def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
-    """Open questions of takes by key, with the suggested value: of all takes, or by their names."""
+    """Return key → entry of the takes' open questions, with a suggestion for all or per take."""
     notes: dict[str, str] = {}
     values: dict[str, dict[str, str]] = {}
     for name, take in (each for named in groups for each in named.items()):
@@ -127,7 +125,7 @@ def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
 
 
 def _links_of(names: list[str]) -> dict[str, list[str]]:
-    """Link → markers by their names without the last part; none unless three times three."""
+    """Return link → markers, by marker names without the last part; empty unless 3 × 3 markers."""
     links: dict[str, list[str]] = {}
     for name in names:
         link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
@@ -150,8 +148,8 @@ def _mocap(recorded: RecordingLayout, links: dict[str, list[str]], bodies: list[
 
 
 def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
-    """Patterns of both parts, if one group is left to fit to: takes named as a depth sequence are
-    the test part, ``none`` without one.
+    """Return the patterns of training and test part. Takes named as a depth sequence are the test
+    part (``none`` without such takes); the others are the training part if they are one group.
     """
     filmed = {name for group in recorded.groups["depth"] for name in group.named}
     groups = recorded.groups[section]
@@ -226,7 +224,7 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
             named = [f"{name}: [{_name_list(labels)}]" for name, labels in signals.items()]
             found["signals"] = Entry(f"{{{', '.join(named)}}}")
         count = len(next(iter(signals.values())))
-        none = _suggestion("null: the rows follow each other at motion.rate")
+        none = _suggestion("null: rows are evenly spaced at motion.rate")
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
     stated = {tuple(take.facts.get("joint_names", ())) for take in takes.values()}
     if len(stated) == 1 and (names := stated.pop()):
@@ -245,7 +243,7 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
 
 
 def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -> Entries:
-    """Planar chain or arm of the URDF in ``values``, else of the only one of ``robots``."""
+    """Return the entries of the arm or planar chain in the URDF of ``values`` or ``robots``."""
     found: Entries = {}
     facts: Mapping[str, Any] = {}
     if urdf := get_filled(values, "robot.urdf"):

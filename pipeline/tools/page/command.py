@@ -23,8 +23,8 @@ TEMPLATE = Path(__file__).with_name("page.html")
 PARTS, HELP = ["results", "studies"], "content of the page (default results)"
 ARGUMENTS = {"part": {"nargs": "?", "choices": PARTS, "default": PARTS[0], "help": HELP}}
 COLOURS = 64  # of a figure on the page, enough for its lines and shades
-WIDE = 1.4  # width by height of a figure that scrolls on a narrow screen
-# a frame that scrolls and that the keyboard reaches
+WIDE = 1.4  # least ratio of width to height of a figure that scrolls on a narrow screen
+# attributes of a frame that scrolls and can be focused by keyboard
 FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
 TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
 DEPTH = 2  # levels of headings in the table of contents
@@ -68,7 +68,7 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
 def _section(
     file: Path, files: Sequence[Path], folder: Path
 ) -> tuple[str, list[tuple[int, str, str]]]:
-    """HTML of a Markdown file; level (1 for the title), anchor and text of its headings."""
+    """Return the HTML of a Markdown file, and level (1: title), anchor and text of its headings."""
     if not file.is_file():
         message = "no such page; run `dvc repro` (`dvc repro -P` for the studies)"
         raise ContractError(message, file=file)
@@ -79,7 +79,7 @@ def _section(
         if token.type == "heading_open":
             text = "".join(child.content for child in tokens[place + 1].children or [])
             slug = re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-")
-            # GitHub's name of a heading; the title has the file's
+            # an anchor is the file's name and GitHub's slug; the title's is the file's name only
             anchor = _anchor(file, slug if headings or token.tag != "h1" else "")
             twins = [name for _, name, _ in headings if re.fullmatch(rf"{anchor}(-\d+)?", name)]
             token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
@@ -101,7 +101,7 @@ def _anchor(file: Path, slug: str) -> str:
 
 
 def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
-    """Target, on the page, of a link in ``file``."""
+    """Return the address on the page for the link ``href`` in ``file``."""
     if re.match(r"[a-z]+:", href):
         return href
     path, mark, slug = href.partition("#")
@@ -112,7 +112,7 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
 
 
 def _figure_attributes(file: Path) -> dict[str, str]:
-    """Attributes of a figure: data address of its PNG in few colours, and class by its shape."""
+    """Return a figure's attributes: data URL of its PNG in few colours, and class by its shape."""
     picture, written = file.with_suffix(".png"), io.BytesIO()
     if not picture.is_file():
         raise ContractError("no such figure; run the stage that draws it", file=picture)

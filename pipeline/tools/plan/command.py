@@ -1,10 +1,10 @@
 """``python -m pipeline plan MODEL PATH OUT``: joint motion of least summed uncertainty along a task
 path, for the arm of params.yaml's dataset, from a fitted model.
 
-The motion keeps the joints' limits of angle and speed and a margin from singular poses. OUT holds
-the commanded trajectory, joints.csv, and a picture, plan.png. For an arm of one joint more than
-task rows the search is globally optimal to its grid. For an arm with as many joints as rows it
-chooses the branch; an arm with more joints is refused.
+The motion respects the joints' limits of angle and speed and a margin from singular poses. OUT
+contains the commanded trajectory, joints.csv, and a figure, plan.png. With n joints and m task
+coordinates, the search is globally optimal up to its grid for n = m + 1, and selects the branch of
+the inverse kinematics for n = m; n > m + 1 is an error.
 """
 
 from pathlib import Path
@@ -30,20 +30,20 @@ FITS = Path("data/fit")
 JOINTS, PICTURE = "joints.csv", "plan.png"
 UNITS = {"trace": "tr Cov (rad²)", "log_det": "ln det Cov"}
 PATH = (
-    "CSV with the columns t (s) and the rows of the task by name: x, y, z (m), rx, ry, rz (rad, "
-    "rotation vector of the tip in the base's axes), in a plane x, z, phi; or a commanded "
-    "trajectory of the joints, t and q:JOINT, whose poses are the path"
+    "CSV file with the columns t (s) and the task coordinates: x, y, z (m), rx, ry, rz (rad, "
+    "rotation vector of the tip in the base's axes), of a planar arm x, z, phi; or a commanded "
+    "joint trajectory with the columns t and q:JOINT, whose tip poses are the path"
 )
-OUT = "folder of the plan, new or of an earlier plan, which it replaces"
+OUT = "output folder, new or with an earlier plan, which is replaced"
 OBJECTIVE = (
-    "objective, summed over the steps (default trace); ln det is in the row space of the Jacobian "
-    "where it has its rank"
+    "objective, summed over the steps (default trace); log_det is ln det Cov in the row space of "
+    "the Jacobian if Cov has the Jacobian's rank"
 )
 MARGIN = "least singular value of the Jacobian in m, angular rows times the length (default 0.01)"
 SMOOTH = "weight of the squared steps in the null space, objective per rad² (default 0)"
-GRID = f"grid points of a step (default {POINTS})"
+GRID = f"number of grid points per step (default {POINTS})"
 ARGUMENTS = {
-    "model": {"metavar": "MODEL", "help": f"model in {FITS}, or its folder"},
+    "model": {"metavar": "MODEL", "help": f"name of a model in {FITS}, or folder of a model"},
     "path": {"metavar": "PATH", "type": Path, "help": PATH},
     "out": {"metavar": "OUT", "type": Path, "help": OUT},
     "--objective": {"choices": OBJECTIVES, "default": OBJECTIVES[0], "help": OBJECTIVE},
@@ -58,7 +58,7 @@ def run(
 ) -> None:
     """Write the plan, and print its cost and least singular value."""
     if out.is_file() or {file.name for file in out.glob("*")} - {JOINTS, PICTURE}:
-        raise ConfigError("OUT exists and is no plan; name another folder", file=out)
+        raise ConfigError("OUT exists and contains no plan; name another folder", file=out)
     robot = config.sections("track").dataset.robot
     chain = chain_of(robot)
     poses, rate = read_path(path, chain, robot)
@@ -77,15 +77,15 @@ def run(
 
 
 def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float]:
-    """Return the poses (M+1, p) in ``file``, in the rows of ``chain``, and their rate in 1/s.
+    """Return the poses (M+1, p) in ``file``, as ``chain.pose`` returns them, and the rate in Hz.
 
-    The file is a commanded trajectory of the joints, or has the columns t and the rows of the task:
-    positions in m and the rotation vector of the tip in rad, or in a plane φ, zero where every
-    joint angle is zero. Raises RecordingError as the formats do, and for joints of another arm.
+    The file is a commanded joint trajectory, or has the columns t and the task coordinates:
+    positions in m and the rotation vector of the tip in rad. A planar arm has φ, which is 0 at zero
+    joint angles. Raises RecordingError as the formats do, and for joints of another arm.
     """
     if format_of(file, [FORMAT]) and (joints := members(table := read_trajectory(file), "q")):
         if sorted(joints) != sorted(robot.joints):
-            message = f"the joints are {', '.join(joints)}, but the arm's are "
+            message = f"the file has the joints {', '.join(joints)}, but the arm has "
             raise RecordingError(message + ", ".join(robot.joints), file=file, line=1)
         poses = chain.pose(table[columns("q", robot.joints)].to_numpy())
     else:
@@ -106,7 +106,7 @@ def read_path(file: Path, chain: Chain, robot: Robot) -> tuple[np.ndarray, float
 def _draw(
     planned: Planned, margin: float, t: np.ndarray, joints: list[str], unit: str, file: Path
 ) -> None:
-    """Write ``file``, a PNG: joints, cost of the steps and least singular value over time."""
+    """Write the figure ``file`` (PNG): joints, cost per step and least singular value over time."""
     figure, ((angles, cost, clearance),) = panels(TWO_COLUMNS, 2.5, columns=3)
     for column, line in zip(planned.joints.T, joint_lines(joints).values(), strict=True):
         angles.plot(t, column, **line)

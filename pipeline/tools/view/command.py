@@ -1,5 +1,5 @@
-"""``python -m pipeline view [TAKE]``: file of a take for the viewer Rerun, with arm, point cloud,
-and measured and filtered joint angles over time.
+"""``python -m pipeline view [TAKE]``: write a take as a file of the viewer Rerun, with arm, point
+cloud, and measured and filtered joint angles over time.
 """
 
 import importlib
@@ -27,7 +27,7 @@ TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
 ARGUMENTS = {
     "take": {"nargs": "?", "metavar": "TAKE", "help": "name of a take (default the first test)"},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
-    "--open": {"action": "store_true", "help": "viewer that opens the file (default: none)"},
+    "--open": {"action": "store_true", "help": "open the file in the viewer (default: no)"},
 }
 Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
 
@@ -70,7 +70,7 @@ def run(take: str | None = None, to: Path | None = None, open: bool = False) -> 
 
 
 def _rerun() -> ModuleType:
-    """Import rerun, from the environment of `make view` where this one lacks it."""
+    """Return the module rerun, from this environment or else the environment of `make view`."""
     sys.path += map(str, ENVIRONMENT.glob("lib/python*/site-packages"))
     try:
         return importlib.import_module("rerun")
@@ -79,7 +79,7 @@ def _rerun() -> ModuleType:
 
 
 def _clouds(name: str, robot: Robot) -> Clouds:
-    """Points of the arm in every depth frame of a take, at the time of the motion capture."""
+    """Return time on the motion capture's clock and arm points of every depth frame of a take."""
     angles, frames = contracts.read("angles", ARTICULATE), contracts.read("frames", DEPTH)
     angles, frames = (table[table["take"] == name] for table in (angles, frames))
     arm, times = arm_of(robot), dict(zip(angles["frame"], angles["t"], strict=True))
@@ -91,9 +91,7 @@ def _clouds(name: str, robot: Robot) -> Clouds:
 
 
 def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Return base, origin of each joint and tip (K, L, 3), in m in the base frame, at the joint
-    angles ``q`` (K, n).
-    """
+    """Return base, joint origins and tip (K, L, 3), m in the base frame, at ``q`` (K, n)."""
     described = describe(robot)
     links = dict.fromkeys([*(joint.child for joint in described.joints), described.tip])
     chains = link_chains(robot, links, "robot.joints")
@@ -105,7 +103,7 @@ def skeletons(robot: Robot, q: np.ndarray) -> np.ndarray:
 def write_recording(
     rerun: ModuleType, file: Path, take: str, robot: Robot, tracks: dict[str, Track], clouds: Clouds
 ) -> None:
-    """Write an .rrd file with its layout: the scene beside a plot of each joint."""
+    """Write an .rrd file whose layout shows the scene and one plot per joint."""
     blueprint = importlib.import_module("rerun.blueprint")
     recording = rerun.RecordingStream("manipulator-uncertainty")
     plots = [

@@ -86,7 +86,7 @@ def test_labels_or_numbers_say_which_column_is_which_axis(tmp_path):
 
 def test_a_rate_is_the_labels_or_the_options(tmp_path):
     file, other = log(tmp_path, ROW, ROW), ForceLogOptions(rate=64.0)
-    assert "62.5 samples a second" in refusal(read_daqft, file, other).message
+    assert "in Hz is 62.5 in the log" in refusal(read_daqft, file, other).message
     change(file, "Frequency = 1000,Averaging Level = 16,", "")
     assert refusal(read_daqft, file).evidence["key"] == f"{KEY}.rate"
     assert read_daqft(file, ForceLogOptions(rate=250.0)).time.tolist() == [0, 0.004]
@@ -219,7 +219,7 @@ def test_without_user_axes_the_scaled_matrix_about_the_gauges_origin_leads_to_th
         np.testing.assert_allclose(read(per_unit, unit).matrix, MATRIX, atol=1e-12)
     # the control: without the transform the torques are others
     assert np.abs(read_calibration(calibration(tmp_path, axes)).matrix - MATRIX).max() > 0.1
-    with pytest.raises(RecordingError, match="turns the axes"):
+    with pytest.raises(RecordingError, match="has a rotation"):
         read(1.0, "", 30)
     with pytest.raises(RecordingError, match="cubit"):
         read(1.0, "cubit")

@@ -135,7 +135,7 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     assert np.isnan(result.torque).all()
     other = dataclasses.replace(options, force_unit="N")
     said = refusal(read_force_table, file, other).message
-    assert "in 'kN' by the log, in 'N' by the option" in said
+    assert "'kN' in the log, 'N' by the option" in said
     numbers = ForceLogOptions({"fx": 2, "fy": 0, "fz": 1}, force_unit="lbf", rate=100.0)
     result = read_force_table(table(tmp_path, "1.5,2,3", "4.5,5,6", header=""), numbers)
     np.testing.assert_allclose(result.force, np.array([[3, 1.5, 2], [6, 4.5, 5]]) * POUND)

@@ -171,7 +171,7 @@ def test_a_c3d_of_another_program_is_read(tmp_path, name):
 DATA_START = c3d().index(b"DATA_START") + len("DATA_START") + 3  # its number of dimensions
 CRASHES = c3d()[:DATA_START] + b"\x82" + c3d()[DATA_START + 1 :]
 REFUSED = {  # content: words
-    c3d(processor=86): "big-endian MIPS",
+    c3d(processor=86): "big-endian (SGI, MIPS)",
     c3d(groups={"ANGLES": AB}): "all 2 points are outputs of a model",
     c3d()[:-20]: "truncated",
     c3d(rate=0.0): "no frame rate",
