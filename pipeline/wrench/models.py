@@ -70,13 +70,13 @@ class CableSystem:
         return wrench_map(self.attachment)
 
     def jacobian(self) -> ndarray:
-        """Return S̲ (..., n, m) with columns Gᵢe̲ᵢ, Eq. (static-jacobian) at the mean directions."""
+        """Return S̲ (..., n, m) of columns Gᵢe̲ᵢ, Eq. (static-jacobian) at the mean directions."""
         return np.einsum("...mnp,...mp->...nm", self.maps(), self.direction)
 
 
 def mean_resultant_length(concentration: ndarray, dimension: int) -> ndarray:
-    """Return A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], ``dimension`` p: I₁/I₀ in the plane, coth κ −
-    1/κ in space. Exponential scaling avoids the overflow of I₀ beyond κ = 713; valid to κ = 1e9.
+    """Return A(κ) = I_{p/2}(κ)/I_{p/2−1}(κ) = E[eᵀe̲], ``dimension`` p: I₁/I₀ in the plane, coth κ
+    − 1/κ in space. Exponential scaling avoids the overflow of I₀ beyond κ = 713; valid to κ = 1e9.
     """
     return ive(dimension / 2, concentration) / ive(dimension / 2 - 1, concentration)
 
@@ -255,8 +255,8 @@ class MatrixModel:
 
 
 def matrix_model(system: CableSystem) -> MatrixModel:
-    """Return the matrix model of a cable system with S̲ at the mean directions e̲ and Ψ_S = I, as in
-    the paper. The mean of S is A(κ)·S̲; :func:`moment_fit` estimates Ψ_S.
+    """Return the matrix model of a cable system with S̲ at the mean directions e̲ and Ψ_S = I, as
+    in the paper. The mean of S is A(κ)·S̲; :func:`moment_fit` estimates Ψ_S.
     """
     identity = np.eye(system.tension.shape[-1])
     covariance = system.tension_sd[..., None] ** 2 * identity
@@ -264,9 +264,9 @@ def matrix_model(system: CableSystem) -> MatrixModel:
 
 
 def unbounded_sigma_s(system: CableSystem) -> ndarray:
-    """Return M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S} (..., n, n), the Σ_S for which both models
-    have equal covariances. Eigenvalues may be negative, because S̲Σ_TS̲ᵀ overstates the variance
-    that the tensions cause along a cable.
+    """Return M = (Cov(F) − S̲Σ_TS̲ᵀ)/tr{(Σ_T + T̲T̲ᵀ)Ψ_S} (..., n, n), the Σ_S for which both
+    models have equal covariances. Eigenvalues may be negative, because S̲Σ_TS̲ᵀ overstates the
+    variance that the tensions cause along a cable.
     """
     model, covariance = matrix_model(system), wrench_covariance(system)
     return (covariance - model.actuation_part()) / model.sigma_s_factor()[..., None, None]

@@ -183,7 +183,7 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
     ]:
         with pytest.raises(PipelineError, match=words):
             read(path, replace(depth, **changes), tmp_path)
-    with pytest.raises(PipelineError, match="exclude"):
+    with pytest.raises(PipelineError, match="not both"):
         replace(depth, frames="*.png")
 
 
