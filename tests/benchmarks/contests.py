@@ -11,7 +11,7 @@ import sys
 from importlib.metadata import version
 from pathlib import Path
 
-sys.path += [str(folder) for folder in Path(__file__).parents[1:3]]
+sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("..", "helpers")]
 
 import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arithmetic
 

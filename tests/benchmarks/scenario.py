@@ -9,7 +9,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from planned_arms import PLANAR
+from planning_arms import PLANAR
 from space_arms import LWR4, UR5, revolute_arm
 
 from pipeline.arm.chain import PlanarChain

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
-from made_options import parameters
+from sample_options import parameters
 
 from pipeline.core import config, datasheet
 from pipeline.core.errors import ConfigError

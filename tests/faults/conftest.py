@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import pytest
-from made_options import made
 from marker_takes import marker_places
+from sample_options import made
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import Arm, load_arm

@@ -3,9 +3,9 @@
 from fnmatch import fnmatchcase
 from typing import NamedTuple
 
-import damage as d
 import numpy as np
 import pytest
+import recording_damage as d
 
 REPAIRED, REFUSED, UNHARMED, UNNOTICED = "repaired", "refused", "unharmed", "unnoticed"
 SEEDS = 4  # of each fault, from mild to grave

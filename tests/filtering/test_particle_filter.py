@@ -7,8 +7,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from compiled_calls import chosen_by
-from oracles import READINGS
-from plain_filter import plain_filter
+from numpy_filter import plain_filter
+from printed_algorithms import READINGS
 from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain

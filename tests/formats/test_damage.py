@@ -16,10 +16,10 @@ from depth_files import CALIBRATIONS, CLOUDS, PGM, SMALL, encoded, tiff
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from motive_files import START, frame_row, random_take, rows_file
-from mutants import mutants
+from sample_recordings import SHAPE, write_zoo
 from scipy.io import savemat
+from text_mutations import mutants
 from written_logs import CALIBRATION, write_joint_log, write_netft
-from zoo import SHAPE, write_zoo
 
 from pipeline.arm.model import chain_of
 from pipeline.core import datasheet

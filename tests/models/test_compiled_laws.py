@@ -4,8 +4,8 @@ draws and their moments on arms of any size, at rest and at singular poses.
 
 import numpy as np
 import pytest
-from oracles import READINGS, least_p_value
-from plain_laws import plain_steps
+from numpy_laws import plain_steps
+from printed_algorithms import READINGS, least_p_value
 from random_arm import motion, random_arm
 from scipy import stats
 

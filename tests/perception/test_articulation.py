@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from compiled_calls import from_python
-from made_options import made
 from rectangle_clouds import CHAIN, cloud, limits, motion
+from sample_options import made
 from scipy.optimize import minimize
 
 from pipeline.core.errors import RecordingError

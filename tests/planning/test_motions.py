@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from planned_arms import LAWS, chain, joint_path, law_cost, path_problem
+from planning_arms import LAWS, chain, joint_path, law_cost, path_problem
 
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.draws import draw_steps

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from made_options import made
 from ros_bags import camera_info, cloud, image, write_bag
+from sample_options import made
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from made_options import made
 from marker_takes import (
     MOUNT,
     STEPS,
@@ -18,6 +17,7 @@ from marker_takes import (
     tracked,
     written,
 )
+from sample_options import made
 from space_arms import LWR4, UR5, motion
 
 from pipeline.arm.model import chain_of, load_arm

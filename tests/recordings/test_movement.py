@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import log, read_movement, table
-from made_options import made
+from sample_options import made
 from written_logs import write_joint_log
 
 from pipeline.arm.interface import trajectory_table

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from made_options import made, parameters
+from sample_options import made, parameters
 
 from pipeline.core import config, contracts
 from pipeline.core.errors import ConfigError, RecordingError

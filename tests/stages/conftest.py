@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_logs import MADE_UP, ingested, log_project
-from known_law import write_project
 from omegaconf import OmegaConf
+from recordings_of_law import write_project
 
 from pipeline.core import config
 from pipeline.stages import ingest

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import JOINTS, MODELS, REST, ROOT, STEPS, TAKES, TRUE
-from made_options import parameters
+from recordings_of_law import JOINTS, MODELS, REST, ROOT, STEPS, TAKES, TRUE
+from sample_options import parameters
 from scipy.stats import chi2, multivariate_normal
 
 from pipeline.core import config, contracts

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import JOINTS, ROOT, write_project
+from recordings_of_law import JOINTS, ROOT, write_project
 
 from pipeline.arm.model import load_arm
 from pipeline.core import contracts

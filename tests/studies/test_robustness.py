@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from known_law import ROOT
+from recordings_of_law import ROOT
 from study_runs import options_of
 
 from pipeline.cases.case import KINDS, Choices

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_law import ROOT
+from recordings_of_law import ROOT
 from study_runs import NAMES, options_of, study_of, written
 
 from pipeline.core import config, contracts

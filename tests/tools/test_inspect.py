@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from motive_files import rows_file
+from sample_recordings import write_zoo
 from source_code import ROOT
-from zoo import write_zoo
 
 from pipeline.__main__ import main
 from pipeline.tools.inspect.command import as_json, as_table, describe_file, inspect

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
-from planned_arms import ARMS, LAWS, chain, joint_path
+from planning_arms import ARMS, LAWS, chain, joint_path
 from scipy.spatial.transform import Rotation
 from source_code import ROOT
 

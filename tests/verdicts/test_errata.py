@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from made_options import made
-from planned_arms import LAWS, law_cost, path_problem
+from planning_arms import LAWS, law_cost, path_problem
 from rectangle_clouds import CHAIN, cloud
+from sample_options import made
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.core import config

@@ -99,7 +99,8 @@ def used(file: str, test: str) -> set[str]:
                 source = imported.get(head, head)
                 names.add(f"{source}.{rest}".rstrip("."))
                 module, _, own = source.rpartition(".")
-                helper = f"tests/{module.removeprefix('tests.').replace('.', '/')}.py"
+                folder = "" if module.startswith("tests.") else "tests/helpers/"
+                helper = f"{folder}{module.replace('.', '/')}.py"
                 waiting.append((helper, own) if (ROOT / helper).is_file() else (place, head))
             elif isinstance(node, ast.arg):
                 waiting.append((place, node.arg))  # a fixture

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-sys.path += [str(folder) for folder in Path(__file__).parents[1:3]]
+sys.path += [str(Path(__file__).parents[1] / folder) for folder in ("..", "helpers")]
 from project_copy import ROOT, SMOKE, copy_project, set_parameters
 
 from pipeline.core.typed_yaml import read_yaml

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from oracles import READINGS, every_reading, first_factor
+from printed_algorithms import READINGS, every_reading, first_factor
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.wishart.decomposition import Decomposition, factors, split

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from oracles import algorithm_1, every_reading, least_p_value
+from printed_algorithms import algorithm_1, every_reading, least_p_value
 from random_arm import SIZES, motion, random_arm
 from scipy import stats
 

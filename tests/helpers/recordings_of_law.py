@@ -15,7 +15,7 @@ from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.steps import process_noise
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 JOINTS = ["arm_joint_2", "arm_joint_3", "arm_joint_4"]
 TAKES, STEPS, REST = 12, 80, 20
 TRUE = GaussianModel(alpha=0.05, u=25.0)

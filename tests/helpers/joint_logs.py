@@ -11,7 +11,7 @@ from written_logs import write_joint_log
 from pipeline.core import config, contracts
 from pipeline.formats.joints.log import JointLog
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 FILES = ("log_q_actual.csv", "log_q_target.csv", "log_qd_target.csv")
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from omegaconf import OmegaConf
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 # files of the reports that no stage writes
 UNWRITTEN = ("reports/claims.yaml",)
 # one process: so little work takes less time than starting workers

@@ -1,4 +1,4 @@
-"""Files of exported models of the planar chain of tests/planar_poses.py, of known parameters."""
+"""Files of exported models of the planar chain of planar_poses.py, of known parameters."""
 
 import json
 from pathlib import Path

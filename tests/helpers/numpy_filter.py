@@ -1,7 +1,7 @@
 """The particle filter in plain NumPy, drawing from the same stream: an oracle."""
 
 import numpy as np
-from plain_laws import plain_steps
+from numpy_laws import plain_steps
 
 from pipeline.core.errors import DegenerateFilterError
 from pipeline.filtering.measurement import Measurements

@@ -4,7 +4,7 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
-from known_law import ROOT
+from recordings_of_law import ROOT
 
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.studies.frame import Study
