@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from compiled_calls import from_python
 from project_copy import ROOT
+from source_code import MODULES, imports, tree
 
+from pipeline.core import compiled
 from pipeline.core.elementary import (
     LANES,
     expm1,
@@ -141,3 +143,40 @@ def test_compiled_code_is_loaded_until_a_constant_in_another_file_is_edited(pack
     (package / "pipeline/inner.py").write_text(INNER.format(constant=2.0))
     # numba looks at the time of the function's own file alone, which is as it was
     assert run(package)[:2] == (2.0, 1)
+    (package / "pipeline/drawing.py").write_text("from pipeline.outer import outer\n")
+    assert run(package)[:2] == (2.0, 1)
+
+
+def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
+    tmp_path, monkeypatch
+):
+    decorators = {"compiled", "inner", "inlined"}
+    needed, waiting = (
+        set(),
+        [
+            module
+            for module in MODULES
+            if any(
+                decorators
+                & {getattr(each, "id", None) for each in getattr(node, "decorator_list", [])}
+                for node in tree(module).body
+            )
+        ],
+    )
+    assert len(waiting) > 10
+    while waiting:
+        needed.add(module := waiting.pop())
+        waiting += (imports(module, top=True) & MODULES.keys()) - needed
+    assert set(compiled.compiled_sources()) == {MODULES[module] for module in needed}
+    folder = shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline")
+    monkeypatch.setattr(compiled, "SOURCES", folder)
+    for file, recompiled in (
+        ("figures/style.py", False),
+        ("filtering/sampling.py", True),
+        ("models/model.py", True),  # constants that the kernel imports
+        ("arm/interface.py", True),
+    ):
+        before = compiled.sources_hash(compiled.compiled_sources())
+        with (folder / file).open("a") as text:
+            text.write("# comment\n")
+        assert (compiled.sources_hash(compiled.compiled_sources()) != before) == recompiled
