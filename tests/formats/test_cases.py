@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from kinds import CASES
 from scipy.io import savemat
 from written_logs import seen
 
@@ -21,7 +22,6 @@ from pipeline.formats.joints.log import LogOptions
 from pipeline.recordings.movement import UNWRAPPED, read_log, read_movement
 from pipeline.tools.inspect.command import inspect
 
-CASES = Path(__file__).parents[3] / "shared/cases"
 TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
 ECHO = "".join(f"{k / 125},elbow,{k % 7}.5,0.{k}\n" for k in range(60))

@@ -105,6 +105,8 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
         return alone or [n for n, parts in plain.items() if parts[-1] in TIME]
     angles = {name: parsed for name in names if (parsed := meaning(name)).is_angle}
     fits = [name for name, parsed in angles.items() if parsed.role == quantity]
+    # a name of angles before a name of an unknown quantity: q_target before m_target
+    fits = [name for name in fits if angles[name].quantity] or fits
     if quantity == "actual":  # position names without a role are measured angles
         fits += [name for name, parsed in angles.items() if not parsed.role and parsed.quantity]
     return [name for name in fits if not angles[name].rest] or fits

@@ -1,0 +1,5 @@
+"""Kinds of files other than joint logs: see :class:`kinds.FileKind`."""
+
+from kinds import FileKind
+
+KINDS: list[FileKind] = []
