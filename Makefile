@@ -14,7 +14,7 @@ export HOME ?= $(CURDIR)/$(VENV)
 # Python caches bytecode, as numba caches machine code; without the caches every process compiles its sources anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: env view repro all test test-all smoke real synthetic audit bench bench-scale lint lock clean-env
+.PHONY: env view mend repro all test test-all smoke real synthetic audit bench bench-scale lint lock clean-env
 
 # The environment alone.
 env: $(READY)
@@ -22,13 +22,16 @@ env: $(READY)
 # The viewer Rerun, for `python -m pipeline view TAKE`.
 view: $(READY) $(VIEW)/.ready
 
-# The paper alone.
-repro: $(READY)
+# The paper alone. A kill while DVC writes its cache of runs leaves an empty folder there, on which DVC fails.
+repro: $(READY) mend
 	dvc repro
 	@folder=reports/$$(cat data/dataset.txt); echo "Results: report $$folder/report.md, page $$folder/index.html, model card $$folder/model_card.md"
 
+mend: $(READY)
+	@find "$$(dvc cache dir)/runs" -mindepth 1 -type d -empty -delete 2>/dev/null || true
+
 # The paper, the studies and the page of results.
-all: $(READY)
+all: $(READY) mend
 	dvc repro -P
 
 # Every test of less than about two seconds.
@@ -70,7 +73,8 @@ bench-scale: $(READY)
 lint: $(READY)
 	ruff check . && ruff format --check .
 
-# A new environment whenever a lock changes. uv only installs: every file is checked against its hash.
+# A new environment whenever a lock changes. uv only installs: every file is checked against its hash. The last file lets Python find the
+# project where PYTHONSAFEPATH is set.
 $(READY): requirements.lock uv.requirements build-constraints.txt
 	@test -n "$(PYTHON)" || { echo "error: no Python 3.11 or 3.12 found (looked for python3.12, python3.11, python3, python); install one, or name it: make PYTHON=/path/to/python3.12" >&2; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 12))' || { echo "error: $(PYTHON) is no Python 3.11 or 3.12" >&2; exit 1; }
@@ -80,6 +84,7 @@ $(READY): requirements.lock uv.requirements build-constraints.txt
 	"$(PYTHON)" -m venv $(VENV)
 	"$(BIN)"/python -m pip install --quiet --disable-pip-version-check --require-hashes -r uv.requirements
 	"$(BIN)"/uv pip sync --quiet --system-certs --python "$(BIN)/python" --require-hashes --build-constraint build-constraints.txt requirements.lock
+	for folder in $(VENV)/lib/python3.*/site-packages; do echo ../../../.. > "$$folder/checkout.pth"; done
 	touch $@
 
 # The peers of the benchmarks, in an environment of their own.

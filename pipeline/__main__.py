@@ -6,9 +6,11 @@ pipeline/tools; no other list names them. Every error is one message on standard
 
 import argparse
 import ast
+import ctypes
 import errno
 import gc
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -56,6 +58,8 @@ def main() -> int:
         stream.reconfigure(errors="replace")  # prints ? for a character that the locale lacks
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
+        if "DVC_STAGE" in os.environ:
+            _end_with_parent()
         try:
             run = _find_call(name, sys.argv[2:])
             gc.freeze()
@@ -105,6 +109,14 @@ def error_summary(error: Exception) -> str:
     )
 
 
+def _end_with_parent() -> None:
+    """Have the system interrupt this process when its parent ends, as DVC after a kill: the next
+    run would work on the same outputs.
+    """
+    set_parent_death_signal = 1
+    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGINT)
+
+
 def _restore_hint() -> str:
     """Return the commands that restore the outputs which DVC removed before it ran this stage."""
     folder, _, stage = os.environ.get("DVC_STAGE", "").rpartition("dvc.yaml:")
@@ -140,9 +152,7 @@ def _find_call(name: str, words: list[str]) -> Callable[[], object]:
         raise PipelineError("there is no such stage, study or tool")
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
     if {"-h", "--help"} & set(words):
-        source = HERE / f"{place.replace('.', '/')}.py"
-        text = ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or ""
-        return partial(print, " ".join(text.partition("\n\n")[0].split()))
+        return partial(print, " ".join(_docstring(place).partition("\n\n")[0].split()))
     run = import_module(f"pipeline.{place}").run
     if len(items := signature(run).parameters) != len(words):
         takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
@@ -155,12 +165,19 @@ def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
     names or flags to options of ``add_argument``.
     """
     tool = import_module(f"pipeline.tools.{folder}.command")
-    description, _, epilog = tool.__doc__.partition(": ")[2].partition("\n\n")
+    text = _docstring(f"tools.{folder}.command")
+    description, _, epilog = text.partition(": ")[2].partition("\n\n")
     program = f"python -m pipeline {folder.replace('_', '-')}"
     parser = argparse.ArgumentParser(prog=program, description=description, epilog=epilog)
     for name, options in tool.ARGUMENTS.items():
         parser.add_argument(name, **options)
     return partial(tool.run, **vars(parser.parse_args(words)))
+
+
+def _docstring(place: str) -> str:
+    """Docstring of a module, from its source: PYTHONOPTIMIZE=2 leaves none in memory."""
+    source = HERE / f"{place.replace('.', '/')}.py"
+    return ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or ""
 
 
 if __name__ == "__main__":

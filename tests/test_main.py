@@ -5,6 +5,7 @@ import os
 import shlex
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 
 import pytest
@@ -124,3 +125,25 @@ def test_characters_that_the_locale_lacks_are_replaced(tmp_path):
     done = called(f"-m pipeline inspect {shlex.quote(str(tmp_path))}", **ascii_only)
     assert done.returncode == 0 and done.stderr == ""
     assert "Pr?fstand ? 1.csv" in done.stdout
+
+
+def test_without_docstrings_the_help_and_the_page_are_the_same():
+    optimised = os.environ | {"PYTHONOPTIMIZE": "2"}
+    for words in ("-m pipeline inspect --help", "-m pipeline track --help"):
+        assert called(words, **optimised).stdout == called(words, **os.environ).stdout
+
+
+def test_a_stage_ends_with_the_program_that_started_it(tmp_path):
+    stage = "import pipeline.__main__ as m, time; m._end_with_parent(); open('begun', 'w'); "
+    stage += "\ntry:\n time.sleep(60)\nexcept KeyboardInterrupt:\n open('ended', 'w')"
+    starter = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', sys.argv[1]])"
+    command = [sys.executable, "-c", f"{starter}; time.sleep(60)", stage]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    parent = subprocess.Popen(command, cwd=tmp_path, env=environment)
+    for name in ("begun", "ended"):
+        until = time.monotonic() + 30
+        while not (tmp_path / name).exists():
+            assert time.monotonic() < until, name
+            time.sleep(0.01)
+        parent.kill()
+        parent.wait()

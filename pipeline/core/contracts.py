@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -116,7 +117,8 @@ def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAP
         if columns[column].kind == "count" and pd.api.types.is_integer_dtype(table[column]):
             table[column] = table[column].astype("int64")
     _require_fit(table, name, columns, file)
-    table.to_parquet(file, index=False, compression="zstd")
+    with naming(file):
+        table.to_parquet(file, index=False, compression="zstd")
 
 
 def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
@@ -154,25 +156,46 @@ def write_metrics(metrics: dict, file: Path) -> None:
 def write_text(text: str, file: Path) -> None:
     """Write ``file`` completely or not at all, and its folder."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(file)
+    partial = _partial(file)
+    with naming(file):
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(file)
 
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Path]:
     """Yield an empty folder; it replaces ``folder`` if the block succeeds, else it is removed."""
     folder = Path(folder)
-    partial = folder.with_name(f".{folder.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
+    partial = _partial(folder)
     partial.mkdir(parents=True)
     try:
-        yield partial
+        with naming(folder):
+            yield partial
         if folder.exists():
             shutil.rmtree(folder)
         partial.rename(folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+
+
+@contextmanager
+def naming(place: Path) -> Iterator[None]:
+    """Name ``place`` in an OSError of the block without a file name, as of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno and error.filename is None:
+            error.filename = os.fspath(place)
+        raise
+
+
+def _partial(place: Path) -> Path:
+    """Path of this process's unfinished ``place``; removes what ended processes have left."""
+    for left in place.parent.glob(f".{place.name}.*.partial"):
+        process = left.name.split(".")[-2]
+        if process == str(os.getpid()) or not Path("/proc", process).exists():
+            shutil.rmtree(left) if left.is_dir() else left.unlink(missing_ok=True)
+    return place.with_name(f".{place.name}.{os.getpid()}.partial")
 
 
 def stacked(table: pd.DataFrame, columns: str | list[str]) -> tuple[list[str], np.ndarray]:

@@ -5,17 +5,40 @@ Loading an exported model leaves the environment of the calling program unchange
 """
 
 import os
+import platform
+from pathlib import Path
 
-# one thread per process; no instruction set newer than AVX2, whose kernels round differently
+# one thread per process
 BOUNDS = {
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
-    "OPENBLAS_CORETYPE": "Haswell",
-    # X86_V4 does not include the newer two features
-    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
     # its sine and exponential differ in the last bits from the C library's
     "NUMBA_DISABLE_INTEL_SVML": "1",
 }
+PROCESSOR = "PIPELINE_PROCESSOR"  # environment variable: "any" leaves the instruction set open
+FLAGS = Path("/proc/cpuinfo")
+NOT_EQUAL = (
+    f"this processor has no AVX2 and FMA, or {PROCESSOR} is set: numbers may differ in the last "
+    "digits from the committed results (`python -m pipeline audit` compares within 1e-9)"
+)
+
+
+def has_equal_bytes() -> bool:
+    """Return True on an x86-64 processor with AVX2 and FMA, on which all bytes are equal."""
+    if os.environ.get(PROCESSOR) == "any" or platform.machine() not in ("x86_64", "AMD64"):
+        return False
+    lines = FLAGS.read_text().splitlines() if FLAGS.is_file() else []
+    flags = next((line.split() for line in lines if line.startswith("flags")), [])
+    return {"avx2", "fma"} <= {*flags}
+
+
+if has_equal_bytes():
+    # no instruction set newer than AVX2, whose kernels round differently; X86_V4 does not include
+    # the newer two features
+    BOUNDS |= {
+        "OPENBLAS_CORETYPE": "Haswell",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+    }
 
 
 def assign() -> None:

@@ -13,6 +13,7 @@ from pipeline.core.bounds import within
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Dataset
+from pipeline.recordings.inventory import raw_folder
 from pipeline.recordings.quality import REPETITIONS
 
 
@@ -26,7 +27,8 @@ def read_part(
     """
     read = {"motion": _motion, "depth": partial(_depth, compute=compute), "force": _force}[part]
     refused: list[PipelineError] = []
-    quality = within(dataset.reading, read, dataset, Path(dataset.recordings), folder, refused)
+    raw = raw_folder(dataset.recordings)
+    quality = within(dataset.reading, read, dataset, raw, folder, refused)
     if errors is not None:
         errors += refused
         return quality

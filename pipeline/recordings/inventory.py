@@ -1,7 +1,7 @@
 """Raw files of a dataset: recordings that match a pattern, and the files of each part."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import reduce
 from pathlib import Path, PurePosixPath
 
@@ -11,6 +11,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.formats.format import is_literal, matching
 
+PULLED = Path("data/recordings")  # a DVC project of its own: public recordings, pinned by hash
 # part → keys of the dataset with the part's files
 KEYS = {
     "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
@@ -18,6 +19,22 @@ KEYS = {
     "depth": "depth.takes depth.intrinsics",
     "force": "force.log.calibration",
 }
+
+
+def raw_folder(recordings: str) -> Path:
+    """Return the folder of the raw files of ``recordings``: for a folder beside the project the
+    folder of its name in data/recordings, if ``dvc --cd data/recordings pull`` has filled it.
+    """
+    stated = Path(recordings)
+    pulled = PULLED / stated.name
+    return pulled if stated.parts[:1] == ("..",) and any(raw_files(pulled)) else stated
+
+
+def raw_files(folder: Path) -> Iterator[Path]:
+    """Yield the files below ``folder`` that are neither DVC's nor git's."""
+    for file in folder.rglob("*"):
+        if file.is_file() and file.suffix != ".dvc" and file.name != ".gitignore":
+            yield file
 
 
 def take_name(path: Path, raw: Path, pattern: str) -> str:
@@ -66,13 +83,16 @@ def named_takes(
 def listing(folder: Path) -> pd.DataFrame:
     """Return path, bytes and SHA-256 of all files below ``folder``; RecordingError for no file."""
     rows = []
-    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
+    for file in sorted(raw_files(folder)):
         with file.open("rb") as data:
             digest = hashlib.file_digest(data, "sha256").hexdigest()
         rows.append((file.relative_to(folder).as_posix(), file.stat().st_size, digest))
     if not rows:
-        message = "there are no recordings in this folder, or it does not exist; the dataset's"
-        raise RecordingError(f"{message} datasheet explains how to get them", file=folder)
+        pulled = PULLED / folder.name
+        message = "there are no recordings in this folder, or it does not exist; "
+        command = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them"
+        message += command if pulled.is_dir() else "the datasheet explains how to get them"
+        raise RecordingError(message, file=folder)
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
@@ -82,7 +102,7 @@ def _value(section: object, key: str) -> object:
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     """Return part → rows of a :func:`listing`: files of the part (KEYS), and files of no part."""
-    raw, claims = Path(dataset.recordings), {}
+    raw, claims = raw_folder(dataset.recordings), {}
     for part, keys in KEYS.items():
         named = [(key, reduce(_value, key.split("."), dataset)) for key in keys.split()]
         if part == "force" and dataset.force is not None:

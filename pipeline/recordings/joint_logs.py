@@ -17,7 +17,7 @@ from pipeline.core.options.dataset import Dataset
 from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.recordings import movement, repetitions
 from pipeline.recordings.commands import circular_joints, require_pair
-from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.inventory import named_takes, raw_folder
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 
@@ -63,7 +63,7 @@ def joint_log_rows(
     commands differ.
     """
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
-    rest, length, raw = options.rest, dataset.motion.steps + 1, Path(dataset.recordings)
+    rest, length, raw = options.rest, dataset.motion.steps + 1, raw_folder(dataset.recordings)
     steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(movements, dataset)
     note, rows, reference = partial(_note, quality), {}, None

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pipeline.core import config, contracts
-from pipeline.recordings.inventory import by_part, listing
+from pipeline.recordings.inventory import by_part, listing, raw_folder
 
 OUT = Path("data/files")
 
@@ -11,7 +11,7 @@ OUT = Path("data/files")
 def run() -> None:
     """Write a table of path, bytes and hash for each part."""
     dataset = config.sections("files").dataset
-    parts = by_part(listing(Path(dataset.recordings)), dataset)
+    parts = by_part(listing(raw_folder(dataset.recordings)), dataset)
     with contracts.replacing(OUT) as folder:
         for part, files in parts.items():
             files.to_csv(folder / f"{part}.csv", index=False, lineterminator="\n")

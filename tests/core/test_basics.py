@@ -17,13 +17,14 @@ import pytest
 from omegaconf import OmegaConf
 from project_copy import ROOT
 
-from pipeline.core import errors
+from pipeline.core import environment, errors
 from pipeline.core.bounds import Reading, Sandbox, bounds, within
 from pipeline.core.compute.cluster import fingerprint
 from pipeline.core.environment import BOUNDS
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.rng import stream
 from pipeline.core.typed_yaml import read_yaml
+from pipeline.tools.audit.command import agree
 
 
 @pytest.mark.parametrize("kind", [PipelineError, *PipelineError.__subclasses__()])
@@ -88,6 +89,47 @@ def test_a_users_own_setting_is_overwritten_by_the_command():
     code = "import pipeline.__main__, os; print(*map(os.environ.get, %r), sep=chr(10))" % [*BOUNDS]
     found = elsewhere(code, OMP_NUM_THREADS="4", OPENBLAS_CORETYPE="Prescott")
     assert found.splitlines() == [*BOUNDS.values()]
+
+
+@pytest.mark.parametrize(
+    ("machine", "flags", "variable", "equal"),
+    [
+        ("x86_64", "sse4_2 avx2 fma", "", True),
+        ("x86_64", "sse4_2 avx2 fma", "any", False),
+        ("x86_64", "sse4_2 avx", "", False),
+        ("aarch64", "", "", False),
+    ],
+)
+def test_a_processor_without_avx2_runs_at_its_own_level(
+    machine, flags, variable, equal, tmp_path, monkeypatch
+):
+    (tmp_path / "cpuinfo").write_text(f"processor : 0\nflags : fpu {flags}\n")
+    monkeypatch.setattr(environment, "FLAGS", tmp_path / "cpuinfo")
+    monkeypatch.setattr(environment.platform, "machine", lambda: machine)
+    monkeypatch.setenv(environment.PROCESSOR, variable)
+    assert environment.has_equal_bytes() == equal
+
+
+def test_without_avx2_the_arithmetic_is_the_processors():
+    code = "import pipeline.core.environment as e; print(*sorted(e.BOUNDS))"
+    assert elsewhere(code, PIPELINE_PROCESSOR="any").split() == [
+        "NUMBA_DISABLE_INTEL_SVML",
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("after", "equal"),
+    [
+        ("a,1.0000000001,x2", True),
+        ("a,1.00000001,x2", False),
+        ("a,1.0000000001,y2", False),
+        ("a,1.0000000001", False),
+    ],
+)
+def test_the_audit_of_another_processor_allows_rounding_and_no_more(after, equal):
+    assert agree("a,1.0,x2", after) == equal
 
 
 def test_loading_an_exported_model_leaves_a_colleagues_environment():

@@ -68,6 +68,9 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
     [
         ("filter.partcles", "5", "unknown key 'partcles'; .*; did you mean particles"),
         ("filter.particles", "0", "greater than or equal to 1, got 0"),
+        ("filter.particles", "1000000000000", "less than or equal to 10000000"),
+        ("dataset.recordings", "../../../etc", "in the project, beside it .* or an absolute path"),
+        ("dataset.recordings", "data/../../etc", "in the project, beside it"),
         ("filter.scheme", "systemtic", "'systematic', .* did you mean systematic"),
         ("dataset.motion", "null", "requires a robot and its motion"),
         ("dataset", NOTHING, "a dataset needs a robot or a force transducer"),

@@ -2,8 +2,11 @@
 writing is exact, and whole or not at all.
 """
 
+import errno
 import json
+import os
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -188,8 +191,30 @@ def test_metrics_keep_every_digit_and_those_not_finite_leave_the_old_file(tmp_pa
     assert [path.name for path in file.parent.iterdir()] == ["metrics.json"]
 
 
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda file: contracts.write_text("text", file),
+        lambda file: contracts.write(pd.DataFrame(), "kept", file.parent, file.parent / "t.yaml"),
+    ],
+)
+def test_a_full_disk_names_the_file_that_cannot_be_written(write, tmp_path, monkeypatch):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    (tmp_path / "t.yaml").write_text("kept: {}\n")
+    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", full)
+    with pytest.raises(OSError, match="No space left") as refused:
+        write(tmp_path / "kept.json")
+    assert Path(refused.value.filename).name.startswith("kept.")
+    with pytest.raises(OSError) as refused, contracts.replacing(tmp_path / "track"):
+        full()
+    assert refused.value.filename == str(tmp_path / "track")
+
+
 def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
-    folder, left = tmp_path / "track", tmp_path / ".track.partial"
+    folder, left = tmp_path / "track", tmp_path / ".track.999999999.partial"
     left.mkdir()
     (left / "torn").write_text("torn")  # of a killed run
     for name in ("old", "new"):
@@ -197,6 +222,11 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
             assert not list(partial.iterdir())
             (partial / name).write_text(name)
             assert not (folder / "new").exists()
+    other = tmp_path / ".track.1.partial"  # of a living process
+    other.mkdir()
+    with contracts.replacing(folder) as partial:
+        (partial / "new").touch()
+    other.rmdir()
     for error in (ContractError("refused"), KeyboardInterrupt()):
         with pytest.raises(type(error)), contracts.replacing(folder) as partial:
             (partial / "newer").write_text("newer")

@@ -177,3 +177,15 @@ def test_dvc_shows_the_summary_and_the_figures_without_a_network(copy):
     succeeds("dvc", "plots", "show", "-o", "plots-page", cwd=copy)
     page = (copy / "plots-page/index.html").read_text()
     assert "joint_std" in page and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
+
+
+def test_a_kill_while_dvc_writes_its_cache_of_runs_is_mended_by_the_same_command(copy):
+    runs = copy / ".dvc/cache/runs"
+    for file in [path for path in runs.rglob("*") if path.is_file()]:
+        file.unlink()
+    assert any(runs.iterdir())
+    (copy / "dvc.lock").unlink()
+    assert run("dvc", "repro", "files", cwd=copy).returncode != 0
+    succeeds("make", "-o", ".venv/.ready", "mend", cwd=copy)
+    assert not any(path.is_dir() for path in runs.rglob("*/*"))
+    succeeds("dvc", "repro", "files", cwd=copy)

@@ -2,6 +2,7 @@
 
 from dataclasses import field
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, FiniteFloat, model_validator
@@ -301,7 +302,7 @@ class About:
 @options()
 class Dataset:
     name: str
-    recordings: str  # folder of the raw files, from the project's root
+    recordings: str  # folder of the raw files: in the project, beside it (../NAME) or absolute
     robot: Robot | None  # null where only forces were recorded
     motion: Motion | None  # null where only forces were recorded
     trajectory: str | None = None  # file of the commanded trajectory
@@ -319,6 +320,9 @@ class Dataset:
 
     @model_validator(mode="after")
     def _instruments_of_the_robot(self) -> Self:
+        if ".." in Path(self.recordings).parts[1:]:
+            message = "must be in the project, beside it (../NAME) or an absolute path"
+            raise Fault("recordings", f"{message}, got {self.recordings}")
         if self.robot is None or self.motion is None:
             parts = ("robot", "motion", "trajectory", "mocap", "joint_log", "encoders", "depth")
             if there := [name for name in parts if getattr(self, name) is not None]:

@@ -7,12 +7,16 @@ import re
 import shutil
 import subprocess
 import sys
+from math import isclose
 from pathlib import Path
 
+from pipeline.core.environment import NOT_EQUAL, has_equal_bytes
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
 HELP = "folder of the clone (not deleted afterwards)"
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+ROUNDING = 1e-9  # difference of numbers where the instruction set is not the commit's
 ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 
@@ -47,11 +51,39 @@ def run(folder: Path) -> None:
     if dry.returncode or ran.returncode or not planned:
         raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
     # the lock files contain the hashes of files that are not in git
-    if changed := _git(project, "status", "--porcelain"):
-        print(changed + _git(project, "diff", "--stat"), end="")
-        message = f"{len(changed.splitlines())} files differ from the commit after a run of all"
+    changed = _git(project, "status", "--porcelain").splitlines()
+    equal = "equal to the commit"
+    if not has_equal_bytes():
+        print(f"audit: {NOT_EQUAL}")
+        changed = [line for line in changed if not _rounded(project, line)]
+        equal = f"within {ROUNDING:g} of the commit; images and hashes are not compared"
+    if changed:
+        print("\n".join([*changed, _git(project, "diff", "--stat")]), end="")
+        message = f"{len(changed)} files differ from the commit after a run of all"
         raise PipelineError(f"{message} stages; see `git -C '{project}' diff`", folder=project)
-    print(f"audit: {len(stages)} stages run again, every file equal to the commit")
+    print(f"audit: {len(stages)} stages run again, every file {equal}")
+
+
+def _rounded(project: Path, line: str) -> bool:
+    """Return True if a changed file (a ``line`` of git's status) is an image or a lock file, or
+    agrees with the commit but for the rounding of numbers.
+    """
+    status, name = line[:2].strip(), line[3:].strip('"')
+    if status != "M":
+        return False
+    if name.endswith((".png", ".svg", "dvc.lock")):
+        return True
+    after = (project / name).read_text(encoding="utf-8")
+    return agree(_git(project, "show", f"HEAD:{name}"), after)
+
+
+def agree(before: str, after: str) -> bool:
+    """Return True if two texts differ at most in numbers, by ROUNDING relative or absolute."""
+    if NUMBER.sub("", before) != NUMBER.sub("", after):
+        return False
+    pairs = zip(NUMBER.findall(before), NUMBER.findall(after), strict=True)
+    near = (isclose(float(a), float(b), rel_tol=ROUNDING, abs_tol=ROUNDING) for a, b in pairs)
+    return all(near)
 
 
 def clone_commit(root: Path, folder: Path) -> Path:

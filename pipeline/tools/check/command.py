@@ -21,6 +21,7 @@ from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.ingest import attempt, read_part
+from pipeline.recordings.inventory import raw_folder
 
 PARAMS = Path("params.yaml")
 HELP = "name of the dataset (default: the one in params.yaml)"
@@ -76,7 +77,7 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
         if isinstance(node := get_nested(sound, above), dict):
             node.pop(name, None)
     recordings, urdf, robot = (get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot"))
-    if recordings and not Path(recordings).is_dir():
+    if recordings and not raw_folder(recordings).is_dir():
         key = "dataset.recordings"
         errors.append(RecordingError("no such folder", file=recordings, key=key))
     if urdf:

@@ -5,7 +5,7 @@ outside data/raw, so that the stages run again after a change of a recording.
 from pathlib import Path
 
 from pipeline.core import contracts
-from pipeline.recordings.inventory import listing
+from pipeline.recordings.inventory import listing, raw_folder
 
 ARGUMENTS = {
     "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
@@ -15,6 +15,7 @@ ARGUMENTS = {
 
 def run(folder: Path, file: Path) -> None:
     """Write the inventory of ``folder`` to ``file``; without recordings, keep ``file``."""
+    folder = raw_folder(str(folder))
     if any(folder.glob("*")) or not (folder.is_dir() or file.is_file()):
         contracts.write_text(listing(folder).to_csv(index=False, lineterminator="\n"), file)
         return
