@@ -12,10 +12,11 @@ import pandas as pd
 
 from pipeline.core import contracts
 from pipeline.core.columns import columns
+from pipeline.core.options.analysis import Filter
 from pipeline.core.options.dataset import Motion, Robot
 from pipeline.core.rng import stream
 from pipeline.filtering.measurement import Measurements, measurements
-from pipeline.filtering.particle_filter import FilterOptions, Start
+from pipeline.filtering.particle_filter import Start
 from pipeline.models.steps import Options, Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
@@ -32,7 +33,7 @@ class Choices:
     """Options of the models, the filter and the comparison in one case."""
 
     models: dict[str, Options]  # by name; the paper's models by their kind
-    filter: FilterOptions
+    filter: Filter
     mode: str  # mode of the realisations: one_step or free_running
     clock: str = "aligned"  # key of the camera in Recordings.cameras
     measurement: float = 1.0  # factor on the measurement noise that scores add to every step, or 0
@@ -45,9 +46,7 @@ class Choices:
         """Return the run's choices: its first model of each paper's kind, and ``further``."""
         by_kind = {model.kind: model for model in reversed(list(settings.models.values()))}
         models = {kind: by_kind[kind] for kind in KINDS if kind in by_kind} | further
-        o = settings.filter
-        options = FilterOptions(o.particles, o.scheme, o.threshold)
-        return cls(models, options, settings.simulation.mode)
+        return cls(models, settings.filter, settings.simulation.mode)
 
     @property
     def options(self) -> Options:
@@ -57,7 +56,7 @@ class Choices:
 
     def model_case(self, name: str) -> "Choices":
         """Return this case with only the model ``name``, and default choices for the filter."""
-        defaults = {"filter": FilterOptions(), "clock": "", "batch": 0}
+        defaults = {"filter": Filter("none", 0.0, 1), "clock": "", "batch": 0}
         closed = self.closed and name in KINDS
         return replace(self, models={name: self.models[name]}, closed=closed, **defaults)
 

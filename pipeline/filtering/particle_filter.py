@@ -6,7 +6,9 @@ the set of regular poses within the joint limits. A particle that leaves D_q has
 posterior is conditioned on paths within D_q.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy import ndarray
@@ -15,19 +17,21 @@ from numpy.random import Generator
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
+from pipeline.core.options.analysis import Filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.sampling import SCHEMES, sequential_importance_sampling
+from pipeline.filtering.sampling import (
+    RESAMPLED,
+    SCHEMES,
+    VANISHED,
+    Particles,
+    Record,
+    Setting,
+    fresh_arrays,
+    sequential_importance_sampling,
+    update,
+)
 from pipeline.models.draws import block_for, space_of
-from pipeline.models.model import Commands, MotionModel
-
-
-@dataclass(frozen=True)
-class FilterOptions:
-    """Options of the particle filter."""
-
-    particles: int = 1000
-    resampling: str = "systematic"  # one of SCHEMES
-    threshold: float = 0.5  # resampling below this effective sample size over particles
+from pipeline.models.model import Commands, MemoryModel, MotionModel
 
 
 @dataclass(frozen=True)
@@ -60,7 +64,7 @@ def particle_filter(
     dt: float,
     start: Start,
     measurements: Measurements,
-    options: FilterOptions,
+    options: Filter,
     rng: Generator,
 ) -> Posterior:
     """Return the posterior of the joint angles of one take: Eq. (posterior-expectation) of q_k and
@@ -70,27 +74,90 @@ def particle_filter(
     """
     frames = measurements.frames(len(commands.v), dt)
     poses, rejected = initial_particles(start, chain, options.particles, rng, measurements.take)
-    v, path = (np.array(each, dtype=float, order="C") for each in commands[:2])
     limits = [np.array(each, dtype=float) for each in (chain.lower, chain.upper)]
     planar = isinstance(chain, PlanarChain)
     singular = [chain.straight, float(np.arcsin(SINGULAR_SINE))] if planar else [0.0, 0.0]
-    domain = (*limits, *singular)
     # no effective sample size is below 0
-    threshold = float(options.threshold) if options.resampling != "none" else 0.0
-    record, log_evidence, vanished = sequential_importance_sampling(
-        *(model.law(chain), chain.numbers(), space_of(chain), block_for(chain), domain),
-        *(Commands(v, path, float(commands.share)), frames),
-        *(SCHEMES.index(options.resampling), threshold, np.array(poses.T, order="C"), rng),
-    )
+    threshold = float(options.threshold) if options.scheme != "none" else 0.0
+    setting = Setting((*limits, *singular), frames, SCHEMES.index(options.scheme), threshold)
+    q, arm = np.array(poses.T, order="C"), (chain.numbers(), space_of(chain), block_for(chain))
+    particles, record = fresh_arrays(*q.shape, len(commands.v) + 1)
+    if model.traits.compiled:
+        v, path = (np.array(each, dtype=float, order="C") for each in commands[:2])
+        loop = Commands(v, path, float(commands.share))
+        steps = loop, setting, q, particles, record, rng
+        vanished = sequential_importance_sampling(model.law(chain), *arm, *steps)
+    else:
+        memory = None
+        if model.traits.memory:
+            memory = model.first_memory(poses, start.mean, rng)
+        step = partial(_draw, model, chain, commands, rng)
+        vanished = _filter_by_draws(step, memory, arm, setting, q, particles, record, rng)
     if vanished >= 0:
         message = f"all {options.particles} weights vanished: every particle has left the joint "
         message += "limits or is not finite; use more particles, or compare the model's noise and "
         message += "the start pose with the recording"
         where = {"take": measurements.take, "step": vanished, "time": round(vanished * dt, 6)}
         raise DegenerateFilterError(message, **where)
-    record[-1][0] = rejected
+    record.outside[0] = rejected
     left_out = len(measurements.t) - len(frames.share)
-    return Posterior(*record, np.diff(frames.first) > 0, left_out, log_evidence)
+    evidence = float(particles.totals[1])
+    return Posterior(*record, np.diff(frames.first) > 0, left_out, evidence)
+
+
+def _filter_by_draws(
+    step: Callable,
+    memory: ndarray | None,
+    arm: tuple,
+    setting: Setting,
+    q: ndarray,
+    particles: Particles,
+    record: Record,
+    rng: Generator,
+) -> int:
+    """Return and fill what :func:`sequential_importance_sampling` does, with a ``step`` in Python
+    from poses and memory of the particles. Each step takes tens of times as long.
+    """
+    before = q.copy()
+    for k in range(len(record.ess)):
+        if k > 0:
+            q, before = before, q
+            q[:], memory = step(k - 1, before.T, memory)
+        state = update(k, *arm, setting, before, q, particles, record, rng)
+        if state == VANISHED:
+            return k
+        if state == RESAMPLED:
+            before, q = q, before
+            memory = None if memory is None else memory[particles.chosen]
+    return -1
+
+
+def _draw(
+    model: MotionModel | MemoryModel,
+    chain: Chain,
+    commands: Commands,
+    rng: Generator,
+    k: int,
+    q: ndarray,
+    memory: ndarray | None,
+) -> tuple[ndarray, ndarray | None]:
+    """Return (n, P) draws of the poses in rad after step ``k`` from ``q`` (P, n), NaN after a
+    singular pose, and their ``memory`` (P, s), that of before where it would not be finite.
+    """
+    alive = ~chain.singular(q)
+    v = np.broadcast_to(commands.v[k], (len(q), commands.v.shape[1]))[alive]
+    if commands.share:
+        v = v.copy()
+        off = chain.displacement(chain.pose(q[alive]), commands.path[k])
+        v[:, : len(chain.task)] += commands.share * off
+    moved = np.full(q.shape, np.nan)
+    if memory is None:
+        moved[alive] = model.sample(chain, q[alive], v, rng)
+        return moved.T, None
+    moved[alive], after = model.advance(chain, q[alive], v, memory[alive], rng)
+    later = memory.copy()
+    later[alive] = np.where(np.isfinite(after), after, memory[alive])
+    return moved.T, later
 
 
 def initial_particles(

@@ -6,15 +6,20 @@ with the indices of the particles that continue; ``scratch`` has at least (2, P)
 is chosen P·w_i times on average, and never where w_i = 0.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy import ndarray
 
 from pipeline.arm.kinematics import rotation_vectors, tip
 from pipeline.arm.rows import POSITION, TURN, WIDTH
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import exponential, greatest, inner_product, total
+from pipeline.filtering.measurement import Frames
 from pipeline.models.kernel import move
 
 ROWS = 6  # of a displacement of the tip
+VANISHED, KEPT, RESAMPLED = range(3)  # results of an update
 ROUNDING = 1e-9  # of P·w: tolerance for a whole number of copies
 # "none" is sequential importance sampling without resampling, in which the weights degenerate
 SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
@@ -237,46 +242,93 @@ def keep_inside(domain, before, q, log_weights, outside):
     return lost
 
 
+class Setting(NamedTuple):
+    """Domain D_q (:func:`keep_inside`), measurements and resampling of one filter."""
+
+    domain: tuple
+    frames: Frames
+    scheme: int  # index of SCHEMES
+    threshold: float  # effective sample size over P below which the particles are resampled
+
+
+class Particles(NamedTuple):
+    """Weights of P particles and scratch."""
+
+    weights: ndarray  # (P,) of sum 1
+    log_weights: ndarray  # (P,)
+    chosen: ndarray  # (P,) indices of the particles that continued in the last resampling
+    totals: ndarray  # (2,) effective sample size and log-evidence
+    scratch: ndarray  # (n + ROWS + 2, max(P, WIDTH))
+
+
+class Record(NamedTuple):
+    """First fields of :class:`~pipeline.filtering.particle_filter.Posterior`."""
+
+    mean: ndarray
+    covariance: ndarray
+    ess: ndarray
+    resampled: ndarray
+    clipped: ndarray
+    outside: ndarray
+
+
+def fresh_arrays(n: int, count: int, grid: int) -> tuple[Particles, Record]:
+    """Return equal weights of ``count`` particles of n joints, and a record of ``grid`` poses."""
+    weights, log_weights = np.full(count, 1.0 / count), np.full(count, -np.log(count))
+    scratch = np.empty((n + ROWS + 2, max(count, WIDTH)))
+    particles = np.empty(count, dtype=np.int64), np.array([float(count), 0.0]), scratch
+    moments = np.empty((grid, n)), np.empty((grid, n, n)), np.empty(grid)
+    counts = (np.zeros(grid, dtype=kind) for kind in (np.bool_, np.int64, np.int64))
+    return Particles(weights, log_weights, *particles), Record(*moments, *counts)
+
+
+@compiled
+def update(k, arm, space, block, setting, before, q, particles, record, rng):
+    """Weigh the particles ``q`` (n, P) in rad after step ``k`` from ``before`` and ``record`` their
+    moments. Return VANISHED if all weights vanished, RESAMPLED if ``before`` contains the particles
+    that continue, else KEPT.
+    """
+    weights, log_weights, chosen, totals, scratch = particles
+    frames, n, count = setting.frames, len(q), len(weights)
+    if k > 0:
+        record.outside[k] = keep_inside(setting.domain, before, q, log_weights, scratch[0])
+    for frame in range(frames.first[k], frames.first[k + 1]):
+        weigh(arm, space, frames, frame, before, q, log_weights, block, scratch)
+    if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
+        totals[0], log_total = normalise(log_weights, weights)
+        if not np.isfinite(log_total):
+            return VANISHED
+        totals[1] += log_total
+    weighted_moments(weights, q, record.mean[k], record.covariance[k], scratch)
+    record.ess[k] = totals[0]
+    if not totals[0] < setting.threshold * count:
+        return KEPT
+    resample(setting.scheme, weights, chosen, scratch, rng)
+    for j in range(n):
+        here, there = q[j], before[j]
+        for i in range(count):
+            there[i] = here[np.uint64(chosen[i])]  # unsigned: no index is negative
+    weights[:], log_weights[:] = 1.0 / count, -np.log(count)
+    totals[0], record.resampled[k] = float(count), True
+    return RESAMPLED
+
+
 @compiled
 def sequential_importance_sampling(
-    law, arm, space, block, domain, commands, frames, scheme, threshold, poses, rng
+    law, arm, space, block, commands, setting, q, particles, record, rng
 ):
-    """Return the first fields of :class:`~pipeline.filtering.particle_filter.Posterior`, the
-    log-evidence, and the step at which all weights vanished, or −1. ``law`` moves the particles
-    from their first ``poses`` (n, P) in rad, which are overwritten, and ``frames`` weigh them.
-    SCHEMES[``scheme``] resamples where the effective sample size is below ``threshold``·P.
+    """Fill the ``record`` of particles that the compiled ``law`` moves from their first poses ``q``
+    (n, P) in rad, which are overwritten. Return the step at which all weights vanished, or −1.
     """
-    (n, count), grid = poses.shape, len(commands.v) + 1
-    mean, covariance = np.empty((grid, n)), np.empty((grid, n, n))
-    ess, resampled = np.empty(grid), np.zeros(grid, dtype=np.bool_)
-    clipped, outside = np.zeros(grid, dtype=np.int64), np.zeros(grid, dtype=np.int64)
-    q, before, chosen = poses, poses.copy(), np.empty(count, dtype=np.int64)
-    scratch = np.empty((n + ROWS + 2, max(count, WIDTH)))
-    weights, log_weights = np.full(count, 1.0 / count), np.full(count, -np.log(count))
-    effective, log_evidence, vanished = float(count), 0.0, -1
-    for k in range(grid):
+    before = q.copy()
+    for k in range(len(commands.v) + 1):
         if k > 0:
             q, before = before, q
-            v, target = commands.v[k - 1], commands.path[k - 1]
-            clipped[k] = move(law, arm, space, block, v, target, commands.share, before, q, rng)
-            outside[k] = keep_inside(domain, before, q, log_weights, scratch[0])
-        for frame in range(frames.first[k], frames.first[k + 1]):
-            weigh(arm, space, frames, frame, before, q, log_weights, block, scratch)
-        if outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
-            effective, log_total = normalise(log_weights, weights)
-            if not np.isfinite(log_total):
-                vanished = k
-                break
-            log_evidence += log_total
-        weighted_moments(weights, q, mean[k], covariance[k], scratch)
-        ess[k] = effective
-        if effective < threshold * count:
-            resample(scheme, weights, chosen, scratch, rng)
-            for j in range(n):
-                here, there = q[j], before[j]
-                for i in range(count):
-                    there[i] = here[np.uint64(chosen[i])]  # unsigned: no index is negative
+            command = commands.v[k - 1], commands.path[k - 1], commands.share
+            record.clipped[k] = move(law, arm, space, block, *command, before, q, rng)
+        state = update(k, arm, space, block, setting, before, q, particles, record, rng)
+        if state == VANISHED:
+            return k
+        if state == RESAMPLED:
             before, q = q, before
-            weights[:], log_weights[:] = 1.0 / count, -np.log(count)
-            effective, resampled[k] = float(count), True
-    return (mean, covariance, ess, resampled, clipped, outside), log_evidence, vanished
+    return -1

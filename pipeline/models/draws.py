@@ -1,5 +1,5 @@
-"""Draws of a step with a model's compiled law and NumPy's variates, and realisations along the
-desired trajectory, step by step or free-running.
+"""Draws of a step with a model's compiled law and NumPy's variates, or by the law's ``sample``, and
+realisations along the desired trajectory, step by step or free-running.
 """
 
 import numpy as np
@@ -35,11 +35,13 @@ def draw_steps(
     """
     if (space := space_of(chain)) is None:
         chain.require_regular(q)
-    law, commands = model.law(chain), np.array(np.atleast_2d(v), dtype=float, order="C")
+    if not model.traits.compiled:
+        return model.sample(chain, q, v, rng), 0
+    commands = np.array(np.atleast_2d(v), dtype=float, order="C")
     # (M, n, poses under one command): joints come first in memory for the law
     together = q.reshape(-1, len(commands), q.shape[-1])
     before = np.array(np.moveaxis(together, 0, -1), dtype=float, order="C")
-    moved = np.empty_like(before)
+    law, moved = model.law(chain), np.empty_like(before)
     arm, block, clipped = chain.numbers(), block_for(chain), 0
     for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
         clipped += move(law, arm, space, block, v_k, v_k, 0.0, q_k, moved_k, rng)

@@ -20,7 +20,7 @@ divided by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps are a
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from math import lgamma
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -28,7 +28,7 @@ from numpy.random import Generator
 
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import NormalModel, normal_log_density
+from pipeline.models.model import NormalModel, Traits, normal_log_density
 
 KIND = "joint_steps"
 BEYOND = 1.05  # times the greatest recorded step: limit of predictions for an unknown gain
@@ -52,6 +52,7 @@ PLAIN = {
 class JointStepModel(NormalModel):
     """Law of the next pose of n joints; ``degrees`` are infinite for normal noise."""
 
+    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False, compiled=False)
     joints: tuple[str, ...]
     resolution: ndarray  # (n,) r in rad
     floor: ndarray  # (n,) a in rad²

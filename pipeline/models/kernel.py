@@ -38,17 +38,20 @@ from pipeline.arm.planar import (
 from pipeline.arm.rows import Rows, add_combination, add_dot, add_product, copy, dot, fill, rows_of
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import expm1
+from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import (
     GAUSSIAN_LAW,
     GIVEN_LAW,
     PIVOTED_LU_LAW,
     QR_TRANSPOSED_LAW,
     SCALED_LAW,
-    WISHART,
+    WISHART_LAWS,
     Law,
 )
 from pipeline.randommatrix.variates import draw_variates
 
+INVERSE_LAWS = tuple(WISHART_LAWS.values())
+LAWS = (SCALED_LAW, GAUSSIAN_LAW, *INVERSE_LAWS)
 DRAWN = 64  # poses of a serial chain whose variates are drawn at a time
 
 
@@ -73,6 +76,8 @@ def move(
     of the ``arm``. ``command`` is v (m,), or (m + n,) with a null-space joint step. ``target`` is
     the pose on the closed loop's path, unused if ``share`` κ is 0.
     """
+    if law.kind not in LAWS:
+        raise ModelDomainError("the compiled step has no law of this kind; use one of model.py")
     n, m, poses, size = len(arm.sliding), len(arm.rows), q.shape[1], block.shape[1]
     rows, clipped = rows_of(n, m), 0
     drawn = size if space is None else DRAWN
@@ -103,7 +108,7 @@ def move(
                 solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
         if law.kind == GAUSSIAN_LAW:
             dot(block, rows.speed, rows.task, rows.task, m, count)
-        elif law.kind >= WISHART:
+        elif law.kind in INVERSE_LAWS:
             _factor_step(law, True, block, rows, n, m, count)
             act(law.parameters[0], block, rows, m, count)
             _factor_step(law, False, block, rows, n, m, count)

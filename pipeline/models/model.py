@@ -7,7 +7,7 @@ rest if the whole command is zero.
 """
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -16,10 +16,9 @@ from numpy.random import Generator
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 
-# kinds of compiled laws (pipeline.models.kernel); laws from WISHART on apply B⁻¹ to a = J₁⁻¹v
+# kinds of compiled laws (pipeline.models.kernel); the numbers have no order
 SCALED_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
-WISHART = QR_LAW
-WISHART_LAWS = {  # by the name of the decomposition
+WISHART_LAWS = {  # by the name of the decomposition; they apply B⁻¹ to a = J₁⁻¹v
     "pivoted_lu": PIVOTED_LU_LAW,
     "qr": QR_LAW,
     "qr_transposed": QR_TRANSPOSED_LAW,
@@ -37,6 +36,15 @@ class Law(NamedTuple):
     sets: int  # sets of normal variates a pose; all poses draw one set before the next
     normals: int  # normal variates of a pose in a set
     degrees: ndarray = np.empty(0)  # degrees of freedom of the χ² variates of a pose
+
+
+class Traits(NamedTuple):
+    """Properties of a law, for the filter, the export and the tests."""
+
+    noisy_at_rest: bool  # the pose is random after a step without a command
+    needs_jacobian: bool  # the noise depends on J(q), not on the commanded joint step alone
+    compiled: bool = True  # it has the method ``law``; otherwise the filter calls ``sample``
+    memory: bool = False  # it is a :class:`MemoryModel`
 
 
 class Commands(NamedTuple):
@@ -67,10 +75,13 @@ class MotionModel(Protocol):
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or (..., m + n) is a command. All
     methods raise SingularJacobianError at a singular pose, ModelDomainError for a missing moment.
+    A law sees the command of one step alone.
     """
 
+    traits: ClassVar[Traits]
+
     def law(self, chain: Chain) -> Law:
-        """Return the law of a compiled step of the arm ``chain``."""
+        """Return the law of a compiled step of the arm ``chain``, if ``traits.compiled``."""
 
     def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) E[q_{k+1} | q_k = q] in rad."""
@@ -94,6 +105,24 @@ class MotionModel(Protocol):
         """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus noise N(0,
         ``measurement``) (n, n) in rad² if given. Raises ModelDomainError for a singular covariance,
         e.g. of a matrix model at rest without ``measurement``.
+        """
+
+
+class MemoryModel(MotionModel, Protocol):
+    """Law of a pose and its memory: s numbers beside each pose that the next step depends on, such
+    as the last errors and the commanded pose. Its ``traits.memory`` is True, ``compiled`` False.
+    """
+
+    def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
+        """(P, s) memory of first poses ``q`` (P, n) where ``commanded`` (n,) is the commanded pose
+        in rad. The filter passes the mean of the training takes' first poses.
+        """
+
+    def advance(
+        self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
+    ) -> tuple[ndarray, ndarray]:
+        """Return (P, n) draws of the next poses in rad, and (P, s) their memory, after ``q`` (P, n)
+        and ``memory`` (P, s) under the commands ``v`` (m,) or (P, m).
         """
 
 

@@ -9,8 +9,9 @@ import pandas as pd
 from pipeline.core import config, contracts, rng
 from pipeline.core.columns import spread, triangle
 from pipeline.core.compute.trials import run_trials
+from pipeline.core.options.analysis import Filter
 from pipeline.filtering.measurement import Measurements, measured_takes
-from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.filtering.particle_filter import Start, particle_filter
 from pipeline.models.closed_loop import FOLDER, fitted_closed_loop, mean_path
 from pipeline.models.kinds import fitted_models
 from pipeline.models.model import Commands, MotionModel, open_loop
@@ -43,7 +44,7 @@ def run(model: str) -> None:
                 recorded=recorded,
                 rate=settings.dataset.motion.rate,
                 start=Start(first.mean(axis=0), np.cov(first.T)),
-                options=FilterOptions(options.particles, options.scheme, options.threshold),
+                options=options,
                 stream=(settings.seed, label.replace(" ", ".")),
             )
             rows = run_trials(trial, takes, compute=settings.compute, label=f"{label}: takes")
@@ -69,7 +70,7 @@ def filter_take(
     recorded: Recorded,
     rate: float,
     start: Start,
-    options: FilterOptions,
+    options: Filter,
     stream: tuple[int, str],
 ) -> tuple[pd.DataFrame, int, float]:
     """Return one take's posterior, number of measurements outside the motion, and log evidence."""

@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 from planning_arms import PLANAR
+from sample_options import filter_options
 from space_arms import LWR4, UR5, revolute_arm
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.models.draws import draw_steps
 from pipeline.models.model import MotionModel, open_loop
 from pipeline.models.wishart.decomposition import Decomposition
@@ -76,7 +77,7 @@ class Take:
     def filtered(self, particles: int, rng: np.random.Generator) -> Posterior:
         """Our filter's posterior."""
         chain, model, start, *_ = self.scene
-        commands, options = open_loop(self.steps), FilterOptions(particles)
+        commands, options = open_loop(self.steps), filter_options(particles)
         return particle_filter(model, chain, commands, DT, start, self.measurements, options, rng)
 
     def plain(self) -> dict:

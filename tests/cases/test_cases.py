@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from sample_options import filter_options
 from scipy.stats import multivariate_normal
 
 from pipeline.arm.chain import PlanarChain
@@ -17,7 +18,7 @@ from pipeline.cases.readings import readings, readings_table
 from pipeline.core import config
 from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import MEMORY
-from pipeline.filtering.particle_filter import FilterOptions, Posterior
+from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.kinds import options_type
 from pipeline.models.steps import Recorded, mean_covariance, process_noise
 from pipeline.statistics.scores import training_mean
@@ -63,7 +64,7 @@ def base() -> Choices:
     further = {"additive": {}, "gaussian": {"beta": 0.5}}
     further["wishart"] = {"decomposition": "by_shape", "floor": 0.2}
     models = {kind: options_type(kind)(kind, estimator="paper", **further[kind]) for kind in KINDS}
-    return Choices(models, FilterOptions(60), "one_step")
+    return Choices(models, filter_options(60), "one_step")
 
 
 def posterior(mean: np.ndarray, covariance: np.ndarray) -> Posterior:

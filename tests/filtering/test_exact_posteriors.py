@@ -2,11 +2,13 @@
 joint's range, and Pinocchio's displacement of the tip; its worth in a closed loop.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from sample_options import filter_options
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal, norm
 from sliding_arm import sliding_arm
@@ -14,12 +16,13 @@ from space_arms import LWR4, link_poses
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
+from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.filtering.sampling import SCHEMES
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.draws import draw_steps
-from pipeline.models.model import Commands, open_loop
+from pipeline.models.model import Commands, Traits, open_loop
 from pipeline.models.scaled.law import ScaledModel
 
 DT = 0.01
@@ -79,15 +82,13 @@ def kalman(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, float]:
     return np.array(means), np.array(covariances), evidence
 
 
-def distance(
-    runs: list[Posterior], mean: np.ndarray, covariance: np.ndarray, evidence: float
-) -> np.ndarray:
+def distance(runs: list[Posterior], *known: np.ndarray | float) -> np.ndarray:
     """Root mean square deviation of the runs' average from the exact mean and covariance, and that
     of the log-evidence, each in standard errors taken from the independent runs; about 1 where the
     filter is right.
     """
-    deviations, known = [], {"mean": mean, "covariance": covariance, "log_evidence": evidence}
-    for name, exact in known.items():
+    deviations = []
+    for name, exact in zip(("mean", "covariance", "log_evidence"), known, strict=False):
         values = np.array([getattr(run, name) for run in runs])
         error = np.asarray(values.std(axis=0, ddof=1) / np.sqrt(len(runs)))
         varies = error > 1e-15
@@ -103,7 +104,7 @@ def runs_of(model, chain, steps, start, measurements, options, seeds=range(16)) 
 
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
 def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme):
-    options = FilterOptions(2000, scheme)
+    options = filter_options(2000, scheme)
     runs = runs_of(ScaledModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
     exact = kalman(FRAMES)
     assert all(run.resampled.any() for run in runs)
@@ -111,6 +112,43 @@ def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filter
     # control: motion noise half as large again
     runs = runs_of(ScaledModel(1.5 * NOISE), LINEAR, STEPS, START, FRAMES, options)
     assert np.all(distance(runs, *exact) > 2 * BAND)
+
+
+@dataclass(frozen=True)
+class Remembering:
+    """The error e about the commanded pose follows e + ω: ω = ``decay``·(e − e₋₁) + N(0, NOISE)."""
+
+    decay: float
+    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True)
+
+    def first_memory(self, q, commanded, rng) -> np.ndarray:
+        return np.zeros(q.shape)  # e − e₋₁
+
+    def advance(self, chain, q, v, memory, rng) -> tuple[np.ndarray, np.ndarray]:
+        noise = rng.standard_normal(q.shape) @ np.linalg.cholesky(NOISE).T
+        change = self.decay * memory + noise
+        return q + chain.nominal_step(q, v) + change, change
+
+
+def remembered(decay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (M+1, 3) and covariance (M+1, 3, M+1, 3) of the path of :class:`Remembering`."""
+    grid = len(STEPS) + 1
+    mean = START.mean + np.vstack([np.zeros(3), np.cumsum(STEPS @ INVERSE.T, axis=0)])
+    # response of pose k to the noise of step l: 1 + decay + … + decay^(k − l)
+    lags = np.arange(grid)[:, None] - np.arange(1, grid)
+    response = np.where(lags >= 0, (1 - decay ** (lags.clip(0) + 1.0)) / (1 - decay), 0.0)
+    covariance = np.einsum("kl,ml,ij->kimj", response, response, NOISE)
+    return mean, covariance + START.covariance[:, None]
+
+
+def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
+    exact = linear_filter(*remembered(0.7), [FRAMES], DT, LINEAR)
+    options, seeds = filter_options(1000), range(8)
+    for decay, right in ((0.7, True), (0.4, False)):  # the second is a control
+        runs = runs_of(Remembering(decay), LINEAR, STEPS, START, FRAMES, options, seeds)
+        assert all(run.resampled.any() for run in runs)
+        apart = distance(runs, exact[0][0], exact[1][0])
+        assert np.all(apart < BAND[:2]) if right else np.all(apart > 2 * BAND[:2])
 
 
 # one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
@@ -159,7 +197,7 @@ def walled_runs() -> list[Posterior]:
     placements = np.array([[*phase, 0, 0, 0], [*np.eye(3).ravel(), 1.0, 0, 0]])
     ends = *np.array(WALLS)[:, None], np.ones(1)
     arm = SerialChain(("y",), 1.0, placements, np.zeros(1, dtype=bool), *ends)
-    runs = runs_of(model, arm, FAST, AT_WALL, WALL_FRAMES, FilterOptions(8000))
+    runs = runs_of(model, arm, FAST, AT_WALL, WALL_FRAMES, filter_options(8000))
     assert all(run.outside[0] > 0 and run.outside[1:].any() and run.left_out == 1 for run in runs)
     return [replace(run, mean=run.mean[:, 0], covariance=run.covariance[:, 0, 0]) for run in runs]
 
@@ -196,7 +234,7 @@ def by_tip(t, y, noise, command=None, prior=None, count: int = 100) -> Posterior
     command = np.zeros((1, 13)) if command is None else command
     start = Start(POSE, np.zeros((7, 7)) if prior is None else prior)
     take = Measurements("t", np.array([t]), y[None], np.zeros((1, 6)), noise[None], tip=True)
-    still, options = ScaledModel(1e-20 * np.eye(7)), FilterOptions(count, "none")
+    still, options = ScaledModel(1e-20 * np.eye(7)), filter_options(count, "none")
     rng = np.random.default_rng(5)
     return particle_filter(still, LWR, open_loop(command), DT, start, take, options, rng)
 
@@ -271,7 +309,7 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     measured = [Measurements("take", DT * k, each, zero, noise) for each in y]
 
     def filtered(commands: Commands) -> tuple[np.ndarray, np.ndarray]:
-        options, arguments = FilterOptions(400), (model, chain, commands, DT, start)
+        options, arguments = filter_options(400), (model, chain, commands, DT, start)
         posteriors = [particle_filter(*arguments, each, options, rng) for each in measured]
         error = np.stack([each.mean for each in posteriors]) - takes
         std = np.sqrt([np.diagonal(each.covariance, axis1=1, axis2=2) for each in posteriors])

@@ -26,12 +26,14 @@ import hashlib, sys
 from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from pipeline.arm.chain import PlanarChain
+from pipeline.core.options.analysis import Filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.filtering.particle_filter import Start, particle_filter
 from pipeline.models.model import Commands
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 
+FILTER = Filter("systematic", 0.5, 1003)
 MIDDLE, ONE = np.array([1.1, -1.6, 1.8]), np.ones(3)
 links = np.array([[0.01, 0.155], [-0.02, 0.135], [0.03, 0.17]])
 arm = PlanarChain(np.zeros(2), links, np.array([1.0, -1.0, 1.0]), MIDDLE - 0.13, MIDDLE + 0.13, ONE)
@@ -43,7 +45,7 @@ seen = Measurements("take", np.arange(3, 31, 3) * 0.01, path[3::3], np.zeros((10
 def bits(decomposition, share):
     commands = Commands(v, arm.pose(path[:-1]), share)
     posterior = particle_filter(WishartModel(0.25, Decomposition(decomposition)), arm, commands,
-        0.01, Start(MIDDLE, 4e-3 * np.eye(3)), seen, FilterOptions(1003), np.random.default_rng(5))
+        0.01, Start(MIDDLE, 4e-3 * np.eye(3)), seen, FILTER, np.random.default_rng(5))
     assert posterior.resampled.any() and posterior.outside.any()
     return posterior.mean.tobytes() + posterior.covariance.tobytes() + posterior.ess.tobytes()
 

@@ -2,23 +2,28 @@
 model and scheme; its limits and refusals; counts of resampling with their exact moments.
 """
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 from compiled_calls import chosen_by
 from numpy_filter import plain_filter
+from numpy_laws import plain_steps
 from printed_algorithms import READINGS
+from sample_options import filter_options
 from sliding_arm import sliding_arm
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.rows import WIDTH
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
+from pipeline.core.options.analysis import Filter
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Posterior, Start, particle_filter
+from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.filtering.sampling import SCHEMES
+from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.model import Commands, open_loop
+from pipeline.models.model import Commands, Traits, open_loop
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
@@ -31,6 +36,7 @@ MODELS = {
     "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
     "gaussian": GaussianModel(0.05, 15.5),
 }
+RNG = np.random.default_rng
 PATH_START, PARTICLES = np.array([1.1, -1.6, 1.8]), 3 * WIDTH + 77
 
 
@@ -75,13 +81,18 @@ def greatest_difference(one: Posterior, other: Posterior) -> float:
     return greatest
 
 
-def both(model, arm, options: FilterOptions, share: float = 0.0) -> tuple[Posterior, Posterior]:
-    """Compiled and plain, in a loop that corrects towards the commanded path."""
+def on_the_scene(run, model, arm, options: Filter, share: float, stream) -> Posterior:
+    """Posterior by the filter ``run`` in a loop that corrects towards the commanded path."""
     v, start, observed = scene(arm)
     commands = Commands(v, arm.pose(start.mean) + np.cumsum(v, axis=0) - v, share)
-    streams = [np.random.default_rng(5) for _ in range(2)]
+    return run(model, arm, commands, DT, start, observed, options, stream)
+
+
+def both(model, arm, options: Filter, share: float = 0.0) -> tuple[Posterior, Posterior]:
+    """Compiled and plain."""
+    streams = [RNG(5) for _ in range(2)]
     results = [
-        run(model, arm, commands, DT, start, observed, options, stream)
+        on_the_scene(run, model, arm, options, share, stream)
         for run, stream in zip((particle_filter, plain_filter), streams, strict=True)
     ]
     assert streams[0].bit_generator.state == streams[1].bit_generator.state
@@ -92,7 +103,7 @@ def both(model, arm, options: FilterOptions, share: float = 0.0) -> tuple[Poster
 @pytest.mark.parametrize("kind", MODELS)
 def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band, arm):
     """The poses' own rounding enters the commands of a closed loop."""
-    compiled, plain = both(MODELS[kind], arm, FilterOptions(PARTICLES), share)
+    compiled, plain = both(MODELS[kind], arm, filter_options(PARTICLES), share)
     assert greatest_difference(compiled, plain) < band
     # the scene has everything in it
     assert plain.resampled.any() and plain.measured.sum() > 15 and plain.left_out == 2
@@ -100,10 +111,36 @@ def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band,
     assert plain.clipped.any() == kind.startswith("gaussian")
 
 
+@dataclass(frozen=True)
+class Sampled:
+    """A law without compiled code, whose draws in NumPy are those of the compiled ``law``."""
+
+    law: ScaledModel | GaussianModel | WishartModel
+    traits: ClassVar = Traits(noisy_at_rest=False, needs_jacobian=True, compiled=False)
+
+    def sample(self, chain, q, v, rng) -> np.ndarray:
+        return plain_steps(self.law, chain, q, v, rng)[0]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4], ids=["open", "closed"])
+@pytest.mark.parametrize("kind", ["additive", "wishart qr"])
+def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share, arm):
+    sampled, compiled = (
+        on_the_scene(particle_filter, law, arm, filter_options(PARTICLES), share, RNG(5))
+        for law in (Sampled(MODELS[kind]), MODELS[kind])
+    )
+    assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
+    q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
+    one, other = (
+        draw_steps(law, arm, q, v, RNG(3))[0] for law in (Sampled(MODELS[kind]), MODELS[kind])
+    )
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("threshold", [0.0, 0.3, 0.9])
 def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold, arm):
-    options = FilterOptions(PARTICLES, scheme, threshold)
+    options = filter_options(PARTICLES, scheme, threshold)
     compiled, plain = both(MODELS["wishart pivoted_lu"], arm, options)
     assert greatest_difference(compiled, plain) < 1e-12
     due = (plain.ess < threshold * PARTICLES) & (scheme != "none")
@@ -115,15 +152,18 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
 @pytest.mark.parametrize("particles", [1, 2, WIDTH - 1, WIDTH, WIDTH + 1])
 def test_blocks_of_any_filling_are_filtered(particles, arm):
     roomy = replace(arm, lower=arm.lower - 2.0, upper=arm.upper + 2.0)
-    compiled, plain = both(MODELS["wishart pivoted_lu"], roomy, FilterOptions(particles))
+    compiled, plain = both(MODELS["wishart pivoted_lu"], roomy, filter_options(particles))
     assert greatest_difference(compiled, plain) < 1e-12
 
 
 def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(arm):
-    compiled, plain = both(MODELS["additive"], arm, FilterOptions(PARTICLES))
-    off, _ = both(ScaledModel((1 + 1e-9) * COVARIANCE), arm, FilterOptions(PARTICLES))
+    compiled, plain = both(MODELS["additive"], arm, filter_options(PARTICLES))
+    off, _ = both(ScaledModel((1 + 1e-9) * COVARIANCE), arm, filter_options(PARTICLES))
     assert greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
-    for options, share in ((FilterOptions(PARTICLES, threshold=0.6), 0.0), (FilterOptions(), 0.4)):
+    for options, share in (
+        (filter_options(PARTICLES, threshold=0.6), 0.0),
+        (filter_options(), 0.4),
+    ):
         other, _ = both(MODELS["additive"], arm, options, share)
         assert greatest_difference(other, plain) > 1e-3
 
@@ -149,7 +189,7 @@ UNSEEN = seen([], np.empty((0, 3)))
 
 def filtered(model, chain, steps, start, measurements=UNSEEN, **options) -> Posterior:
     commands, rng = open_loop(steps), np.random.default_rng(1)
-    options = FilterOptions(**options)
+    options = filter_options(**options)
     return particle_filter(model, chain, commands, DT, start, measurements, options, rng)
 
 
@@ -163,7 +203,7 @@ def test_without_resampling_the_weights_degenerate_and_with_it_they_do_not():
     y = along(t, STEPS) + 0.02 * np.random.default_rng(11).standard_normal((len(t), 3))
     ess = {}
     for scheme in ("none", "systematic"):
-        posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), resampling=scheme)
+        posterior = filtered(DIFFUSING, FREE, STEPS, START, seen(t, y), scheme=scheme)
         ess[scheme] = posterior.ess[160:][posterior.measured[160:]]
     assert np.max(ess["none"]) < 10 and np.median(ess["systematic"]) > 200
 

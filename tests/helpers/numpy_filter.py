@@ -52,8 +52,8 @@ def plain_filter(model, chain, commands, dt, start, measurements, options, rng) 
         mean[k] = weights @ q
         covariance[k] = (weights * (q - mean[k]).T) @ (q - mean[k])
         ess[k] = 1.0 / (weights @ weights)
-        if options.resampling != "none" and ess[k] < options.threshold * count:
-            q = q[PLAIN_SCHEMES[options.resampling](weights, rng)]
+        if options.scheme != "none" and ess[k] < options.threshold * count:
+            q = q[PLAIN_SCHEMES[options.scheme](weights, rng)]
             weights, log_weights = uniform, log_uniform
             resampled[k] = True
     return Posterior(

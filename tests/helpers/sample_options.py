@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.options.analysis import ArticulationSection
+from pipeline.core.options.analysis import ArticulationSection, Filter
 from pipeline.core.options.dataset import (
     Dataset,
     Depth,
@@ -53,3 +53,10 @@ def parameters(folder: Path, comment: str = "", **choices: str | None) -> Path:
     ]
     (folder / "params.yaml").write_text("\n".join(lines) + "\n")
     return folder / "params.yaml"
+
+
+def filter_options(
+    particles: int = 1000, scheme: str = "systematic", threshold: float = 0.5
+) -> Filter:
+    """Options of the particle filter."""
+    return Filter(scheme, threshold, particles)

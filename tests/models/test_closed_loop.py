@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from random_arm import motion, random_arm
+from sample_options import filter_options
 from scipy.linalg import block_diag
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.particle_filter import FilterOptions, Start, particle_filter
+from pipeline.filtering.particle_filter import Start, particle_filter
 from pipeline.models.additive.fit import Options as Additive
 from pipeline.models.closed_loop import (
     ClosedLoopFit,
@@ -69,7 +70,7 @@ def path(chain) -> MeanPath:
 def moved(path: MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
     still, quiet = Start(path.poses[0] + off, np.zeros((3, 3))), ScaledModel(np.zeros((3, 3)))
-    run = commands, 0.01, still, UNSEEN, FilterOptions(1), np.random.default_rng(1)
+    run = commands, 0.01, still, UNSEEN, filter_options(1), np.random.default_rng(1)
     return particle_filter(quiet, path.chain, *run).mean - path.poses
 
 

@@ -2,10 +2,15 @@
 draws and their moments on arms of any size, at rest and at singular poses.
 """
 
+import os
+import sys
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from numpy_laws import plain_steps
 from printed_algorithms import READINGS, least_p_value
+from project_copy import ROOT, succeeds
 from random_arm import motion, random_arm
 from scipy import stats
 
@@ -14,6 +19,8 @@ from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.kernel import LAWS
+from pipeline.models.model import GAUSSIAN_LAW
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition, split
 from pipeline.models.wishart.law import WishartModel, step_covariance
@@ -62,7 +69,7 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         assert one.bit_generator.state == other.bit_generator.state
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(2))[0], moved)
         assert np.array_equal(draw_steps(model, arm, q, v, RNG(3))[0], moved) == (
-            not v.any() and not isinstance(model, ScaledModel)
+            not v.any() and not model.traits.noisy_at_rest
         )
 
 
@@ -104,8 +111,8 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain
     drawn, clipped = draw_steps(model, chain, poses, rest, RNG())
     assert clipped == 0
     for each in (drawn, model.sample(chain, poses, rest, RNG())):
-        assert np.array_equal(each, poses) != isinstance(model, ScaledModel)
-    if isinstance(model, ScaledModel):
+        assert np.array_equal(each, poses) != model.traits.noisy_at_rest
+    if model.traits.noisy_at_rest:
         assert np.all(np.isfinite(model.log_density(chain, poses, rest, drawn)))
         return
     assert np.array_equal(model.mean(chain, poses, rest), poses)
@@ -115,6 +122,67 @@ def test_at_rest_a_matrix_model_stays_and_every_other_has_its_floor(model, chain
     noise = stats.multivariate_normal(cov=MEASUREMENT).logpdf(np.full(3, 1e-3))
     density = model.log_density(chain, poses, rest, poses + 1e-3, MEASUREMENT)
     np.testing.assert_allclose(density, noise, rtol=1e-9)
+
+
+@every_model
+def test_noise_depends_on_the_jacobian_where_the_law_says_so(model, chain, step):
+    """The steps at two poses are the same joint step."""
+    other = POSE + np.array([0.5, -0.8, 0.4])
+    same = chain.jacobian(other) @ chain.nominal_step(POSE, step)
+    covariances = model.covariance(chain, POSE, step), model.covariance(chain, other, same)
+    needed = model.traits.needs_jacobian and model is not MATRIX["wishart qr_transposed"]
+    assert np.allclose(*covariances, rtol=1e-9, atol=0) != needed
+
+
+@dataclass(frozen=True)
+class OfKind(GaussianModel):
+    """A law whose kind the compiled step may not have."""
+
+    kind: int = 0
+
+    def law(self, chain):
+        return super().law(chain)._replace(kind=self.kind)
+
+
+@pytest.mark.parametrize("kind", [-1, max(LAWS) + 1, 99])
+def test_a_law_of_an_unknown_kind_is_refused(kind, chain, step):
+    known = draw_steps(OfKind(0.05, 30.0, GAUSSIAN_LAW), chain, POSE, step, RNG())[0]
+    assert np.all(known != POSE)
+    with pytest.raises(ModelDomainError, match="no law of this kind"):
+        draw_steps(OfKind(0.05, 30.0, kind), chain, POSE, step, RNG())
+
+
+RENUMBERED = """
+import sys
+import numpy as np
+from pipeline.models import model
+names = [name for name in vars(model) if name.endswith("_LAW")]
+for name, kind in zip(names, map(int, sys.argv[1:]), strict=True):
+    for key, old in model.WISHART_LAWS.items():
+        if old == getattr(model, name):
+            model.WISHART_LAWS[key] = ("new", kind)
+    setattr(model, name, kind)
+model.WISHART_LAWS.update({key: kind for key, (_, kind) in model.WISHART_LAWS.items()})
+from pipeline.models.draws import draw_steps
+from test_compiled_laws import ARMS, MODELS, POSE
+from pipeline.arm.chain import PlanarChain
+links, signs = ARMS["the arm's"]
+arm = PlanarChain(np.zeros(2), links, np.array(signs), *np.full((3, 3), 9.0))
+v = np.array([0.004, -0.003, 0.03])
+for law in MODELS.values():
+    print(draw_steps(law, arm, POSE[None], v, np.random.default_rng(3)))
+"""
+
+
+@pytest.mark.slow
+def test_the_numbers_of_the_kinds_carry_no_meaning():
+    def draws(*kinds: int) -> str:
+        places = [str(ROOT), *(str(ROOT / "tests" / name) for name in ("helpers", "models"))]
+        environment = {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(places)}
+        program = sys.executable, "-c", RENUMBERED, *map(str, kinds)
+        return succeeds(*program, cwd=ROOT, **environment)
+
+    assert draws(*range(6)) == draws(40, -3, 7, 12, 5, 1)
 
 
 @every_model

@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from recordings_of_law import ROOT
+from sample_options import filter_options
 from study_runs import options_of
 
 from pipeline.cases.case import KINDS, Choices
 from pipeline.core.columns import spread
 from pipeline.core.options.analysis import Compute, Wrench
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.filtering.particle_filter import FilterOptions
 from pipeline.models.kinds import options_type
 from pipeline.studies.robustness import stage
 from pipeline.studies.robustness.grid import (
@@ -37,7 +37,7 @@ MODELS = {
     kind: options_type(kind)(kind, estimator="paper", **FURTHER.get(kind, {})) for kind in KINDS
 }
 MODELS["scaled_full"] = options_type("scaled")("scaled", structure="full")
-CASE = Choices(MODELS, FilterOptions(60, "systematic", 0.5), "one_step", closed=True)
+CASE = Choices(MODELS, filter_options(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
 ABSENT = "clearance speed_error_std encoder_ripple jitter_std start_std speed_exponent"
 ADDITIVE = tuple((name, 0.0) for name in f"{ABSENT} encoder_offset_std length_std".split())

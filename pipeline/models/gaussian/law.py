@@ -6,14 +6,22 @@ N(J̲⁺v, s‖v‖²·I), isotropic in joint space. A step in the null space of
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import GAUSSIAN_LAW, Law, NormalModel, frobenius, task_step, trace_factor
+from pipeline.models.model import (
+    GAUSSIAN_LAW,
+    Law,
+    NormalModel,
+    Traits,
+    frobenius,
+    task_step,
+    trace_factor,
+)
 
 UNBOUNDED = 1e9  # u, far above the norm of any inverse Jacobian
 
@@ -41,6 +49,7 @@ class GaussianModel(NormalModel):
     Algorithm 2. Raises ModelDomainError for α or u out of range.
     """
 
+    traits: ClassVar = Traits(noisy_at_rest=False, needs_jacobian=True)
     alpha: float
     u: float
 

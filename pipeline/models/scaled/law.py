@@ -9,14 +9,14 @@ of all joints; without B the model is the additive one.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import SCALED_LAW, Law, NormalModel, root, trace_factor
+from pipeline.models.model import SCALED_LAW, Law, NormalModel, Traits, root, trace_factor
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class ScaledModel(NormalModel):
     singular. Raises ModelDomainError if one is not a covariance.
     """
 
+    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False)
     floor: ndarray
     gain: ndarray | None = None
 

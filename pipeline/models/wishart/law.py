@@ -16,7 +16,7 @@ variance of B⁻¹a for ‖a‖ = 1 is Var z along a and c = E z²/(d − m) acr
 
 from dataclasses import dataclass, replace
 from math import lgamma
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -24,7 +24,14 @@ from numpy.random import Generator
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import WISHART_LAWS, Law, normal_log_density, principal_axes, task_step
+from pipeline.models.model import (
+    WISHART_LAWS,
+    Law,
+    Traits,
+    normal_log_density,
+    principal_axes,
+    task_step,
+)
 from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
@@ -40,6 +47,7 @@ class WishartModel:
     a density or a given J₁ of another size than the task.
     """
 
+    traits: ClassVar = Traits(noisy_at_rest=False, needs_jacobian=True)
     sigma_b: float
     decomposition: Decomposition = PIVOTED_LU
 

@@ -15,7 +15,7 @@ from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.figures import style
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter
 from pipeline.filtering.measurement import Measurements, measurements
-from pipeline.filtering.particle_filter import FilterOptions, particle_filter
+from pipeline.filtering.particle_filter import particle_filter
 from pipeline.laboratory.dynamics import (
     desired_joints,
     lagged_correlation,
@@ -175,12 +175,11 @@ def duration_rows(
     filters = linear_filters(recorded, takes.poses, test, frames, dt, law)
     model = config.model_options([options.model])[options.model]
     fit = fit_closed_loop(recorded, model, kinds.estimate(recorded, model))
-    chosen = settings.filter
-    filtering = FilterOptions(chosen.particles, chosen.scheme, chosen.threshold)
     loop = (fit.estimate.model, laboratory.chain, path.commands(fit.share), dt, takes.start)
+    streams = [rng.stream(settings.seed, "filters.lasting", i) for i in range(len(frames))]
     posteriors = [
-        particle_filter(*loop, frame, filtering, rng.stream(settings.seed, "filters.lasting", i))
-        for i, frame in enumerate(frames)
+        particle_filter(*loop, frame, settings.filter, stream)
+        for frame, stream in zip(frames, streams, strict=True)
     ]
     error = np.stack([each.mean for each in posteriors]) - test
     covariance = np.stack([each.covariance for each in posteriors])
