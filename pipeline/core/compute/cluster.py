@@ -25,6 +25,7 @@ import numpy as np
 from distributed import Client, Future, LocalCluster, get_worker
 from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
+from distributed.utils import get_mp_context
 
 from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import call_pickled
@@ -38,6 +39,9 @@ SILENT = {
     "distributed.admin.low-level-log-length": 0,
     "distributed.admin.large-graph-warning-threshold": "1TB",
 }
+# workers of a local cluster are forks of one process that has imported PRELOAD
+FORKED = {"distributed.worker.multiprocessing-method": "forkserver"}
+PRELOAD = ["distributed", "pipeline.core.compute.cluster", "pandas", "numba"]
 BLOCK = 0.2  # s, duration of the trials of a task, long compared with its submission
 AHEAD = 16  # blocks per worker that are submitted before the first result is taken
 LOST = (
@@ -109,10 +113,11 @@ def connect(compute: Compute) -> Iterator[Client]:
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     address, timeout = compute.dask.address, compute.dask.timeout
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(SILENT))
+        stack.enter_context(dask.config.set(SILENT | FORKED))
         if address is None:
             workers = compute.workers or len(os.sched_getaffinity(0))
             local = {"host": "127.0.0.1", "dashboard_address": "127.0.0.1:0"}
+            get_mp_context().set_forkserver_preload(PRELOAD)
             cluster = LocalCluster(n_workers=workers, threads_per_worker=1, **local)
             address = stack.enter_context(cluster).scheduler_address
         try:

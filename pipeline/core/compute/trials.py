@@ -51,13 +51,13 @@ def call_pickled(function: bytes, trial: bytes) -> bytes:
 
 
 def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) -> Iterator:
-    """Yield results of this process until workers save more time than their start takes."""
+    """Yield results of this process until workers save more time than their start takes; a running
+    cluster computes all.
+    """
     left = length_hint(trials) or math.inf
     trials = iter(trials)
-    if compute.dask is not None:
-        from pipeline.core.compute.cluster import results_of_cluster
-
-        yield from results_of_cluster(function, trials, compute, label)
+    if compute.dask is not None and compute.dask.address is not None:
+        yield from _by_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
     pace = 0.0  # s per trial: first trial without loading, then the mean of later trials
@@ -70,7 +70,16 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
         left -= 1
         workers = min(workers, left)
         if workers > 1 and pace * left * (1 - 1 / workers) > START:
-            yield from _by_processes(function, trials, int(workers), label)
+            if compute.dask is None:
+                yield from _by_processes(function, trials, int(workers), label)
+            else:
+                yield from _by_cluster(function, trials, compute, label)
+
+
+def _by_cluster(function: bytes, trials: Iterator, compute: "Compute", label: str) -> Iterator:
+    from pipeline.core.compute.cluster import results_of_cluster
+
+    yield from results_of_cluster(function, trials, compute, label)
 
 
 def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -> Iterator:
