@@ -6,11 +6,16 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pipeline.core.errors import RecordingError
 
 TURN = 2 * np.pi  # rad
 ALIKE = 0.1  # rad, greatest distance on the circle at which two angles count as equal
+MOST_TURNS = 4  # turns, greatest angle of an arm's joint; greater angles have another unit
+BESIDE = 5  # rows before and after a jump that show the speed, and in which a spike ends
+FASTEST = 3.0  # greatest speed during a jump over the speed beside it
+TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump
 
 
 def unwrap(
@@ -20,26 +25,40 @@ def unwrap(
     *,
     circular: np.ndarray | bool = True,
     signal: str = "actual",
+    lines: Sequence[int] = (),
     **evidence: object,
 ) -> tuple[np.ndarray, int]:
     """Return ``angles`` (N, joints) in rad without steps of more than half a turn, and the number
     of these steps.
 
-    Raises RecordingError with the ``evidence`` for a step that differs from whole turns by more
-    than a quarter turn; it names the joint by ``names`` and the place by ``time`` (N,) in s.
+    A step is whole turns if the rest of it is a motion as fast as in the rows beside it, and if the
+    angles stay there, or never leave the window of a wrapped angle. Raises RecordingError with the
+    ``evidence`` for any other step; it names the joint by ``names`` and the place by ``time`` (N,)
+    in s and ``lines`` (N,) of the file.
     """
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
     if not turns.any():
         return angles, 0
-    wrong = (turns != 0) & (np.abs(steps - TURN * turns) > TURN / 4)
-    if wrong.any():
+    motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
+    speed = np.where(turns, 0.0, np.abs(motion)) / seconds
+    reach = min(BESIDE, len(steps))
+    around = np.pad(speed, ((reach, reach), (0, 0)), mode="edge")
+    fastest = sliding_window_view(around, 2 * reach + 1, axis=0).max(axis=-1)
+    allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
+    after = np.pad(turns, ((0, reach), (0, 0)))
+    later = sliding_window_view(after, reach + 1, axis=0)
+    returns = (later == -turns[..., None]).any(axis=-1)
+    outside = np.ptp(angles, axis=0) > TURN * np.abs(turns) + TURN_NOISE
+    unlike = (np.abs(motion) > allowed) | (np.abs(turns) > MOST_TURNS) | (returns & outside)
+    if (wrong := (turns != 0) & unlike).any():
         row, joint = np.argwhere(wrong)[0].tolist()
         name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
         raise RecordingError(
             f"{name} ({signal}) jumps by {steps[row, joint]:.4g} rad at "
             f"{time[row + 1] - time[0]:.6g} s from the start, which is neither a motion nor whole "
             "turns of 2π = 6.283 rad: check angle_unit, or leave this part of the log out",
+            **({"line": lines[row + 1]} if len(lines) else {}),
             **evidence,
         )
     removed = np.cumsum(turns, axis=0)

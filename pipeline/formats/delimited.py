@@ -69,7 +69,8 @@ class Samples(NamedTuple):
 
     values: np.ndarray  # (M, columns)
     rows: np.ndarray  # (M,) row numbers in the table, from 0
-    # rows_without_numbers and incomplete_end_rows (both left out), interpolated_cells
+    # rows_without_numbers, rows_without_measured_angle (numbers in other columns alone) and
+    # incomplete_end_rows (all left out), interpolated_cells
     counts: dict[str, int]
 
 
@@ -199,7 +200,8 @@ def complete_rows(
         filled[:, column] = np.interp(x, x[known], filled[known, column])
     if not inside.any():
         return None, ("has no number at the times of the other columns", leading[0], 0)
-    counts = {"rows_without_numbers": len(values) - int(taken.sum())}
+    counts = {"rows_without_numbers": len(values) - len(rows)}
+    counts["rows_without_measured_angle"] = len(rows) - int(taken.sum())
     counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
     counts["interpolated_cells"] = int(missing[inside].sum())
     counts = {name: count for name, count in counts.items() if count}

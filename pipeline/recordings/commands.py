@@ -143,7 +143,7 @@ def suspects(
     plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
     unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
     scale = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
-    listed = [f"{each:.16g}" for each in factor]
+    listed = [repr(float(each)).removesuffix(".0") for each in factor]
     value = listed[0] if len({*listed}) == 1 else f"[{', '.join(listed)}]"
     columns = f"the commanded columns in the order {[int(j) + 1 for j in order]}"
     for changed, field, option, cause, stated in (

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from pipeline.core.angles import TURN, unwrap, whole_turns
+from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
@@ -25,7 +26,7 @@ RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
 STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
-MOST_TURNS = 4  # turns, greatest angle of an arm's joint; greater angles have another unit
+DAMAGED = 5  # rows of the median that omits damaged cells
 
 
 def read_movement(
@@ -119,18 +120,51 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
         if name in SIGNALS:
             if options.angle_unit == "deg":
                 rows = np.where(options.circular, rows, np.degrees(rows))
-            greatest = np.where(options.circular, np.abs(rows), 0.0).max(axis=1, initial=0.0)
-            if greatest.max() > MOST_TURNS * TURN:
-                at = log.time[greatest.argmax()] - log.time[0]
-                message = f"{name}: {greatest.max():.6g} rad, or rad/s, at {at:.6g} s from start is"
-                message += f" not plausible: check that the angle_unit is {options.angle_unit}"
-                raise RecordingError(message, file=file, key=f"{OPTION}.angle_unit")
+            where = {"signal": name, "lines": log.lines, "file": file}
+            require_plausible(rows, log.time, names, options.circular, options.angle_unit, **where)
         if name in SIGNALS[:2]:
-            where = {"circular": options.circular, "signal": name, "file": file}
-            rows, removed = unwrap(rows, log.time, names, **where)
+            rows, removed = unwrap(rows, log.time, names, circular=options.circular, **where)
             jumps += removed
         signals[name] = rows
     return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
+
+
+def without_damage(angles: np.ndarray) -> np.ndarray:
+    """Return the running medians (N, joints) of five rows of ``angles`` (N, joints), which one or
+    two damaged cells do not change; ``angles`` if there are fewer rows.
+    """
+    if len(angles) < DAMAGED:
+        return angles
+    beside = np.pad(angles, ((DAMAGED // 2,) * 2, (0, 0)), mode="reflect")
+    return np.median(sliding_window_view(beside, DAMAGED, axis=0), axis=-1)
+
+
+def require_plausible(
+    angles: np.ndarray,
+    time: np.ndarray,
+    names: Sequence[str],
+    circular: np.ndarray | bool,
+    unit: str,
+    *,
+    signal: str,
+    lines: Sequence[int] = (),
+    **where: object,
+) -> None:
+    """Raise RecordingError where a ``signal`` (N, joints) in rad or rad/s exceeds MOST_TURNS: with
+    the line if it is a damaged cell, else with the option of the ``unit``.
+    """
+    limit, sizes = MOST_TURNS * TURN, np.where(circular, np.abs(angles), 0.0)
+    if not (beyond := sizes > limit).any():
+        return
+    row, joint = np.argwhere(beyond)[0].tolist()
+    name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
+    message = f"{name} ({signal}) is {angles[row, joint]:.6g} rad, or rad/s, at "
+    message += f"{time[row] - time[0]:.6g} s from the start: beyond four turns, which is not "
+    if (without_damage(sizes) > limit).any():
+        message += f"plausible: check that the angle_unit is {unit}"
+        raise RecordingError(message, **where, key=f"{OPTION}.angle_unit")
+    message += "plausible and no angle: correct the cell, or leave the row out"
+    raise RecordingError(message, **({"line": lines[row]} if len(lines) else {}), **where)
 
 
 def require_speeds(

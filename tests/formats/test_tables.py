@@ -96,7 +96,7 @@ HALVES[1] = f"\n0.240000{HALVES[1]}"
 MENDED = {  # name: content, rows that are read, counts, words of inspect
     "merged of two sources": (
         MERGED, slice(2, 60, 2), {"interpolated_cells": 58, "incomplete_end_rows": 1,
-                                  "rows_without_numbers": 30}, "120 missing cells"),
+                                  "rows_without_measured_angle": 30}, "120 missing cells"),
     "merged of each joint": (
         EACH, slice(1, 59), {"interpolated_cells": 116, "incomplete_end_rows": 2}, "120 missing"),
     "one lost cell": (lost((9, 2, "")), slice(60), {"interpolated_cells": 1}, "1 missing cells"),

@@ -22,6 +22,11 @@ def motion(rows: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return k / RATE, actual + np.random.default_rng(3).normal(0, 1e-5, actual.shape), target
 
 
+def cell_of(value: object) -> str:
+    """A number with nine digits, an empty cell for NaN, or a word."""
+    return str(value) if isinstance(value, str) else "" if value != value else f"{value:.9g}"
+
+
 def write(file: Path, labels: Sequence[str], *columns: np.ndarray | Sequence[str]) -> None:
     """Write a table of ``columns``, numbers (N,) or (N, n) or words, below the ``labels``."""
     cells = []
@@ -29,7 +34,7 @@ def write(file: Path, labels: Sequence[str], *columns: np.ndarray | Sequence[str
         rows = column if isinstance(column, np.ndarray) else np.array(column, object)
         cells += rows.reshape(len(rows), -1).T.tolist()
     lines = [labels, *zip(*cells, strict=True)] if len(labels) else [*zip(*cells, strict=True)]
-    text = (",".join(f"{c:.9g}" if isinstance(c, float) else str(c) for c in li) for li in lines)
+    text = (",".join(map(cell_of, line)) for line in lines)
     file.write_text("\n".join(text) + "\n")
 
 
@@ -53,9 +58,153 @@ def target_moments(*others: str) -> Callable[[Path], None]:
     return make
 
 
+def log(
+    labels: Sequence[str] = (),
+    change: Callable[..., Sequence[object]] | None = None,
+    name: str = "log.csv",
+) -> Callable[[Path], None]:
+    """A table of time, measured and commanded angles below ``labels`` (default by numbers), its
+    columns changed by ``change(time, actual, target)``.
+    """
+
+    def make(folder: Path) -> None:
+        columns = motion()
+        head = labels or ["time", *numbered("actual_q", "target_q")]
+        write(folder / name, head, *(change(*columns) if change else columns))
+
+    return make
+
+
+def names(*forms: str, first: Sequence[str] = ("time",)) -> list[str]:
+    """Labels with the names of UR's joints in alphabetical order."""
+    return [*first, *(form.format(joint) for form in forms for joint in UR)]
+
+
+def damaged(value: float, *cells: tuple[int, int]) -> Callable[..., Sequence[object]]:
+    """A change that adds ``value`` in ``cells`` (row, joint) of the measured angles."""
+
+    def change(time, actual, target):
+        for row, joint in cells:
+            actual[row, joint] += value
+        return time, actual, target
+
+    return change
+
+
+def cells(*words: str) -> Callable[..., Sequence[object]]:
+    """A change that puts columns of constant ``words`` behind the time."""
+    return lambda time, actual, target: (
+        time,
+        *([word] * len(time) for word in words),
+        actual,
+        target,
+    )
+
+
+def dates(time: np.ndarray, form: str) -> list[str]:
+    return [form.format(t) for t in time]
+
+
+def in_turn(time, actual, target):
+    """Columns of two topics whose rows alternate."""
+    gaps = np.full_like(actual, np.nan)
+    stamps = np.stack([time, time + 0.003], axis=1).ravel()
+    rows = [np.stack(pair, axis=1).reshape(-1, 6) for pair in ((actual, gaps), (gaps, target))]
+    return stamps, *rows
+
+
+def counts(turn: int, zero: int) -> Callable[..., Sequence[object]]:
+    """A change to counts of an encoder, ``turn`` per turn and ``zero`` at 0 rad."""
+    return lambda time, *angles: (time, *(np.rint(zero + q * turn / (2 * np.pi)) for q in angles))
+
+
+JOINTS, FIELD = [f"{joint}_joint" for joint in UR], "field.joint_names"
+NAMED = "joint names elbow, shoulder_lift, shoulder_pan, wrist_1 … (6)"
+CELLS = "joint names elbow_joint, shoulder_lift_joint, shoulder_pan_joint, wrist_1_joint … (6)"
+OFFERED = "suggested is {actual: [J"
+WHOLE = "whole numbers from "
 PAIRED = ("log_q_actual.csv: table of numbers", TRACKED)
+DEGREES = ("suggested is rad", "suggested is 0.017453292519943295", "command tracking error 0.0")
+NO_CLOCK, NULL = "no column is a clock", "suggested is null: dataset.joint_log.time"
+RADIANS = "the greatest is 1.4; suggested is rad"
+FILE = {"place": "log.csv"}
+OWN = FILE | {"public": False}
 KINDS = [
+    FileKind("19", log(names("actual_{}_joint", "target_{}_joint"), name="run_1.csv"),
+             (NAMED, TRACKED), "run_1.csv"),
+    FileKind("19", log(names("{}.pos", "{}.cmd")), (NAMED, TRACKED), **OWN),
+    FileKind("19", log([*names("q_act_{}"), *(f"q_des_{j}" for j in UR[::-1])],
+                       lambda time, actual, target: (time, actual, target[:, ::-1])),
+             (NAMED, TRACKED), **OWN),
+    FileKind("20", log(["%time", *(f"{FIELD}{j}" for j in range(6)),
+                        *numbered("field.actual.positions", "field.desired.positions")],
+                       cells(*JOINTS), name="run_1.csv"), (CELLS, TRACKED), "run_1.csv"),
+    FileKind("20", log(["t", "name", *numbered("position", "goal_position")],
+                       cells(f"[{' '.join(JOINTS)}]")), (CELLS, TRACKED), **OWN),
+    FileKind("20", log(["t", *(f"name[{j}]" for j in range(6)), *numbered("pos", "pos_cmd")],
+                       lambda t, *q: (t, *[[w] * 200 + [v] * 200 for w, v in
+                                           zip(JOINTS, JOINTS[::-1], strict=True)], *q)),
+             ("names differ from the first row", "[line 202]"), stops=True, **OWN),
+    FileKind("21", log([*names("/joint_states/{}_joint/position", first=("__time",)),
+                        *(f"/controller/state/desired/positions[{j}]" for j in range(6))],
+                       name="run_1.csv"), (NAMED, TRACKED), "run_1.csv"),
+    FileKind("21", log(names("actual_{}") + numbered("command")), (NAMED, TRACKED), **OWN),
+    FileKind("21", log(["time", *numbered("actual_q"), *numbered("target_q", count=5)],
+                       lambda time, actual, target: (time, actual, target[:, :5])),
+             ("the content of the columns is not stated",), **OWN),
+    FileKind("30", log(["timestamp", "cmd_num", *(f"J{j}" for j in range(1, 7))],
+                       lambda time, actual, target: (time, np.floor(9 * time), actual)),
+             (OFFERED,), "log.csv", ("target",)),
+    FileKind("30", log(["timestamp", "setpointIndex", *(f"J{j}" for j in range(1, 7))],
+                       lambda time, actual, target: (time, np.floor(9 * time), actual)),
+             (OFFERED,), never=("target",), **OWN),
+    FileKind("30", log(["t", "target_count", *numbered("q", "q_cmd")],
+                       lambda time, actual, target: (time, np.floor(9 * time), actual, target)),
+             ("target (q_cmd_0", TRACKED), **OWN),
+    FileKind("30", log(["timestamp", *(f"joint{j}" for j in range(1, 7))],
+                       lambda time, actual, target: (time, actual)),
+             ("suggested is {actual: [joint1, joint2",), **OWN),
+    FileKind("31", log([], lambda t, *q: (dates(t, "2023-05-06 07:08:{:09.6f}"), *q)),
+             (NO_CLOCK, "time holds dates or times", NULL, RADIANS), **FILE),
+    FileKind("31", log([], lambda t, *q: (dates(t, "07:08:{:06.3f}"), *q)),
+             (NO_CLOCK, NULL, RADIANS), **OWN),
+    FileKind("31", log([], lambda t, *q: (np.floor(9 * t), *q)),
+             ("the time does not increase", "[line 3]"), stops=True, **OWN),
+    FileKind("31", log(["seq", *numbered("actual_q", "target_q")],
+                       lambda t, *q: (np.arange(400.0), *q)), (NO_CLOCK, NULL, RADIANS), **OWN),
+    FileKind("31", log(numbered("actual_q", "target_q"), lambda t, *q: q),
+             (NO_CLOCK, NULL, RADIANS), **OWN),
+    FileKind("32", log(["time", *numbered("present_position", "goal_position", first=1)],
+                       counts(4096, 2048)), (WHOLE, "2π/4096 = 0.00153398 rad", TRACKED),
+             "log.csv", ("suggested is deg",)),
+    FileKind("32", log([], counts(1024, 512)), (WHOLE, "2π/1024", TRACKED), **OWN,
+             never=("suggested is deg",)),
+    FileKind("32", log([], counts(2**19, 2**18)), (WHOLE, "2π/524288", TRACKED), **OWN,
+             never=("suggested is deg",)),
+    FileKind("33", log([], damaged(-8.5e8, (350, 1))),
+             ("actual_q_1", "beyond four turns", "[line 352]", RADIANS), **FILE, stops=True),
+    FileKind("33", log([], damaged(2 * np.pi + 0.3, (150, 2))),
+             ("actual_q_2", "jumps by 6.583 rad", "[line 152]", RADIANS), **OWN, stops=True),
+    FileKind("33", log([], damaged(-2 * np.pi, (120, 0), (121, 0))),
+             ("actual_q_0", "jumps by -6.2", "[line 122]", RADIANS), **OWN, stops=True),
+    FileKind("33", log([], damaged(1e14, (0, 4))),
+             ("beyond four turns", "[line 2]", RADIANS), **OWN, stops=True),
+    FileKind("33", log([], damaged(2 * np.pi, *((row, 5) for row in range(230, 400)))),
+             (TRACKED, "1 unwrapped jumps", "suggested is rad"), **OWN),
+    FileKind("34", log([], lambda time, actual, target: (time, actual, np.degrees(target))),
+             DEGREES, **FILE),
+    FileKind("34", log([], lambda time, actual, target: (time, np.degrees(actual), target)),
+             ("suggested is deg", "suggested is 57.29577951308232", TRACKED), **OWN),
+    FileKind("34", log(["t [s]", *(f"q_{j} [rad]" for j in range(6)),
+                        *(f"q_cmd_{j} [deg]" for j in range(6))],
+                       lambda time, actual, target: (time, actual, np.degrees(target))),
+             (TRACKED,), never=("? ",), **OWN),
     FileKind("40", target_moments("log_i_target", "log_m_target"), PAIRED),
-    FileKind("40", target_moments("log_f_target", "log_tcp_speed"), PAIRED, public=False),
+    FileKind("40", target_moments("log_f_target", "log_tcp_speed"), PAIRED, public=False,
+             never=("one column",)),
     FileKind("40", target_moments("log_v_target", "log_qdd_target"), PAIRED, public=False),
-]
+    FileKind("43", log([], in_turn), (" rows without measured angle", "lag 5 ms"), "log.csv",
+             ("without numbers",)),
+    FileKind("43", log([], lambda t, *q: in_turn(t, *q[::-1])),
+             ("400 rows without measured angle",), never=("without numbers",), **OWN),
+]  # fmt: skip

@@ -2,20 +2,22 @@
 from the JointState messages of a ROS bag.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
+from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled, split_line
 from pipeline.formats.format import Format, Head, Kind, is_bag
-from pipeline.formats.joints.names import named_like
-from pipeline.formats.number_sheet import read_sheet
+from pipeline.formats.joints.names import match_joints, named_like, states_joints, words_of
+from pipeline.formats.number_sheet import Sheet, read_sheet
 
 OPTION = "dataset.joint_log"
 FLAT = (
@@ -24,6 +26,7 @@ FLAT = (
 )
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ANGLES = ("actual", "target")
+NAMES = {"name", "names"}  # one of the last two words of a label above joints' names
 # signal → field of a message; other signals are in the field effort
 FIELDS = {"speed": "velocity", "velocity": "velocity"}
 FIELDS |= dict.fromkeys((*ANGLES, "position"), "position")
@@ -37,6 +40,7 @@ class JointLog:
     signals: Mapping[str, np.ndarray]  # signal → (N, joints)
     counts: dict[str, int]  # numbers of omitted or interpolated rows and cells; see the reader
     joints: tuple[str, ...] = ()  # joint names in column order, if the file states them
+    lines: Sequence[int] = ()  # (N,) line numbers of the samples, if the file has lines
 
 
 @dataclass(frozen=True)
@@ -71,17 +75,24 @@ def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, objec
     keep = np.append(True, ~doubled)
     signals = {name: rows[keep] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
-    return replace(log, time=log.time[keep], signals=signals, counts=counts)
+    lines = np.array(log.lines)[keep].tolist() if len(log.lines) else ()
+    return replace(log, time=log.time[keep], signals=signals, counts=counts, lines=lines)
 
 
 def read_joint_table(file: Path, options: LogOptions) -> JointLog:
-    """Return the signals that ``options`` name in the table ``file``, from rows with a measured
-    angle. ``counts`` are the counts of :func:`read_sheet` and :meth:`Sheet.samples`. Raises
-    RecordingError as these functions do; with the line, where the time does not increase; with the
-    option, where a column is missing or the header states another unit.
-    """
+    """Return the signals that ``options`` name in the table ``file``; see :func:`log_of_sheet`."""
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
-    wanted = {} if options.time is None else {"time": options.time}
+    return log_of_sheet(sheet, options)
+
+
+def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
+    """Return the signals that ``options`` name in the ``sheet``, from rows with a measured angle,
+    each column in its own unit if the header states one. ``counts`` are the counts of
+    :func:`read_sheet` and :meth:`Sheet.samples`. Raises RecordingError as these functions do; with
+    the line, where the time does not increase; with the option, where a column is missing, and
+    where the header states another unit of the time or of the first signal, or other joints.
+    """
+    file, wanted = sheet.file, {} if options.time is None else {"time": options.time}
     first, chosen = len(wanted), {}  # chosen: signal → slice of the columns of ``values``
     for signal, columns in options.signals.items():
         if columns is None and sheet.width != options.joints + first:
@@ -92,24 +103,47 @@ def read_joint_table(file: Path, options: LogOptions) -> JointLog:
         named = range(first, sheet.width) if columns is None else columns
         chosen[signal] = slice(len(wanted) - first, len(wanted) - first + len(named))
         wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
-    places = sheet.columns(wanted, f"{OPTION}.signals")
+    places, factors = sheet.columns(wanted, f"{OPTION}.signals"), []
     for quantity, column in places.items():
         time = quantity == "time"
         unit = spelled(sheet.unit(column) or (not time and sheet.angle_unit) or "")
         key, units = ("time_unit", TIME_UNITS) if time else ("angle_unit", ANGLE_UNITS)
-        if unit in units and unit != (given := getattr(options, key)):
+        given = getattr(options, key)
+        factors.append(units[unit if unit in units else given])
+        own = time or quantity.endswith(f"({next(iter(chosen))})")
+        if unit in units and unit != given and own:
             message = f"the {quantity} is in {unit} by the header and in {given} by the option"
             where = {"file": file, "line": sheet.label_line, "key": f"{OPTION}.{key}"}
             raise RecordingError(message, **where)
     measured = [column for name, column in places.items() if name.endswith("(actual)")]
+    labels = [sheet.labels[column] for column in measured if sheet.labels]
+    stated = match_joints(names_in_cells(sheet, len(measured)) or labels, options.names)
+    if {*stated} == {*options.names} and states_joints(stated) and stated != [*options.names]:
+        message = f"the columns of the measured angles are {', '.join(stated)} by their names"
+        raise RecordingError(message, file=file, line=sheet.label_line, key=f"{OPTION}.joints")
     samples = sheet.samples([*places.values()], places.get("time"), measured)
-    time = samples.rows / options.rate
-    if first:
-        time = samples.values[:, 0] * TIME_UNITS[options.time_unit]
-    values = samples.values[:, first:] * ANGLE_UNITS[options.angle_unit]
-    signals = {signal: values[:, columns] for signal, columns in chosen.items()}
-    log = JointLog(time, signals, sheet.counts | samples.counts)
-    return increasing(log, file, lambda row: {"line": sheet.lines[samples.rows[row]]})
+    values = samples.values * np.array(factors)
+    time = values[:, 0] if first else samples.rows / options.rate
+    signals = {signal: values[:, first:][:, columns] for signal, columns in chosen.items()}
+    lines = [sheet.lines[row] for row in samples.rows]
+    log = JointLog(time, signals, sheet.counts | samples.counts, lines=lines)
+    return increasing(log, file, lambda row: {"line": lines[row]})
+
+
+def names_in_cells(sheet: Sheet, count: int) -> list[str]:
+    """Return the ``count`` joints' names in the cells of columns such as ``field.joint_names0``, or
+    no names. Raises RecordingError with the line where the names change.
+    """
+    columns = {n for n, label in enumerate(sheet.labels) if NAMES & {*words_of(label)[-2:]}}
+    if not (columns := sorted(columns - {*sheet.numeric})):
+        return []
+    cells = (split_line(row, sheet.separator) for row in sheet.rows)
+    stated = [[*itemgetter(*columns, columns[0])(each)][:-1] for each in cells]
+    if changed := next((n for n, each in enumerate(stated) if each != stated[0]), 0):
+        message = "the joints' names differ from the first row: write the joints in one order"
+        raise RecordingError(message, file=sheet.file, line=sheet.lines[changed])
+    names = [name for cell in stated[0] for name in re.findall(r"[A-Za-z_][\w./-]*", cell)]
+    return names if len(names) == count else []
 
 
 def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:

@@ -25,8 +25,10 @@ OTHER = _words(
     "power tcp pose poses ee flange tool force forces wrench orientation quaternion quat rotation",
     "error errors err residual status bits mode digital analog input output register control",
     "scaling fraction safety execution time timestamp gripper finger noise std raw id seq frame",
-    "action actions",
+    "action actions m",
 )
+COUNTERS = _words("num no nr number count counter cnt index idx seq sequence id row packet cycle")
+NUMBERED = {"joint", "joints", "j", "jnt", "axis", "axes"}  # words of a joint without a quantity
 MEASURED = _words("actual act measured meas msr feedback fbk real observed ist")
 COMMANDED = _words(
     "target tgt desired des commanded command commands cmd reference ref setpoint goal nominal",
@@ -48,7 +50,7 @@ SHORT |= {"jointstate": "state", "jointstates": "state", "jointpositions": "pos"
 SHORT |= dict.fromkeys(("jointcommand", "jointcommands"), "target")
 SHORT |= {"aipos": "actual pos", "aspos": "target pos"}
 for _mark in (word for word in (*MEASURED, *COMMANDED) if len(word) > 2):
-    for _quantity in (*POSITION, *VELOCITY):
+    for _quantity in (*POSITION, *VELOCITY, *COUNTERS):
         _joined = _mark + _quantity, _quantity + _mark
         SHORT |= dict.fromkeys(_joined, f"{_mark} {_quantity}")
 
@@ -69,13 +71,15 @@ class Meaning:
         return self.quantity in ("position", "") and not placed
 
 
+PLAIN = Meaning("", "", None, ())  # of joint, axis and the like
+
+
 @cache
 def meaning(name: str) -> Meaning:
     """Return the meaning of ``name``. Signs, capitals and numbers separate words; the last number
     is the joint's number; ``qd`` is a speed, ``q_d`` a command.
     """
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
-    words = [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
+    words = words_of(name)
     places = [place for place, word in enumerate(words) if word.isdigit()]
     number = int(words.pop(places[-1])) if places else None
     if len(words) > 1:  # tq as the only word is a commanded q
@@ -86,7 +90,7 @@ def meaning(name: str) -> Meaning:
             role = role or ("actual" if word in MEASURED else "state")
         elif word in COMMANDED or (word == "d" and quantity):
             role = "target"
-        elif word in OTHER or quantity == "other":
+        elif word in OTHER or word in COUNTERS or quantity == "other":
             quantity = "other"
         elif word == "qd" or word in VELOCITY:
             quantity = "velocity"
@@ -112,9 +116,50 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
     return [name for name in fits if not angles[name].rest] or fits
 
 
+def words_of(name: str) -> list[str]:
+    """Return the words and numbers in a ``name``, in lower case and without its unit."""
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", bare(name))
+    return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
+
+
+def is_counter(name: str) -> bool:
+    """Return whether a column of this ``name`` counts rows or commands, and is no time."""
+    return not COUNTERS.isdisjoint(words_of(name))
+
+
+def joint_parts(names: Sequence[str]) -> list[str]:
+    """Return the part of each of ``names`` that the others lack: a joint's name, or its number."""
+    words = [*map(words_of, names)]
+    shared = set.intersection(*map(set, words)) if len(words) > 1 else set()
+    return ["_".join(word for word in each if word not in shared) for each in words]
+
+
+def states_joints(names: Sequence[str]) -> bool:
+    """Return whether ``names`` differ in words, as elbow and wrist_1, not only in numbers."""
+    return len(names) > 1 and any(re.search("[a-z]", part) for part in joint_parts(names))
+
+
+def match_joints(names: Sequence[str], joints: Sequence[str]) -> list[str]:
+    """Return the one of ``joints`` that each of ``names`` (labels or joints' names) means, and the
+    distinguishing part of a name that means none; empty if two names mean one joint.
+    """
+    own = {p.replace("_", ""): j for p, j in zip(joint_parts(joints), joints, strict=True)}
+    matched = []
+    for name, part in zip(names, joint_parts(names), strict=True):
+        text = f"_{'_'.join(words_of(name))}_"
+        cores = {joint: [w for w in words_of(joint) if w not in JOINT] for joint in joints}
+        inside = {j: len(core) for j, core in cores.items() if f"_{'_'.join(core)}_" in text}
+        longest = [joint for joint, size in inside.items() if size == max(inside.values())]
+        plain = part.replace("_", "")
+        exact = [own[plain]] if plain in own else longest if len(longest) == 1 else [part]
+        matched += [name] if name in joints else exact
+    return matched if len({*matched}) == len(matched) else []
+
+
 def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
     """Return group name → column labels: ``q_0, q_1`` form the group ``q`` in the order of the
-    numbers; labels with a joint's name, such as ``actual_elbow``, form ``actual`` and ``target``.
+    numbers; labels with a joint's name, such as ``actual_elbow``, form ``actual`` and ``target``,
+    with the joints in one order.
     """
     numbered: dict[str, dict[int, str]] = {}
     worded: dict[str, list[str]] = {}
@@ -127,11 +172,25 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in COORDINATES:
             worded.setdefault(role, []).append(label)
     groups = {name: [group[n] for n in sorted(group)] for name, group in numbered.items()}
-    joints = {frozenset((meaning(n).rest, meaning(n).number) for n in w) for w in worded.values()}
-    plain = any(meaning(n).is_angle and meaning(n).role and not meaning(n).rest for n in groups)
-    named = {label for group in worded.values() for label in group}
-    if len(joints) == 1 and not plain and any(meaning(label).number is None for label in named):
-        groups = {name: group for name, group in groups.items() if not named & {*group}} | worded
+    plain = {
+        parsed.role or "actual"
+        for name in groups
+        if (parsed := meaning(name)).is_angle
+        and not parsed.rest
+        and (parsed.role or parsed.quantity)
+    }
+    named = {
+        role: dict(zip(joint_parts(group), group, strict=True))
+        for role, group in worded.items()
+        if role not in plain
+        and len({meaning(label).rest for label in group}) > 1
+        and any(meaning(label).number is None for label in group)
+    }
+    if len({frozenset(parts) for parts in named.values()}) == 1:
+        used = {label for parts in named.values() for label in parts.values()}
+        groups = {name: group for name, group in groups.items() if not used & {*group}}
+        order = [*named.get("actual", named.get("target", {}))]
+        groups |= {role: [parts[part] for part in order] for role, parts in named.items()}
     return groups
 
 
@@ -184,8 +243,15 @@ def signals_of_groups(
             meanings = {name: meaning(groups[name][0]) for name in alike}
             alike = [n for n, m in meanings.items() if m.is_angle and not m.role and m.rest == own]
         actual = alike if len(alike) == 1 else actual
-    signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
     guessed: dict[str, str] = {}
+    if not actual:
+        joints = [n for n in fits if {*words_of(n)} & NUMBERED and meaning(n) == PLAIN]
+        if len(joints) == 1 and len(groups[joints[0]]) > 1:
+            actual = joints
+            guessed["actual"] = f"{groups[joints[0]][0]} … are joints by their names alone"
+    if len(actual) == len(target) == 1 and len(groups[actual[0]]) != len(groups[target[0]]):
+        actual, target = (actual if len(groups[target[0]]) == 1 else []), []
+    signals = {"actual": groups[actual[0]]} if len(actual) == 1 else {}
     if len(actual) != 1 or actual[0] not in values:
         return signals | ({"target": groups[target[0]]} if len(target) == 1 else {}), guessed
     moved = values[actual[0]]

@@ -1,21 +1,45 @@
 """Findings of joint logs and tables of numbers: columns, units, clock, tracking error."""
 
-from collections.abc import Sequence
-from math import comb
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import ceil, comb, log2
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.core.angles import TURN, unwrap, whole_turns
-from pipeline.core.errors import PipelineError
+from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
+from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
-from pipeline.formats.joints.log import BAG, OPTION, LogOptions, read_joint_table
-from pipeline.formats.joints.names import meaning, named_like, other_content, signals_of
+from pipeline.formats.joints.log import (
+    BAG,
+    OPTION,
+    JointLog,
+    LogOptions,
+    log_of_sheet,
+    names_in_cells,
+    read_joint_table,
+)
+from pipeline.formats.joints.names import (
+    is_counter,
+    joint_parts,
+    meaning,
+    named_like,
+    other_content,
+    signals_of,
+    states_joints,
+)
+from pipeline.formats.number_sheet import Sheet
 from pipeline.recordings.commands import find_pairing, suspects, tracking_errors
-from pipeline.recordings.movement import CLOCK_TOLERANCE, MOST_TURNS, UNWRAPPED, smoothness_by_rows
+from pipeline.recordings.movement import (
+    CLOCK_TOLERANCE,
+    UNWRAPPED,
+    require_plausible,
+    smoothness_by_rows,
+    without_damage,
+)
 from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
 from pipeline.tools.inspect.finding import Finding
 
@@ -42,9 +66,8 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     if len(time) < 2:
         return
     # a bag's message defines its units
-    known = ("s", "rad") if form.name == BAG.name else ()
-    scales = _scales(finding, time, [*signals.values()], *known)
-    time = time * scales[0]
+    record = _in_units(finding, record, *[form.name == BAG.name] * 2)
+    time = record.time
     finding.duration = float(time[-1] - time[0])
     finding.rate = round((len(time) - 1) / finding.duration, 3)
     steps = np.diff(time)
@@ -56,8 +79,7 @@ def add_joint_log(finding: Finding, form: Format) -> None:
         )
         finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
     if {*ANGLES} <= {*signals}:
-        angles = [signals[name] * scales[1] for name in ANGLES]
-        _add_tracking(finding, time, angles, record.joints)
+        _add_tracking(finding, record)
 
 
 def add_table(finding: Finding, form: Format) -> None:
@@ -75,62 +97,89 @@ def add_table(finding: Finding, form: Format) -> None:
     finding.count(sheet.counts | repeats(cells.to_numpy()) | counts)
     if sheet.left_out:
         facts["columns_without_numbers"] = sheet.left_out
+    facts["labels"] = labels
+    units = {bare(label): sheet.unit(n) for n, label in enumerate(labels)}
+    finding.units = {label: unit for label, unit in units.items() if unit}
     # rows may share a time if the table merges two sources
     later = np.greater_equal if missing else np.greater
     steps = {n: np.diff(column) for n, column in values.items() if len(column) > 2}
+    named = {n for n in values if labels and named_like("time", [labels[n]])}
     clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
-    if labels:
-        facts["labels"] = labels
-        units = {bare(label): sheet.unit(n) for n, label in enumerate(labels)}
-        finding.units = {label: unit for label, unit in units.items() if unit}
-        clocks = [n for n in clocks if named_like("time", [labels[n]])] or [0] * facts["timed"]
-        if clocks:
-            facts["time"] = labels[clocks[0]]
-    time = values[clocks[0]] if clocks and (labels or facts["timed"]) else None
-    if time is not None:
-        facts["step_of_time"] = round(float(np.median(steps[clocks[0]])), 9)
-        second = TIME_UNITS.get(spelled(sheet.unit(clocks[0]) or ""))
+    clocks = [n for n in clocks if n in named] or [0] * (
+        facts["timed"] and not (labels and is_counter(labels[0]))
+    )
+    clock = clocks[0] if clocks else min(named, default=None)
+    if clocks:
+        facts["step_of_time"] = round(float(np.median(steps[clock])), 9)
+        facts |= {"time": labels[clock]} if labels else {}
+        second = TIME_UNITS.get(spelled(sheet.unit(clock) or ""))
         if second and facts["step_of_time"]:
             finding.rate = round(1 / (facts["step_of_time"] * second), 3)
     columns = {labels[n]: column for n, column in values.items()} if labels else {}
     signals: dict[str, list[str]] = {}
     if len(columns) == len(values):  # labels are unique
+        time = values[clock] if clocks else None
         signals, guesses = signals_of([*columns], time, columns.__getitem__)
         if certain := {name: own for name, own in signals.items() if name not in guesses}:
             facts["signals"] = certain
         if guesses:
-            named = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
+            each = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
             question = f"no label states the signal: {'; '.join(guesses.values())}"
-            finding.ask(question, f"{OPTION}.signals", f"{{{named}}}")
+            finding.ask(question, f"{OPTION}.signals", f"{{{each}}}")
     other = other_content(labels, [sheet.unit(n) for n in range(len(labels))])
     if other and not signals:
         finding.version = f"of {other}"
     elif sheet.width == 1:
         finding.ask(ONE_COLUMN, f"{OPTION}.signals")
-    elif {*ANGLES} - {*facts.get("signals", ())}:
+    elif {*ANGLES} - {*signals} and "signals" not in finding.suggested:
         question = "the content of the columns is not stated: a log of joints, or of forces"
         finding.ask(question, LOG_OF_BOTH)
-    if {*ANGLES} <= {*signals} and time is not None:
-        named = [[labels.index(name) for name in signals[role]] for role in ANGLES]
-        samples = sheet.samples([clocks[0], *named[0], *named[1]], clocks[0], named[0])
-        finding.count(samples.counts)
-        time, *angles = np.split(samples.values, [1, 1 + len(named[0])], axis=1)
-        time = time[:, 0]
-        facts["step_of_time"] = round(float(np.median(np.diff(time))), 9)
-        unit = sheet.unit(labels.index(signals["actual"][0])) or sheet.angle_unit
-        scales = _scales(finding, time, angles, sheet.unit(clocks[0]), unit)
-        angles = [values * scales[1] for values in angles]
-        _add_tracking(finding, time * scales[0], angles, signals["actual"])
+    if {*ANGLES} <= {*signals}:
+        _add_signals(finding, sheet, signals, clock)
+
+
+def _add_signals(
+    finding: Finding, sheet: Sheet, signals: Mapping[str, list[str]], clock: int | None
+) -> None:
+    """Add units, joints and tracking of the labelled ``signals``, as the stages read them, with the
+    time in the column ``clock``.
+    """
+    labels, first = sheet.labels, sheet.labels.index(signals["actual"][0])
+    units = {"time_unit": clock is not None and sheet.unit(clock)}
+    units["angle_unit"] = sheet.unit(first) or sheet.angle_unit
+    units = {key: spelled(unit or "") for key, unit in units.items()}
+    known = {key: unit for key, unit in units.items() if unit in (*TIME_UNITS, *ANGLE_UNITS)}
+    options = {"signals": signals, "rate": 1.0, "time": None if clock is None else labels[clock]}
+    names = joint_parts(signals["actual"]) if states_joints(signals["actual"]) else []
+    try:
+        names = names_in_cells(sheet, len(signals["actual"])) or names
+        log = log_of_sheet(sheet, LogOptions(**options, **known))
+    except RecordingError as error:
+        finding.refuse(error)
+        return
+    finding.facts |= {"joint_names": names} if names else {}
+    finding.count(log.counts)
+    if clock is None:
+        content = ", ".join(f"{label} holds {what}" for label, what in sheet.left_out.items())
+        question = f"no column is a clock{content and f' ({content})'}: name the column of numbers"
+        finding.ask(f"{question}, or null for even rows at motion.rate", f"{OPTION}.time", "null")
+    else:
+        finding.facts["step_of_time"] = round(float(np.median(np.diff(log.time))), 9)
+    log = replace(log, joints=tuple(signals["actual"]))
+    log = _in_units(finding, log, clock is None or "time_unit" in known, "angle_unit" in known)
+    if clock is not None:
+        _add_tracking(finding, log)
 
 
 def compare_tables(findings: Sequence[Finding]) -> None:
     """Add the ``role`` of each folder's tables by their names, and compare target and actual."""
     folders: dict[Path, dict[str, Finding]] = {}
     for finding in findings:
-        if finding.kind == Kind.TABLE and finding.facts.get("timed"):
+        if finding.kind == Kind.TABLE and "rows" in finding.facts:
             folders.setdefault(finding.file.parent, {})[finding.file.stem] = finding
-    for tables in folders.values():
+    for inside in folders.values():
+        tables = {name: one for name, one in inside.items() if one.facts.get("timed")}
         named = {role: named_like(role, tables) for role in ANGLES}
         if [*map(len, named.values())] != [1, 1]:
             continue
@@ -140,6 +189,8 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         for role, one in roles.items():
             one.facts["role"] = role
             one.open = [each for each in one.open if each.option != LOG_OF_BOTH]
+        for one in inside.values():  # a column of times beside them is no log
+            one.open = [each for each in one.open if each.question != ONE_COLUMN]
         finding = roles["target"]
         options = LogOptions(joints=finding.facts["columns"] - 1, signals={"angles": None})
         try:
@@ -147,46 +198,63 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         except PipelineError:
             continue  # no joint log; the table's finding has the reason
         if (length := min(len(log.time) for log in logs)) > 2:
-            time, angles = logs[0].time[:length], [log.signals["angles"][:length] for log in logs]
-            scales = _scales(finding, time, angles)
-            _add_tracking(finding, time * scales[0], [values * scales[1] for values in angles])
+            angles = [log.signals["angles"][:length] for log in logs]
+            log = JointLog(logs[0].time[:length], dict(zip(ANGLES, angles, strict=True)), {})
+            _add_tracking(finding, _in_units(finding, log))
 
 
-def _scales(
-    finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], *stated: str | None
-) -> tuple[float, float]:
-    """Return s and rad per unit of times and angles; add questions for units not ``stated``."""
-    clock, angle = (spelled(unit or "") for unit in stated or ("", ""))
-    if clock not in TIME_UNITS:
-        step = float(np.median(np.diff(time)))
-        fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
-        clock = (fits or ["s"])[0]
-        question = f"the unit of the times is not stated; they step by {step:g}"
-        finding.ask(question, f"{OPTION}.time_unit", clock)
-    if angle not in ANGLE_UNITS:
-        greatest = max(float(np.abs(values).max()) for values in angles)
-        angle = "deg" if greatest > MOST_TURNS * TURN else "rad"
-        question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
-        finding.ask(question, f"{OPTION}.angle_unit", angle)
-    return TIME_UNITS[clock], ANGLE_UNITS[angle]
-
-
-def _add_tracking(
-    finding: Finding, time: np.ndarray, angles: Sequence[np.ndarray], joints: Sequence[str] = ()
-) -> None:
-    """Add the tracking error of ``angles`` (measured and commanded, (N, joints) in rad at ``time``
-    (N,) s), the command's motions, and options for which the signals agree.
+def _in_units(
+    finding: Finding, log: JointLog, timed: bool = False, angled: bool = False
+) -> JointLog:
+    """Return ``log`` in s and rad; add questions for units that are not stated (``timed``,
+    ``angled``). The measured angles without damaged cells suggest the unit of all angles.
     """
-    (actual, target), time = angles, time - time[0]
-    try:
-        actual, removed = unwrap(actual, time, joints, signal="actual")
-        target, more = unwrap(target, time, joints, signal="target")
-    except PipelineError as error:
-        finding.stops.append(error.message)
-        return
-    finding.count({UNWRAPPED: removed + more})
-    actual = actual + TURN * whole_turns(target, actual)
+    second = angle = 1.0
+    if not timed:
+        step = float(np.median(np.diff(log.time)))
+        fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
+        question = f"the unit of the times is not stated; they step by {step:g}"
+        finding.ask(question, f"{OPTION}.time_unit", clock := (fits or ["s"])[0])
+        second = TIME_UNITS[clock]
+    if not angled:
+        first = log.signals.get("actual", np.hstack([*log.signals.values()]))
+        greatest, unit = float(np.abs(without_damage(first)).max()), "rad"
+        question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
+        if greatest > MOST_TURNS * TURN:
+            angle, unit = ANGLE_UNITS["deg"], "deg"
+            if not (first % 1).any():
+                counts = 2 ** ceil(log2(greatest + 1))
+                angle, unit = TURN / counts, None
+                question = f"whole numbers from {first.min():g} to {first.max():g} may be counts of"
+                question += " an encoder: multiply them by 2π over the counts per turn "
+                question += f"(2π/{counts} = {angle:.6g} rad) and save them again, or set deg"
+        finding.ask(question, f"{OPTION}.angle_unit", unit)
+    signals = {name: values * angle for name, values in log.signals.items()}
+    if "actual" in signals:
+        sound = without_damage(signals["actual"])
+        finding.facts["range"] = [sound.min(axis=0).tolist(), sound.max(axis=0).tolist()]
+    return replace(log, time=log.time * second, signals=signals)
+
+
+def _add_tracking(finding: Finding, log: JointLog) -> None:
+    """Add the tracking error of the measured and commanded angles of ``log`` in s and rad, the
+    command's motions, and options for which the signals agree.
+    """
+    time, angles = log.time - log.time[0], []
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # nominal rate
+    try:
+        pairing = find_pairing(*(without_damage(log.signals[name]) for name in ANGLES), rate)
+        for name, factor in zip(ANGLES, (1.0, abs(pairing.factor[0])), strict=True):
+            where, values = {"signal": name, "lines": log.lines}, log.signals[name] * factor
+            require_plausible(values, time, log.joints, True, "rad", **where)
+            values, removed = unwrap(values, time, log.joints, **where)
+            finding.count({UNWRAPPED: removed + finding.gaps.get(UNWRAPPED, 0)})
+            angles.append(values / factor)
+    except PipelineError as error:
+        finding.stops.append(str(error))
+        return
+    actual, target = angles
+    actual = actual + TURN * whole_turns(target, actual)
     pairing = find_pairing(actual, target, rate)
     for quantity, option, value, without in suspects(pairing, actual, target, rate):
         question = f"the command differs from the measured angles by its {quantity}: without this "

@@ -114,7 +114,7 @@ def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
     """Return tables with measured and commanded angles, else folders with tables of equal names."""
     whole, folders = {}, {}
     for one in tables:
-        guessed = {"target"} if "signals" in one.suggested else set()
+        guessed = {*re.findall("(actual|target): ", one.suggested.get("signals", ""))}
         if {"actual", "target"} <= {*one.facts.get("signals", ())} | guessed:
             whole[one.file] = one
         if one.file.parent != folder:

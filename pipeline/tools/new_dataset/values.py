@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.core.datasheet import OPEN, get_filled
+from pipeline.core.typed_yaml import parse_yaml
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.formats.format import Kind
 from pipeline.formats.joints.log import BAG
-from pipeline.formats.joints.names import named_like
+from pipeline.formats.joints.names import match_joints, states_joints
+from pipeline.recordings.commands import UNFILLED, named_joints
 from pipeline.tools.inspect.command import describe_file
 from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
 from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
@@ -21,6 +23,8 @@ from pipeline.tools.new_dataset.template import Entry, text_of
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # keys of a motion
 SPACE = 6  # number of coordinates of a pose
 PLACE = f"{OPEN} # [x, y, z]"
+SINGLE_JOINTS = ("revolute", "continuous", "prismatic")
+NEAR = 0.01  # rad, greatest excess of an angle over a joint's limit
 CABLE = {
     "direction": f"{OPEN} # rad, [first cable, second, …]",
     "tension": f"{OPEN} # N, [first cable, second, …]",
@@ -66,13 +70,19 @@ def entries(
     # rigid bodies track the links if no marker names match three links, and there is no depth
     # camera, which requires a planar arm
     bodies = [] if depth or links else recorded.shared("bodies")
-    robot = _robot(recorded.single.get(ROBOT, []), values, bool(depth or (takes and not bodies)))
+    robots = recorded.single.get(ROBOT, [])
+    urdf, facts = _urdf(robots, values)
+    robot = _robot(facts, bool(depth or (takes and not bodies)))
+    if len(robots) == 1:
+        robot.setdefault("robot.urdf", Entry(text_of(Path(relpath(urdf)).as_posix())))
     sections = {
         "mocap": _mocap(recorded, links, bodies) if takes else {},
         "encoders": _encoders(recorded) if recorded.groups["encoders"] else {},
         "depth": _depth(recorded.groups["depth"], cameras) if depth else {},
         "force": _force(force, calibrations, folder) if force else {},
-        "joint_log": _joint_log(recorded.groups["joint_log"], folder, robot) if logs else {},
+        "joint_log": _joint_log(recorded.groups["joint_log"], folder, urdf, robot, facts)
+        if logs
+        else {},
     }
     found = _questions([{"": one} for one in (*takes, *force, *depth)])
     found |= _questions([group.named for group in recorded.groups["joint_log"]])
@@ -92,7 +102,8 @@ def entries(
     if recorded.groups["encoders"]:
         found["measurement"] = Entry("")
     unit = get_filled(values, "joint_log.time_unit")
-    steps = [one.facts["step_of_time"] for one in logs if "step_of_time" in one.facts]
+    paired = [one for one in logs if "role" in one.facts] or logs
+    steps = [one.facts["step_of_time"] for one in paired if "step_of_time" in one.facts]
     rates = {f"{one.rate:.4g}" for one in (*takes, *logs) if one.rate}
     rates |= {f"{1 / (step * TIME_UNITS[unit]):.4g}" for step in steps if unit}
     stated = not any("time_unit" in one.suggested for one in logs)
@@ -164,8 +175,8 @@ def _encoders(recorded: RecordingLayout) -> Entries:
     found = _parts(recorded, "encoders", Entry())
     first = recorded.takes("encoders")[0].facts
     labels = [str(label) for label in first.get("labels", [])]
-    found["time"] = Entry(text_of(labels[0]) if labels and first.get("timed") else "0")
-    measured = named_like("actual", labels)
+    found["time"] = Entry(text_of(first["time"]) if "time" in first else "0")
+    measured = first.get("signals", {}).get("actual", []) if labels else []
     stated = Entry(f"[{_name_list(measured)}]") if measured else None
     return found | {"actual": stated or _suggestion(f"of {_name_list(labels)}")}
 
@@ -202,7 +213,9 @@ def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -
     return found
 
 
-def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entries:
+def _joint_log(
+    movements: Sequence[Group], folder: Path, urdf: str, robot: Entries, facts: Mapping[str, Any]
+) -> Entries:
     takes = {path: take for group in movements for path, take in group.takes.items()}
     pattern = shared_pattern([*takes], folder)
     patterns = [group.pattern for group in movements]
@@ -212,10 +225,9 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
     if tables := first.facts.get("tables", {}):
         choice = _one_of(sorted(tables))
         found |= {"actual": choice, "target": choice, "speed": Entry("null")}
-        for name, table in tables.items():
-            if "role" in table.facts:
-                found[table.facts["role"]] = Entry(text_of(name), "by its name")
-        first = next(iter(tables.values()))
+        roles = {table.facts.get("role", ""): name for name, table in tables.items()}
+        found |= {role: Entry(text_of(name), "by its name") for role, name in roles.items() if role}
+        first = tables[roles.get("target", next(iter(tables)))]
         timed = first.facts.get("timed")
         found["time"] = Entry("0" if timed else None)
         count = first.facts["columns"] - 1 if timed else None
@@ -226,13 +238,11 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
         count = len(next(iter(signals.values())))
         none = _suggestion("null: rows are evenly spaced at motion.rate")
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
-    stated = {tuple(take.facts.get("joint_names", ())) for take in takes.values()}
-    if len(stated) == 1 and (names := stated.pop()):
-        found["joints"] = Entry(f"[{_name_list(names)}]", "as the logs name them")
-    else:
-        arm = robot.get("robot.joints", Entry()).value
-        fits = arm is not None and count in (None, arm.count(",") + 1)
-        found["joints"] = _suggestion(f"{count} joints" if count else "", arm if fits else None)
+    named = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
+    stated = {tuple(take.facts.get("joint_names", named)) for take in takes.values()}
+    arm = robot.get("robot.joints", Entry()).value
+    names = [*stated.pop()] if len(stated) == 1 else []
+    found["joints"] = _joints(names, count, arm, urdf, facts, first)
     questions = _questions([{"": log} for log in logs_of(takes.values())])
     for key, known in UNITS.items() if first.format != BAG.name else ():
         own = {spelled(unit) for unit in first.units.values()} & {*known}
@@ -242,15 +252,53 @@ def _joint_log(movements: Sequence[Group], folder: Path, robot: Entries) -> Entr
     return found
 
 
-def _robot(robots: Sequence[Finding], values: Mapping[str, Any], planar: bool) -> Entries:
-    """Return the entries of the arm or planar chain in the URDF of ``values`` or ``robots``."""
-    found: Entries = {}
-    facts: Mapping[str, Any] = {}
+def _joints(
+    names: Sequence[str],
+    count: int | None,
+    arm: str | None,
+    urdf: str,
+    facts: Mapping[str, Any],
+    log: Finding,
+) -> Entry:
+    """Return the joints of a log with ``count`` columns: by the ``names`` in the ``log``; without
+    names by their positions in the ``arm``, with the limits and ranges that support the positions.
+    """
+    moving = [joint for kind in SINGLE_JOINTS for joint in facts.get("joints", {}).get(kind, [])]
+    order = parse_yaml(arm) if arm else []
+    joints = match_joints(names, moving) if moving and names else []
+    if joints and {*order} <= {*joints}:
+        known = states_joints(names) or log.kind == Kind.JOINTS
+        return Entry(f"[{_name_list(joints)}]", "as the logs name them", certain=known)
+    if log.kind == Kind.JOINTS and names:
+        return Entry(f"[{_name_list(names)}]", "as the logs name them")
+    if states_joints(names):
+        return _suggestion(f"the logs name, in this order, {_name_list(names)}")
+    if not order or count not in (None, len(order)):
+        return _suggestion(f"{count} joints" if count else "")
+    ranges = [*zip(*log.facts.get("range", ()), strict=True)]
+    limits = [(joint and joint.limits) or {} for joint in named_joints(urdf, order)]
+    rows = [*zip(order, ranges, limits, strict=True)] if len(ranges) == len(order) else []
+    beyond = [
+        joint
+        for joint, (least, most), limit in rows
+        if least < limit.get("lower", least) - NEAR or most > limit.get("upper", most) + NEAR
+    ]
+    places = ", ".join(f"{joint} {least:.3g} to {most:.3g}" for joint, (least, most), _ in rows)
+    note = f"no name states which joint a column is; in the URDF's order, in rad: {places}; "
+    note += f"beyond the limits: {', '.join(beyond) or 'none'}"
+    return _suggestion(note if rows else f"{count} joints", None if beyond else arm)
+
+
+def _urdf(robots: Sequence[Finding], values: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
+    """Return file and facts of the URDF in ``values``, else of the only one of ``robots``."""
     if urdf := get_filled(values, "robot.urdf"):
-        facts = account_of(Path(urdf)).facts
-    elif len(robots) == 1:
-        facts = robots[0].facts
-        found["robot.urdf"] = Entry(text_of(Path(relpath(robots[0].file.resolve())).as_posix()))
+        return urdf, account_of(Path(urdf)).facts
+    return (str(robots[0].file.resolve()), robots[0].facts) if len(robots) == 1 else (UNFILLED, {})
+
+
+def _robot(facts: Mapping[str, Any], planar: bool) -> Entries:
+    """Return the entries of the arm or planar chain in a URDF with these ``facts``."""
+    found: Entries = {}
     arms, chains = facts.get("arms", []), facts.get("chains", [])
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
         if arms:

@@ -72,7 +72,12 @@ LABELS = [
     (n("joint_positions.{}") + n("joint_targets.{}"),
      both(n("joint_positions.{}"), n("joint_targets.{}"))),
     (["p_RS_R_x [m]", "q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"], {}),
-    (["time", "fx", "fy", "fz", "j1", "j2"], {}),
+    (["time", "cmd_num", "targetIndex", "fx", "fy", "fz"], {}),
+    ([*(f"actual_{j}" for j in UR), *(f"target_{j}" for j in reversed(UR))],
+     both([f"actual_{j}" for j in UR], [f"target_{j}" for j in UR])),
+    ([f"/joint_states/{j}_joint/position" for j in UR] + n("desired_positions_{}", 6),
+     both([f"/joint_states/{j}_joint/position" for j in UR], n("desired_positions_{}", 6))),
+    (n("actual_q_{}", 6) + n("target_q_{}", 5), {}),
 ]  # fmt: skip
 
 
