@@ -14,6 +14,7 @@ TURN = 2 * np.pi  # rad
 ALIKE = 0.1  # rad, greatest distance on the circle at which two angles count as equal
 MOST_TURNS = 4  # turns, greatest angle of an arm's joint; greater angles have another unit
 BESIDE = 5  # rows before and after a jump that show the speed, and in which a spike ends
+SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows
 FASTEST = 3.0  # greatest speed during a jump over the speed beside it
 TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump
 
@@ -41,10 +42,10 @@ def unwrap(
     if not turns.any():
         return angles, 0
     motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
-    speed = np.where(turns, 0.0, np.abs(motion)) / seconds
-    reach = min(BESIDE, len(steps))
-    around = np.pad(speed, ((reach, reach), (0, 0)), mode="edge")
-    fastest = sliding_window_view(around, 2 * reach + 1, axis=0).max(axis=-1)
+    reach, speed = min(BESIDE, len(steps)), np.abs(motion) / seconds
+    around = np.pad(np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="edge")
+    jumping, others = sliding_window_view(around, 2 * reach + 1, axis=1)
+    fastest = np.maximum(np.median(jumping, axis=-1), others.max(axis=-1))
     allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
     after = np.pad(turns, ((0, reach), (0, 0)))
     later = sliding_window_view(after, reach + 1, axis=0)
