@@ -42,8 +42,8 @@ def unwrap(
     if not turns.any():
         return angles, 0
     motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
-    reach, speed = min(BESIDE, len(steps)), np.abs(motion) / seconds
-    around = np.pad(np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="edge")
+    reach, speed = min(BESIDE, len(steps) - 1), np.abs(motion) / seconds
+    around = np.pad(np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="reflect")
     jumping, others = sliding_window_view(around, 2 * reach + 1, axis=1)
     fastest = np.maximum(np.median(jumping, axis=-1), others.max(axis=-1))
     allowed = np.minimum(FASTEST * fastest * seconds + TURN_NOISE, TURN / 4)
