@@ -15,7 +15,7 @@ from pipeline.verdicts.claims import Claim, parse_claims
 from pipeline.verdicts.decision import case_text, decide
 from pipeline.verdicts.run import ArmNames, Evidence
 
-PAPER = Path("reports/claims.yaml")
+PAPER = Path("pipeline/verdicts/claims.yaml")
 HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")
 COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}

@@ -13,7 +13,7 @@ from pipeline.verdicts.decision import decide_each, verdict_data
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.run import read_runs
 
-REPORTS, CLAIMS, README = Path("reports"), Path("reports/claims.yaml"), Path("README.md")
+REPORTS, CLAIMS, README = Path("reports"), Path("pipeline/verdicts/claims.yaml"), Path("README.md")
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
 BEYOND = ("studies", "tools")  # packages beyond the paper, which do not enter the report
 DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README

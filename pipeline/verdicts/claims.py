@@ -1,4 +1,4 @@
-"""Claims of the paper and of the project in ``reports/claims.yaml``, and the rules of verdicts.
+"""Claims of the paper and of the project in ``claims.yaml``, and the rules of verdicts.
 
 A rule is a function of a table with a row for each case; a number that the claim lacks is NaN.
 ``value`` is the run's number, ``than`` the number compared with. ``low`` and ``high`` bound the
@@ -179,7 +179,7 @@ class Claim:
 
 @options(frozen=True)
 class ClaimsFile:
-    """Content of ``reports/claims.yaml``: names of the paper's own datasets, entries of claims."""
+    """Content of ``claims.yaml``: names of the paper's own datasets, entries of claims."""
 
     recordings_of_the_paper: list[str]
     claims: list

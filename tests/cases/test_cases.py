@@ -29,7 +29,7 @@ from pipeline.verdicts.run import ArmNames
 ROOT = Path(__file__).parents[2]
 JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, PLANE)
-CLAIMS = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
+CLAIMS = ("pipeline/verdicts/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
 # claims of the wrench, the closed loop, the linear filter and the speed-scaled model, which
 # these takes lack
 WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory", "scaled")

@@ -12,8 +12,6 @@ from pathlib import Path
 from omegaconf import OmegaConf
 
 ROOT = Path(__file__).parents[2]
-# files of the reports that no stage writes
-UNWRITTEN = ("reports/claims.yaml",)
 # one process: so little work takes less time than starting workers
 SMOKE = {"scale": "smoke", "compute": "serial", "models": "[additive, wishart, gaussian]"}
 GIT = ["git", "-c", "init.defaultBranch=main"]
@@ -83,8 +81,8 @@ def copy_project(folder: Path) -> None:
     listed = succeeds("git", "ls-files", "-z", "-co", "--exclude-standard", cwd=ROOT)
     for name in filter(None, listed.split("\0")):
         source, target = ROOT / name, folder / name
-        reported = name.startswith("reports/") and name not in UNWRITTEN
-        if source.is_file() and not reported and source.name != "dvc.lock":
+        written = name.startswith("reports/") or source.name == "dvc.lock"
+        if source.is_file() and not written:
             target.parent.mkdir(parents=True, exist_ok=True)
             # compiled code stays valid: copies keep the times and sizes of their sources
             shutil.copy2(source, target, follow_symlinks=False)

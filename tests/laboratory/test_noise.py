@@ -126,7 +126,7 @@ def path_numbers(arm, motion) -> dict[str, float]:
 @pytest.fixture(scope="module")
 def numbers(arm, trajectory, dynamics, recorded) -> dict[str, float]:
     """Every number of the table, computed."""
-    claims = read_yaml(ROOT / "reports/claims.yaml")["claims"]
+    claims = read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     stated = published_values(parse_claims(claims))
     return (
         path_numbers(arm, trajectory)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from recordings_of_law import JOINTS, MODELS, REST, ROOT, STEPS, TAKES, TRUE
+from recordings_of_law import JOINTS, MODELS, REST, STEPS, TAKES, TRUE
 from sample_options import parameters
 from scipy.stats import chi2, multivariate_normal
 
@@ -157,13 +157,6 @@ def test_without_test_takes_each_is_predicted_by_the_others(project, choose):
     assert log_scores().loc["none", "mean"] > held_out + 0.3
 
 
-@pytest.fixture
-def claims(project) -> None:
-    """The paper's claims in the project."""
-    Path("reports").mkdir(exist_ok=True)
-    Path("reports/claims.yaml").write_bytes((ROOT / "reports/claims.yaml").read_bytes())
-
-
 def verdicts() -> pd.DataFrame:
     """The readings' verdicts by claim and reading."""
     readings.run()
@@ -172,7 +165,7 @@ def verdicts() -> pd.DataFrame:
 
 
 def test_without_a_camera_claims_about_motion_alone_are_decided_without_a_wishart_model_none(
-    project, claims, choose
+    project, choose
 ):
     ruled = verdicts()
     assert set(ruled.columns) == {"pivoted LU", "QR of J", "QR of Jᵀ (control)"}

@@ -23,8 +23,8 @@ WRITTEN = [
     "reports/datasets.md",
     "reports/equations.md",
 ]
-YOUBOT, CLAIMS = Path("reports/datasets/youbot.json"), Path("reports/claims.yaml")
-COPIED = (CLAIMS, YOUBOT, "reports/youbot/captions.json", "data/raw/youbot/dataset.yaml")
+YOUBOT, CLAIMS = Path("reports/datasets/youbot.json"), Path("claims.yaml")
+COPIED = (YOUBOT, "reports/youbot/captions.json", "data/raw/youbot/dataset.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +37,10 @@ def reported(tmp_path_factory) -> Path:
     for name in (*COPIED, "dvc.yaml", "params.yaml", "README.md"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
+    shutil.copy(ROOT / "pipeline/verdicts" / CLAIMS, folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(report, "CLAIMS", CLAIMS)
         config.write_config(Path("params.yaml"))
         report.run()
     return folder
@@ -50,6 +52,7 @@ def project(reported, tmp_path, monkeypatch) -> None:
     folder = tmp_path / "project"
     shutil.copytree(reported, folder, symlinks=True)
     monkeypatch.chdir(folder)
+    monkeypatch.setattr(report, "CLAIMS", CLAIMS)
 
 
 def written() -> list[bytes]:

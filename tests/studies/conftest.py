@@ -25,9 +25,9 @@ def project(tmp_path, monkeypatch):
     Path("data/articulate").mkdir()
     contracts.write(pd.DataFrame(frames | noise), "kinect_noise", Path("data/articulate"))
     Path("data/raw").symlink_to(ROOT / "data/raw")
-    Path("reports").mkdir()
-    for name in ("claims.yaml", "datasets"):
-        Path("reports", name).symlink_to(ROOT / "reports" / name)
+    for name in ("pipeline/verdicts/claims.yaml", "reports/datasets"):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).symlink_to(ROOT / name)
     return recordings
 
 

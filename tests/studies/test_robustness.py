@@ -30,7 +30,7 @@ from pipeline.studies.robustness.grid import (
 from pipeline.studies.robustness.stage import changes
 from pipeline.verdicts.claims import parse_claims
 
-FILES = ("reports/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
+FILES = ("pipeline/verdicts/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
 CLAIMS = tuple(c for file in FILES for c in parse_claims(read_yaml(ROOT / file)["claims"]))
 FURTHER = {"wishart": {"decomposition": "pivoted_lu", "floor": 0.2}, "gaussian": {"beta": 0.5}}
 MODELS = {

@@ -252,7 +252,7 @@ def bounds() -> dict[str, Bounds]:
 @pytest.fixture(scope="module")
 def published() -> np.ndarray:
     """(3, 2) the published diagonals."""
-    stated = config.read_yaml(ROOT / "reports/claims.yaml")["claims"]
+    stated = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     claims = {claim["id"]: claim for claim in stated}
     return np.array([claims[f"sigma-s-{name.lower()}"]["published"] for name in CONFIGURATIONS])
 

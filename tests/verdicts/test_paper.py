@@ -178,7 +178,9 @@ def youbot() -> Run:
     return read_run(ROOT / "reports/datasets/youbot.json")
 
 
-CLAIMS = parse_claims(validated(ClaimsFile, config.read_yaml(ROOT / "reports/claims.yaml")).claims)
+CLAIMS = parse_claims(
+    validated(ClaimsFile, config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")).claims
+)
 TYPED = r"\d[.,]\d|\de-?\d"  # a measured number; they come from a run
 
 

@@ -63,7 +63,7 @@ def decision_cases(
         cases.append(("noise in scores", f"× {factor:g}", replace(base, measurement=factor)))
     cases += [("clock", clock, replace(base, clock=clock)) for clock in CLOCKS]
     # threshold: share of the particles; 1 resamples at every step
-    filters = [("resampling", scheme, {"resampling": scheme}) for scheme in SCHEMES]
+    filters = [("resampling", scheme, {"scheme": scheme}) for scheme in SCHEMES]
     filters += [("threshold", f"{share:g}", {"threshold": share}) for share in (0.25, 1.0)]
     for factor in (0.1, 0.3, 3.0):
         count = max(1, round(factor * base.filter.particles))
