@@ -22,13 +22,13 @@ env: $(READY)
 # The viewer Rerun, for `python -m pipeline view TAKE`.
 view: $(READY) $(VIEW)/.ready
 
-# The paper alone. A kill while DVC writes its cache of runs leaves an empty folder there, on which DVC fails.
+# The paper alone. A killed DVC may leave files on which it fails.
 repro: $(READY) mend
 	dvc repro
 	@folder=reports/$$(cat data/dataset.txt); echo "Results: report $$folder/report.md, page $$folder/index.html, model card $$folder/model_card.md"
 
 mend: $(READY)
-	@find "$$(dvc cache dir)/runs" -mindepth 1 -type d -empty -delete 2>/dev/null || true
+	@python -m pipeline lock > /dev/null
 
 # The paper, the studies and the page of results.
 all: $(READY) mend

@@ -187,5 +187,5 @@ def test_a_kill_while_dvc_writes_its_cache_of_runs_is_mended_by_the_same_command
     (copy / "dvc.lock").unlink()
     assert run("dvc", "repro", "files", cwd=copy).returncode != 0
     succeeds("make", "-o", ".venv/.ready", "mend", cwd=copy)
-    assert not any(path.is_dir() for path in runs.rglob("*/*"))
+    assert not any(runs.glob("*/*"))
     succeeds("dvc", "repro", "files", cwd=copy)

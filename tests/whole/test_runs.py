@@ -4,6 +4,7 @@ pipeline/core/compute/README.md documents.
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from io import StringIO
 from pathlib import Path
 from time import monotonic, sleep
 
+import numpy as np
 import pandas as pd
 import pytest
 from omegaconf import OmegaConf
@@ -32,40 +34,34 @@ pytestmark = pytest.mark.slow
 # raw files, tables and trials in workers are written before the end of the last stage
 KILLED = ("choose", "configure", "record", "files", "ingest@motion", "ingest@depth", "track")
 LAST = "articulate"
-# these appear while a stage writes, or when it has ended and DVC moves its outputs to the cache
-MOMENTS = (
-    "data/raw/youbot/.recordings.*.partial/kinect",
-    "data/track/joints.parquet",
-    "data/.articulate.*.partial",
-)
+KILLS, KILL_SEED = 20, 2017
+DELAY = (0.5, 4.0)  # s between start and kill
 PATIENCE = 120  # s; a worker without work ends by itself sooner
 LONGEST = 400  # s that the experiment may take
 # the option that was set, and a result that depends on it
 SET, FITTED = "overrides.models.wishart.decomposition", "sigma_b"
 
 
-def kill_when(moment: str, cwd: Path) -> None:
-    """Start ``dvc repro`` and kill its process group, without notice, as soon as ``moment``
-    exists.
+def kill_after(seconds: float, whole: bool, cwd: Path) -> bool:
+    """Start ``dvc repro`` and kill it without notice after ``seconds``, the ``whole`` process group
+    or DVC alone; return False if it has ended before.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     command, environment = ["dvc", "repro", LAST], os.environ | {"PATH": path}
-    running = subprocess.Popen(command, cwd=cwd, env=environment, start_new_session=True, **streams)
+    with (cwd / "printed").open("wb") as printed:
+        streams = {"stdout": printed, "stderr": printed, "start_new_session": True}
+        running = subprocess.Popen(command, cwd=cwd, env=environment, **streams)
     try:
-        end = monotonic() + PATIENCE
-        while not any(cwd.glob(moment)):
-            assert running.poll() is None and monotonic() < end, moment
-            sleep(0.001)
-    finally:
-        if running.poll() is None:
-            os.killpg(running.pid, signal.SIGKILL)
-    # a run that had ended could not be killed
-    assert running.wait() == -signal.SIGKILL
+        assert running.wait(seconds) == 0, (cwd / "printed").read_text()
+        return False
+    except subprocess.TimeoutExpired:
+        (os.killpg if whole else os.kill)(running.pid, signal.SIGKILL)
+    return running.wait() == -signal.SIGKILL
 
 
 def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_path):
-    folder = tmp_path / "killed"
+    folder, rng = tmp_path / "killed", np.random.default_rng(KILL_SEED)
+    mend = ["make", "-o", ".venv/.ready", "mend"]
     copy_project(folder)
     set_parameters(folder, **SMOKE)
     # half-written files of an earlier run are not used either
@@ -73,10 +69,14 @@ def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_
     for left in (f"data/.track.{ended}", "data/ingest/depth", f"data/.files.{ended}"):
         (folder / left).mkdir(parents=True)
         (folder / left / "stray.parquet").write_text("half a table")
-    for moment in MOMENTS:
-        assert not any(folder.glob(moment))
-        kill_when(moment, folder)
-    assert any(folder.glob(MOMENTS[-1]))
+    kills = 0
+    while kills < KILLS:
+        if kill_after(rng.uniform(*DELAY), kills % 2 == 0, folder):
+            kills += 1
+            succeeds(*mend, cwd=folder)
+        else:  # start from nothing
+            for name in ("data/ingest", "data/track", "data/raw/youbot/recordings", ".dvc/cache"):
+                shutil.rmtree(folder / name)
     succeeds("dvc", "repro", LAST, cwd=folder)
     expected = outputs(reproduced, *KILLED, LAST)
     assert len(expected) == 8 and outputs(folder, *KILLED, LAST) == expected

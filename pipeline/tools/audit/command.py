@@ -16,7 +16,8 @@ from pipeline.core.typed_yaml import read_yaml
 
 HELP = "folder of the clone (not deleted afterwards)"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
-ROUNDING = 1e-9  # difference of numbers where the instruction set is not the commit's
+# difference of numbers where the instruction set is not the commit's: searches end within 1e-6
+ROUNDING = 1e-5
 ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 

@@ -1,10 +1,14 @@
-"""``python -m pipeline lock``: sort the entries of every dvc.lock as in its dvc.yaml and delete
-removed stages.
+"""``python -m pipeline lock``: mend what a killed DVC leaves, sort the entries of every dvc.lock as
+in its dvc.yaml and delete removed stages.
 
 DVC appends a stage when it first runs, so that git would show a change after an interrupted run.
 """
 
+import json
 import re
+import subprocess
+import sys
+from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
@@ -15,8 +19,8 @@ ARGUMENTS: dict = {}
 
 
 def run() -> None:
-    """Sort the entries of all lock files and print the names of changed files."""
-    changed = []
+    """Mend DVC's state, sort the entries of all lock files and print the names of changed files."""
+    changed = [str(path) for path in _mend()]
     for place in ("dvc.lock", "data/raw/*/dvc.lock", "pipeline/**/dvc.lock"):
         for lock in sorted(Path().glob(place)):
             text = lock.read_text(encoding="utf-8")
@@ -29,6 +33,24 @@ def run() -> None:
                 changed.append(str(lock))
     done = f"{', '.join(changed)} put in order" if changed else "every dvc.lock is in order"
     print(f"lock: {done}")
+
+
+def _mend() -> Iterator[Path]:
+    """Remove and yield what DVC fails on after a kill: an unreadable file of its locks, and empty
+    folders in its cache of runs.
+    """
+    if (locks := Path(".dvc/tmp/rwlock")).is_file():
+        try:
+            json.loads(locks.read_text(encoding="utf-8"))
+        except ValueError:
+            locks.unlink()
+            yield locks
+    command = [sys.executable, "-m", "dvc", "cache", "dir"]
+    cache = subprocess.run(command, capture_output=True, text=True).stdout.strip()
+    for run in Path(cache, "runs").glob("*/*"):
+        if not any(run.iterdir()):
+            run.rmdir()
+            yield run
 
 
 def _stage_names(file: Path) -> list[str]:
