@@ -1,6 +1,7 @@
 """Draw all figures of this package. The YAML file beside a module names the module's figures, with
 captions and tables. A figure function gets the tables and the options (``models``, ``joints``,
-``mode``, ``configurations``) that are parameters of the function.
+``mode``, ``configurations``, ``recordings``) that are parameters of the function; ``{recordings}``
+in a text becomes "recordings" or "simulated recordings".
 """
 
 import json
@@ -66,4 +67,5 @@ def _draw(name: str, options: dict[str, object], folder: Path) -> tuple[str, dic
     save(draw(**{key: named[key] for key in signature(draw).parameters}), folder, name)
     sources = [f"{place}/{table}.parquet" for table, place in tables.items()]
     script = f"{draw.__module__.replace('.', '/')}.py"
-    return name, {"title": title, "caption": caption, "sources": sources, "script": script}
+    texts = {"title": title.format(**options), "caption": caption.format(**options)}
+    return name, texts | {"sources": sources, "script": script}

@@ -5,14 +5,18 @@ from matplotlib.figure import Figure
 
 from pipeline.figures import style
 
+PANELS = {"error": "error of the sampled mean (rad)", "bias": "exact bias of a step (rad)"}
+
 
 def mean_error(deviation: pd.DataFrame, models: list[str]) -> Figure:
-    """Draw Fig. (MeanError): one line per model."""
-    figure, ((axes,),) = style.panels(style.ONE_COLUMN, 2.4)
-    for model, line in style.model_lines(models).items():
-        rows = deviation[deviation["source"] == model]
-        axes.plot(rows["t"], rows["error"], linewidth=0.8, **line)
-    axes.set(xlabel="time (s)", ylabel="error of the mean (rad)", xlim=(0, deviation["t"].max()))
-    axes.set_ylim(bottom=0)
+    """Draw Fig. (MeanError) beside the exact bias: one line per model, both panels on one scale."""
+    figure, (row,) = style.panels(style.ONE_COLUMN, 2.3, columns=2, sharex=True, sharey=True)
+    for axes, (name, label) in zip(row, PANELS.items(), strict=True):
+        for model, line in style.model_lines(models).items():
+            rows = deviation[deviation["source"] == model]
+            axes.plot(rows["t"], rows[name], linewidth=0.8, **line)
+        axes.set(xlabel="time (s)", ylabel=label)
+    row[0].set(xlim=(0, deviation["t"].max()), ylim=(0, None))
+    style.letters(row)
     style.legend(figure, ncols=2)
     return figure

@@ -17,7 +17,7 @@ RIDGE_SHAPES = (
     ("level", r"$\alpha\sqrt{u^2-\langle\Vert J^{-1}\Vert^2\rangle}$", "-"),
 )
 SOURCES = {
-    "recorded": {"linestyle": "-", "label": "recorded takes"},
+    "recorded": {"linestyle": "-", "label": "training takes"},
     "drawn": {"linestyle": ":", "label": "takes drawn from the model"},
 }
 PLAIN = {
@@ -57,10 +57,12 @@ def joint_realizations(joints: pd.DataFrame, process_noise: pd.DataFrame) -> Fig
     return figure
 
 
-def joint_std(deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str) -> Figure:
+def joint_std(
+    deviation: pd.DataFrame, models: list[str], joints: list[str], mode: str, recordings: str
+) -> Figure:
     """Draw Fig. (STDq): one panel per joint, all on one scale; ``mode`` of the simulation."""
     across, size = style.panels_across(len(joints)), (style.TWO_COLUMNS, 1.9, 0.6)
-    lines = {"recorded": style.RECORDED} | style.model_lines(models)
+    lines = {"recorded": style.RECORDED | {"label": recordings}} | style.model_lines(models)
     figure, (row,) = style.joint_panels(len(joints), across, size, sharey=True)
     shown = deviation.set_index(["source", "t"])[columns("s", joints)].loc[[*lines]]
     tops = sorted(shown.groupby("source").max().max(axis=1))

@@ -30,7 +30,7 @@ BINS = 60  # of the histograms
 ROBOTS = 1.45  # distance of the robots' circles from the platform, in greatest tensions
 LEVELS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the greatest measured density in a plane
 LINES = {
-    "measured": style.RECORDED | {"label": "measured"},
+    "measured": style.RECORDED,
     "modelled": {"label": "matrix model", "color": style.BLUE, "linestyle": "--"},
 }
 SHOWN = 0.005  # least density, as a share of the panel's greatest density, within the axis limits
@@ -93,7 +93,7 @@ def wrench_error_histograms(wrench_errors: pd.DataFrame) -> Figure:
 
 
 def wrench_density(
-    force_density: pd.DataFrame, configurations: Mapping[str, Arrangement]
+    force_density: pd.DataFrame, configurations: Mapping[str, Arrangement], recordings: str
 ) -> Figure:
     """Draw Fig. (WrenchExprmnt): one range and one colour scale for all ``configurations``."""
     layout = {"rows": len(configurations), "columns": 3, "width_ratios": (1.3, 1, 1)}
@@ -116,7 +116,7 @@ def wrench_density(
             axes.set(xlim=limits[0], ylim=limits[1], aspect="equal", anchor="N", ylabel="$F_y$ (N)")
     for axes in grid[-1, 1:]:
         axes.set_xlabel("$F_x$ (N)")
-    for axes, title in zip(grid[0], ("robots", "measured force", "matrix model"), strict=True):
+    for axes, title in zip(grid[0], ("robots", recordings, "matrix model"), strict=True):
         axes.set_title(title)
     figure.colorbar(image, ax=grid[:, 1:], label="density (N$^{-2}$)", shrink=0.5, aspect=30)
     return figure
@@ -142,7 +142,7 @@ def _draw_robots(axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float)
     axes.set_axis_off()
 
 
-def wrench_planes(wrench_planes: pd.DataFrame) -> Figure:
+def wrench_planes(wrench_planes: pd.DataFrame, recordings: str) -> Figure:
     """Draw a row of panels for each configuration, a panel for each pair of forces or moments."""
     planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
     by_name = list(wrench_planes.groupby("configuration", sort=False))
@@ -154,7 +154,7 @@ def wrench_planes(wrench_planes: pd.DataFrame) -> Figure:
             axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
         row[0].set_title(name, loc="left", fontweight="bold")
     lines = Line2D([], [], color=style.VERMILLION, lw=0.7, label="matrix model")
-    entries = [Patch(color=style.GREY, label="measured"), lines]
+    entries = [Patch(color=style.GREY, label=recordings), lines]
     figure.legend(handles=entries, loc="outside upper center", ncols=2)
     return figure
 
@@ -184,7 +184,7 @@ def _draw_plane(axes: Axes, table: pd.DataFrame) -> None:
     axes.locator_params(nbins=3)
 
 
-def wrench_marginals(wrench_marginals: pd.DataFrame) -> Figure:
+def wrench_marginals(wrench_marginals: pd.DataFrame, recordings: str) -> Figure:
     """Draw a row of panels for each configuration, a panel for each force and moment."""
     rows = list(wrench_marginals["row"].unique())
     by_name = list(wrench_marginals.groupby("configuration", sort=False))
@@ -196,7 +196,7 @@ def wrench_marginals(wrench_marginals: pd.DataFrame) -> Figure:
             shown = curves[curves["density"] > SHOWN * curves["density"].max()]
             for source, look in LINES.items():
                 curve = curves[curves["source"] == source]
-                axes.plot(curve["value"], curve["density"], **look)
+                axes.plot(curve["value"], curve["density"], **{"label": recordings} | look)
             axes.set(xlabel=style.wrench_label(row), ylim=(0, None), yticks=[])
             if len(shown):
                 axes.set_xlim(shown["value"].min(), shown["value"].max())

@@ -54,8 +54,8 @@ def solve_perturbation(
 
 def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(m, m) Σ_k of (cost)–(const2) for a matrix J (n, m) of ``norm`` ‖J‖_F: maximise ln|Σ| subject
-    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with levels ``alpha`` α and ``u``. The unit of the problem
-    is the bound, because the solver's tolerances are absolute. Raises SolverError.
+    to tr{nΣ} ≤ α²(u² − ‖J‖_F²), Σ ≥ 0, with scale ``alpha`` α and bound ``u``. The unit of the
+    problem is the bound, because the solver's tolerances are absolute. Raises SolverError.
     """
     bound, evidence = alpha**2 * (u**2 - norm**2), {"norm": norm, "alpha": alpha, "u": u}
     if not bound > 0:

@@ -83,6 +83,18 @@ def realize(
     return result, clipped, int(np.sum(~alive))
 
 
+def mean_bias(model: MotionModel, chain: Chain, q: ndarray, v: ndarray) -> ndarray:
+    """(M+1,) norm in rad of the exact mean step minus the nominal step from the poses ``q`` (takes,
+    M+1, n), mean over the takes; 0 at k = 0. NaN if a step of the model has no mean.
+    """
+    start = q[:, :-1]
+    try:
+        bias = model.mean(chain, start, v) - start - chain.nominal_step(start, v)
+    except ModelDomainError:
+        return np.full(q.shape[1], np.nan)
+    return np.append(0.0, np.linalg.norm(bias.mean(axis=0), axis=-1))
+
+
 def realized_moments(
     model: MotionModel, chain: Chain, q: ndarray, v: ndarray, mode: str, realized: ndarray
 ) -> tuple[ndarray, ndarray, str | None]:

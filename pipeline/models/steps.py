@@ -72,7 +72,12 @@ class Estimate:
     details: Any = None  # the fit itself, for diagnostics that need more than its parameters
     # take indices → estimates of these takes, if that is faster than another fit
     from_takes: Callable[[ndarray], dict[str, float]] | None = None
-    undetermined: tuple[str, ...] = ()  # estimates at a bound of the search: no interval
+    undetermined: tuple[str, ...] = ()  # estimates at an end of the search
+
+    @property
+    def determined(self) -> dict[str, float]:
+        """Estimates without the undetermined ones, which have no number."""
+        return {n: value for n, value in self.estimates.items() if n not in self.undetermined}
 
     @property
     def model(self) -> MotionModel:

@@ -22,5 +22,6 @@ def run() -> None:
         "joints": robot.joints if robot else [],
         "mode": settings.simulation.mode,
         "configurations": force.configurations if force else {},
+        "recordings": "simulated " * bool(settings.dataset.laboratory) + "recordings",
     }
     draw_all(OUT, options, settings.compute)

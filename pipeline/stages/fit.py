@@ -12,7 +12,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import bootstrap, kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
-from pipeline.models.draws import realize, realized_moments
+from pipeline.models.draws import mean_bias, realize, realized_moments
 from pipeline.models.model import MotionModel
 from pipeline.models.steps import Estimate, Options, Recorded
 from pipeline.recordings.steps import training_steps
@@ -57,12 +57,12 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
         if pattern.startswith("{}"):  # else a control, of which only the estimates are written
             metrics |= result.diagnostics
         unbounded = {name: n for name, n in result.diagnostics.items() if name == UNBOUNDED}
-        for name, value in (result.estimates | errors | unbounded).items():
+        for name, value in (result.determined | errors | unbounded).items():
             stem = next(base for base in (*result.estimates, UNBOUNDED) if name.startswith(base))
             metrics[pattern.format(stem) + name.removeprefix(stem)] = value
     metrics["takes"] = len(recorded.q)
     if estimate is not None:
-        metrics |= estimate.estimates | uncertainty
+        metrics |= estimate.determined | uncertainty
         metrics["bootstrap_replicates"] = len(replicates)
         metrics["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
         metrics |= estimate.diagnostics
@@ -141,7 +141,7 @@ def _closed_loop(
         metrics |= {name: value, f"{name}_standard_error": error}
         metrics[f"{name}_interval_low"] = value - NORMAL_QUANTILE * error
         metrics[f"{name}_interval_high"] = value + NORMAL_QUANTILE * error
-    estimates = {f"closed_loop_{name}": value for name, value in closed.estimate.estimates.items()}
+    estimates = {f"closed_loop_{name}": n for name, n in closed.estimate.determined.items()}
     return metrics | {"closed_loop_rounds": closed.rounds} | estimates
 
 
@@ -167,6 +167,7 @@ def _realise(
     if refused:
         print(f"fit: {model} has no standard deviation: {refused}")
     moments = spread("m", recorded.joints, mean) | spread("s", recorded.joints, deviation)
+    moments["bias"] = mean_bias(fitted, recorded.chain, q, recorded.v)
     contracts.write(grid.assign(**moments), "moments", folder)
     return {
         "steps": simulated[:, 1:, 0].size,

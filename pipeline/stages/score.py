@@ -19,6 +19,7 @@ from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed
+from pipeline.recordings.movement import speed_scores
 from pipeline.recordings.steps import reference_joints, training_steps, truth_of
 from pipeline.statistics import curves
 from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, training_mean
@@ -84,7 +85,7 @@ def _score_robot(settings, folder: Path) -> dict[str, Scored]:
     scored = {
         "motion": _score_motion(models, takes, q, recorded, settings),
         "filter": _score_filters(models, q, recorded, joints, settings, folder),
-        "recordings": _score_recordings(joints, pose, settings.dataset.motion.rate),
+        "recordings": _score_recordings(joints, pose, recorded, settings.dataset),
     }
     contracts.write(scored["motion"][1]["deviation"], "deviation", folder)
     return scored
@@ -95,14 +96,19 @@ def _score_motion(
 ) -> Scored:
     """Score mean and standard deviation over time of every model against the recordings."""
     names, noise, mode = recorded.joints, recorded.noise, settings.simulation.mode
-    off, std = {}, {"recorded": recorded_deviation(q, noise, mode)}
+    off, bias, std = {}, {}, {"recorded": recorded_deviation(q, noise, mode)}
     for model in models:
         moments = contracts.read("moments", FIT / model)
         off[model] = np.linalg.norm(values(moments, "m") - q.mean(axis=0), axis=1)
-        std[model] = values(moments, "s")
+        std[model], bias[model] = values(moments, "s"), moments["bias"].to_numpy()
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     rows = [
-        grid.assign(source=source, error=off.get(source, 0.0), **spread("s", names, own))
+        grid.assign(
+            source=source,
+            error=off.get(source, 0.0),
+            bias=bias.get(source, 0.0),
+            **spread("s", names, own),
+        )
         for source, own in std.items()
     ]
     tables = {"deviation": pd.concat(rows, ignore_index=True)}
@@ -117,6 +123,7 @@ def _score_motion(
     }
     for name, limit in zip(names, limits, strict=True):
         metrics[f"recorded_std_{name}_variation_of_constant_noise"] = limit
+    metrics |= {f"{model}_greatest_bias_rad": own.max() for model, own in bias.items()}
     metrics["recorded_takes"] = len(noise)
     metrics[SHARE_BETWEEN] = share_between(noise, [take.rpartition("_")[0] for take in takes])
     if mode == "one_step":
@@ -182,9 +189,22 @@ def _score_filters(
     return metrics | {"axes_of_training_steps_without_spread": without}, tables
 
 
-def _score_recordings(joints: pd.DataFrame, pose: np.ndarray, rate: float) -> Scored:
-    """Score losses, repairs and depth noise; ``pose`` (n, n) rad² is the noise of a pose."""
-    metrics, tables = _quality()
+def _score_recordings(
+    joints: pd.DataFrame, pose: np.ndarray, recorded: Recorded, dataset
+) -> Scored:
+    """Score losses, repairs, depth noise and the speeds of the truth; ``pose`` (n, n) rad² is the
+    noise of a pose.
+    """
+    (metrics, tables), rate, chain = _quality(), dataset.motion.rate, recorded.chain
+    if contracts.exists("true_joints", truth_of(dataset)):
+        _, q = contracts.stacked(contracts.read("true_joints", truth_of(dataset)), "q")
+        nominal = chain.nominal_step(q[:, :-1], recorded.v)
+        known = chain.max_speed, rate, recorded.joints
+        steps, still = np.diff(q, axis=1), ~np.any(recorded.v, axis=-1)
+        metrics |= speed_scores(steps, nominal, *known)
+        if still.any():
+            variances = steps[:, still].var(axis=0, ddof=1).mean(axis=0)
+            metrics["true_motion_at_rest_rms_rad"] = float(np.sqrt(variances.sum()))
     takes, counts = contracts.read("takes", TRACK), contracts.read("quality", MOTION)
     tables["takes"] = quality.side_by_side(takes)
     tables["kept"] = quality.account(map(pd.read_csv, sorted(FILES.glob("*.csv"))), counts, takes)

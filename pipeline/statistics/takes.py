@@ -133,4 +133,5 @@ def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:
     summary = errors.groupby("agents")["error"].agg(["mean", "max"])
     maxima = spread.groupby("agents")["maximum"]
     ends = np.array([percentile_interval(values) for _, values in maxima])
-    return summary.assign(max_low=ends[:, 0], max_high=ends[:, 1]).reset_index()
+    ranges = {"repeats": maxima.size(), "max_low": ends[:, 0], "max_high": ends[:, 1]}
+    return summary.assign(**ranges).reset_index()

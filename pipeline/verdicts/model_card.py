@@ -207,10 +207,11 @@ def _parameters(run: Run) -> str:
 def _unknown_estimates(run: Run, fitted: Mapping[str, float]) -> dict[str, str]:
     """Return the estimates in ``fitted`` that the recordings do not determine, with reasons."""
     absent = {}
-    for name in fitted:
-        if fitted.get(f"{name}_unbounded"):
-            absent |= {name: "its search ended at a bound; only the level α·u is known"}
-            absent |= {"alpha": "only the level α·u is known"} if "alpha" in fitted else {}
+    for key, found in fitted.items():
+        if found and key.endswith("_unbounded"):
+            name = key.removesuffix("_unbounded")
+            absent[name] = "its search ended at a bound; only the noise level L is known"
+            absent[name.replace("u", "alpha", 1)] = "only the noise level L is known"
     if fitted.get("sigma_b", 0.0) >= fitted.get("sigma_b_limit_of_the_covariance", float("inf")):
         absent["sigma_b"] = "a step has no covariance at this estimate"
     if "ranges" in run.tables:

@@ -30,7 +30,7 @@ CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 TESTS_ALONE = "serves tests alone"  # words in the docstring of code that only tests use
 MISSING = "(not in this dataset)"
 CLAIMED = ("published", "value", "distance")  # numbers of a claim
-STEPS = 320  # M of the paper's motion
+STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
 COLUMNS = ("item of the paper", "place", "content", "code", "tests")
 
 
@@ -151,7 +151,7 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
 class Erratum:
     """One erratum: ``place`` and content of the ``paper``, the ``fact``, the remedy ``done`` here,
     and ``tests``. ``{name}`` in the prose stands for a number in ``values``: a number of the run,
-    or of a claim in the files claims/published, value, distance and walk.
+    or of a claim in the files claims/published, value, distance, std, speed, walk and level.
     """
 
     id: str
@@ -183,7 +183,10 @@ def parse_errata(entries: object) -> list[Erratum]:
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
     """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets."""
-    evidence, sections = {**run.evidence, **_claim_numbers(decided)}, [TEXTS["errata"]]
+    claimed, sections = _claim_numbers(decided), [TEXTS["errata"]]
+    published = claimed["claims/published"]
+    levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
+    evidence = {**run.evidence, **claimed, "claims/level": levels}
     for place, erratum in enumerate(errata, 1):
         values = {n: source.look_up(evidence, run.arm) for n, source in erratum.values.items()}
         numbers = {n: MISSING if value is None else number(value) for n, value in values.items()}
@@ -199,13 +202,31 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
 
 
 def _claim_numbers(decided: Sequence[Decided]) -> Evidence:
-    """Return numbers by claim and case; walk is the std of a sum of STEPS independent steps."""
-    numbers: dict[str, dict[str, float]] = {f"claims/{name}": {} for name in (*CLAIMED, "walk")}
+    """Return numbers by claim and case. From a published variance of a step follow its std, the
+    speed of RATE such steps in a second, and walk, the std of a sum of STEPS independent steps.
+    """
+    factors = {"std": 1, "speed": RATE, "walk": sqrt(STEPS)}
+    numbers: dict[str, dict[str, float]] = {f"claims/{name}": {} for name in (*CLAIMED, *factors)}
     for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
         for case in cases if verdict != NO_RECORDING else ():
             key = f"{claim.id} {case.case}".strip()
             for name in CLAIMED:
                 numbers[f"claims/{name}"][key] = getattr(case, name)
             if (case.published or 0) > 0:
-                numbers["claims/walk"][key] = sqrt(STEPS * case.published)
+                for name, factor in factors.items():
+                    numbers[f"claims/{name}"][key] = factor * sqrt(case.published)
     return numbers
+
+
+def noise_levels(fitted: Mapping[str, float], published: Mapping[str, float]) -> dict[str, float]:
+    """Return the noise level L = α√(u² − ⟨‖J⁺‖²⟩) of the published α and u over the poses of a fit
+    (``published``), the fitted L over it (``ratio``), and the scale ``alpha`` and the product
+    ``alpha_u`` that give the fitted L at the published u. Empty for a u below the norm.
+    """
+    level, norm = fitted.get("noise_level"), fitted.get("rms_norm_of_the_inverse_jacobian")
+    alpha, u = (published.get(name) for name in ("alpha", "u"))
+    if None in (level, norm, alpha, u) or u <= norm:
+        return {}
+    reach = sqrt(u**2 - norm**2)
+    numbers = {"published": alpha * reach, "ratio": level / (alpha * reach)}
+    return numbers | {"alpha": level / reach, "alpha_u": level * u / reach}

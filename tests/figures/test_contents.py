@@ -31,6 +31,7 @@ TWICE = {"joint_realizations", "wrench_planes"}  # lines, pixels and contours; o
 
 
 RNG = np.random.default_rng(11)
+SIMULATED = "simulated recordings"
 STEPS, SOURCES = range(21), ("measured", "modelled")
 
 
@@ -69,7 +70,7 @@ def tables() -> dict[str, pd.DataFrame]:
         "joints": joints.assign(part=joints["take"].str.partition("_")[0]),
         "process_noise": each(w, take=train, k=STEPS[1:]).assign(part="training"),
         "filter_error": each(e + s, model=models, take=test, k=STEPS).assign(part="test"),
-        "deviation": each(["error", *s], source=["recorded", *MODELS], k=STEPS),
+        "deviation": each(["error", "bias", *s], source=["recorded", *MODELS], k=STEPS),
         "kinect_noise": each(
             [*b, *pairs("r", JOINTS), "t"], take=["test_001", "none"], frame=range(6)
         ),
@@ -101,7 +102,8 @@ def options() -> dict[str, object]:
     first = SimpleNamespace(direction=[0.0, np.pi / 2, np.pi], tension=[5.0, 4.0, 2.0])
     second = SimpleNamespace(direction=[0.3, 1.9, 3.0, 5.0], tension=[5.0, 4.0, 2.0, 1.0])
     configurations = {"configurations": {"C1": first, "C2": second}}
-    return {"models": MODELS, "joints": JOINTS, "mode": "one_step"} | configurations
+    named = {"models": MODELS, "joints": JOINTS, "mode": "one_step", "recordings": SIMULATED}
+    return named | configurations
 
 
 def drawn(name: str, tables, options):
@@ -198,8 +200,8 @@ def test_joint_realizations_shows_every_training_take_their_mean_and_the_noise_o
 
 def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlying_one(tables):
     deviation, by_source = tables["deviation"], tables["deviation"].set_index("source")
-    figure = motion.joint_std(deviation, MODELS, JOINTS, "one_step")
-    assert len(legend(figure)) == 4 and legend(figure)[0] == "recorded"
+    figure = motion.joint_std(deviation, MODELS, JOINTS, "one_step", SIMULATED)
+    assert len(legend(figure)) == 4 and legend(figure)[0] == SIMULATED
     for axes, joint in zip(figure.axes, JOINTS, strict=True):
         assert [line.get_linestyle() for line in axes.lines] == ["-", ":", "--", "-."]
         for line, source in zip(axes.lines, ["recorded", *MODELS], strict=True):
@@ -207,12 +209,13 @@ def test_joint_std_and_mean_error_have_a_line_a_model_readable_beside_an_outlyin
     wide, own = deviation.copy(), [f"s:{joint}" for joint in JOINTS]
     outlying = deviation["source"] == "wishart"
     wide.loc[outlying, own] *= 50
-    free = motion.joint_std(wide, MODELS, JOINTS, "free_running")
+    free = motion.joint_std(wide, MODELS, JOINTS, "free_running", SIMULATED)
     (top,) = {axes.get_ylim()[1] for axes in free.axes}
     assert top == pytest.approx(1.05 * wide.loc[~outlying, own].max().max())
-    (axes,) = mean_error(deviation, ["gaussian", "additive"]).axes
-    for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
-        np.testing.assert_array_equal(line.get_ydata(), by_source.loc[model, "error"])
+    panels = mean_error(deviation, ["gaussian", "additive"]).axes
+    for axes, quantity in zip(panels, ("error", "bias"), strict=True):
+        for line, model in zip(axes.lines, ["gaussian", "additive"], strict=True):
+            np.testing.assert_array_equal(line.get_ydata(), by_source.loc[model, quantity])
 
 
 def test_articulation_draws_the_segments_through_their_named_nodes_on_one_scale(tables):
@@ -269,7 +272,7 @@ def test_densities_are_drawn_as_measured_and_modelled_on_one_range_and_one_colou
     tables, options
 ):
     configurations = options["configurations"]
-    *panels, _ = wrench.wrench_density(tables["force_density"], configurations).axes
+    *panels, _ = wrench.wrench_density(tables["force_density"], configurations, SIMULATED).axes
     grid, images = np.reshape(panels, (2, 3)), []
     by_place = tables["force_density"].set_index(["configuration", "source"])
     for row, name in zip(grid, configurations, strict=True):

@@ -114,7 +114,13 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     found = estimate(data, Gaussian("gaussian", "", estimator=estimator))
     assert found.diagnostics["u_unbounded"] == found.parameters["u_unbounded"] == 1
     assert found.undetermined == ("u", "alpha")
-    assert found.estimates["noise_level"] == pytest.approx(2.0, rel=0.05)
+    level, parameters = found.determined["noise_level"], found.parameters
+    assert [*found.determined] == ["noise_level"] and level == pytest.approx(2.0, rel=0.05)
+    # the exported model, of this level alone, has the fitted variance; α·u of the search has not
+    models = found.model, build_model({"kind": "gaussian", "level": level})
+    own, exported = (np.trace(m.covariance(chain, data.q, data.v).mean((0, 1))) for m in models)
+    assert exported == pytest.approx(own, rel=0.01)
+    assert parameters["alpha"] * parameters["u"] > 1.04 * level
 
 
 @pytest.mark.parametrize("estimator", ["moments", "paper", "likelihood"])

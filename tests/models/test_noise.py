@@ -9,7 +9,7 @@ import pytest
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.draws import realize, realized_moments
+from pipeline.models.draws import mean_bias, realize, realized_moments
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import (
@@ -155,6 +155,18 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     # recorded poses that differ do not count as spread of single steps
     _, deviation, _ = realized_moments(SILENT, chain, q, v, "one_step", single[0])
     assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
+
+
+def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(chain, poses, rng):
+    q, v = np.tile(takes(poses, 5, 3), (2000, 1, 1)), np.tile([0.0, 0.0, 0.01], (3, 1))
+    wishart = WishartModel(0.3, Decomposition("pivoted_lu"))
+    bias = mean_bias(wishart, chain, q, v)
+    drawn = realize(wishart, chain, q, v, "one_step", rng)[0][:, 1:]
+    off = (drawn - q[:, :-1] - chain.nominal_step(q[:, :-1], v)).mean(axis=0)
+    assert bias[0] == 0 < bias[1:].min()
+    np.testing.assert_allclose(np.linalg.norm(off, axis=-1), bias[1:], rtol=0.3)
+    assert mean_bias(MODELS["gaussian"], chain, q, v).max() < 1e-12
+    assert np.isnan(mean_bias(MODELS["wishart without a covariance"], chain, q, v)).all()
 
 
 def test_a_free_run_that_reaches_a_singular_pose_is_lost_and_counted(chain, poses, rng):

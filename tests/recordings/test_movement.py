@@ -26,7 +26,7 @@ from pipeline.recordings.commands import (
     require_velocities,
 )
 from pipeline.recordings.joint_logs import encoder_rows
-from pipeline.recordings.movement import read_logged_movement
+from pipeline.recordings.movement import read_logged_movement, speed_scores
 
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
@@ -301,3 +301,20 @@ def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refus
     with pytest.raises(RecordingError, match="joint_2 is off by"):  # metres have no turns
         beside = readings.add([0.0, 2 * np.pi, 0.0, 0.0])
         require_encoders(tracked, beside, JOINTS, "a", circular=np.array([False, True, True]))
+
+
+def test_speeds_of_true_steps_count_steps_beyond_a_limit_and_against_the_command():
+    nominal = np.array([[0.01, 0.0], [0.01, 0.0], [0.01, 0.002], [0.0, 0.0]])
+    steps = np.stack([nominal, nominal])
+    limits = np.array([1.0, 1.0])
+    kept = speed_scores(steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"])
+    assert kept["true_moving_steps_beyond_a_speed_limit_share"] == 0
+    assert kept["true_a_fast_steps_backwards_share"] == 0
+    assert kept["true_a_greatest_speed_rad_per_s"] == pytest.approx(1.0)
+    steps[0, 0, 0], steps[1, 2, 1], steps[1, 3, 1] = -0.05, -0.0021, 0.04  # the last is at rest
+    found = speed_scores(steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"])
+    assert found["true_moving_steps_beyond_a_speed_limit_share"] == pytest.approx(1 / 6)
+    assert found["true_a_greatest_speed_rad_per_s"] == pytest.approx(5.0)
+    assert found["true_b_greatest_speed_rad_per_s"] == pytest.approx(4.0)
+    assert found["true_a_fast_steps_backwards_share"] == pytest.approx(1 / 6)
+    assert found["true_b_fast_steps_backwards_share"] == 0.5

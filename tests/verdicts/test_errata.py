@@ -25,7 +25,9 @@ from pipeline.perception.articulation import fit_sequence
 from pipeline.planning.motions import best_conditioned, cheapest_paths, least_uncertain
 from pipeline.planning.problem import Problem
 from pipeline.planning.self_motion import grid, spacing_of
+from pipeline.recordings.movement import speed_scores
 from pipeline.statistics.takes import lag_one_correlation
+from pipeline.verdicts.paper import RATE, noise_levels
 from pipeline.wrench.models import Bounds, draw_systems, matrix_model
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study
 
@@ -40,6 +42,44 @@ def arm(metre: float = 1.0) -> PlanarChain:
     links = metre * np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]])
     ranges = (np.full(3, end) for end in (-3.0, 3.0, np.pi / 2))
     return PlanarChain(np.zeros(2), links, np.array([1.0, 1.0, -1.0]), *ranges)
+
+
+@pytest.mark.parametrize("norm", [13.6, 14.5, 17.6])
+def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
+    """L is the level of the law's covariance, L² ‖v‖²/m = tr Cov, and not α·u."""
+    levels = noise_levels(
+        {"noise_level": 3.364, "rms_norm_of_the_inverse_jacobian": norm}, {"alpha": 0.1, "u": 18.0}
+    )
+    assert levels["published"] ** 2 / 3 == pytest.approx(3 * noise_scale(norm, 0.1, 18.0, 3, 3))
+    here = noise_scale(norm, levels["alpha"], 18.0, 3, 3)
+    assert 3.364**2 / 3 == pytest.approx(3 * here)
+    assert levels["alpha_u"] == pytest.approx(18 * levels["alpha"]) and levels["alpha_u"] > 4.9
+    assert levels["ratio"] == pytest.approx(3.364 / levels["published"])
+
+
+def test_the_noise_levels_of_the_simulated_recordings_are_those_of_the_theory():
+    """Rounded numbers of one run: ⟨‖J⁻¹‖²⟩ is 14.507² and L is 3.364 there."""
+    fitted = {"noise_level": 3.3643, "rms_norm_of_the_inverse_jacobian": 14.5073}
+    levels = noise_levels(fitted, {"alpha": 0.1, "u": 18.0})
+    expected = {"published": 1.07, "ratio": 3.16, "alpha": 0.316, "alpha_u": 5.68}
+    assert levels == pytest.approx(expected, rel=5e-3)
+    assert noise_levels(fitted, {"alpha": 0.1, "u": 14.0}) == {} == noise_levels({}, {"u": 18.0})
+
+
+def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
+    """A joint at rest or at its commanded peak speed, with the published std of the third joint."""
+    claims = config.read_yaml(ROOT / "reports/claims.yaml")["claims"]
+    (stated,) = (claim["published"] for claim in claims if claim["id"] == "sigma-omega")
+    std, limit = stated[5] ** 0.5, arm().max_speed
+    assert RATE * std == pytest.approx(limit[2], rel=0.01)
+    draws = std * np.random.default_rng(3).standard_normal((500, 2, 3))
+    nominal = np.broadcast_to([[1e-9] * 3, limit / RATE], draws.shape)
+    share = "true_moving_steps_beyond_a_speed_limit_share"
+    noisy = speed_scores(nominal + draws, nominal, limit, RATE, "abc")
+    assert noisy[share] > 0.4 and noisy["true_c_fast_steps_backwards_share"] > 0.1
+    # control: a twentieth of the noise
+    calm = speed_scores(nominal + draws / 20, nominal, limit, RATE, "abc")
+    assert calm[share] < 0.05 and calm["true_c_fast_steps_backwards_share"] == 0
 
 
 def test_only_measured_minus_nominal_is_the_noise_of_a_random_jacobian():

@@ -3,7 +3,8 @@ moments, maximum likelihood), and the ridge of the objective over (α, u).
 
 Every objective is minimised in α for every u = max ‖J̲⁺‖_F + ũ, Eq. (bound-u). The trace of a
 step's covariance is α²g_k, g_k = (u² − ‖J̲_k⁺‖²)‖v_k‖²/m. If ‖J̲⁺‖ varies little over the motion,
-the data determine only αu. The data determine u if the minimum is inside the searched interval.
+the data determine only the noise level L = α√(u² − ⟨‖J̲⁺‖²⟩), ⟨⟩ weighted by ‖v_k‖², and neither α
+nor αu. The data determine u if the minimum is inside the searched interval.
 """
 
 from collections.abc import Callable, Sequence
@@ -135,7 +136,7 @@ def _mean_square(squares: ndarray, speeds: ndarray) -> float:
 
 
 def _values(alpha: float, u: float, mean_square: float) -> dict[str, float]:
-    """Estimates by name; noise_level²·‖v‖² is the mean variance of the noise."""
+    """Estimates by name; noise_level²·‖v‖²/m is the mean variance of the noise."""
     return {"u": u, "alpha": alpha, "noise_level": alpha * np.sqrt(u**2 - mean_square)}
 
 

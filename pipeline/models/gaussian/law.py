@@ -28,7 +28,7 @@ UNBOUNDED = 1e9  # u, far above the norm of any inverse Jacobian
 
 def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarray:
     """(...,) s of Σ_k = s·I_m, the solution of (cost)–(const2): s = α²(u² − ‖J̲_k⁺‖_F²)/(nm) for
-    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with levels ``alpha`` α and ``u``; in the squared
+    J̲_k⁺ (n, m) of ``norm`` (...,) ‖J̲_k⁺‖_F, with scale ``alpha`` α and bound ``u``; in squared
     units of J⁺ (1/m and 1). Raises ModelDomainError for u below the norm: no solution.
     """
     norm = np.asarray(norm, dtype=float)
@@ -44,7 +44,7 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
 
 @dataclass(frozen=True)
 class GaussianModel(NormalModel):
-    """Random inverse Jacobian J⁺, Eq. (GausMod), with the noise level ``alpha`` α ≥ 0. The noise is
+    """Random inverse Jacobian J⁺, Eq. (GausMod), with the scale ``alpha`` α ≥ 0. The noise is
     zero where ‖J⁺‖_F exceeds the bound ``u`` > 0. A step, Eq. (RMTInvDiff), has the law of
     Algorithm 2. Raises ModelDomainError for α or u out of range.
     """
@@ -75,7 +75,7 @@ class GaussianModel(NormalModel):
 
 
 def build(parameters: dict[str, Any]) -> GaussianModel:
-    """Build the model from ``alpha`` and ``u``, or from the ``level`` αu for an unbounded u."""
+    """Build the model from ``alpha`` and ``u``, or for an unbounded u from the ``level`` L."""
     if "level" in parameters:
         return GaussianModel(parameters["level"] / UNBOUNDED, UNBOUNDED)
     return GaussianModel(parameters["alpha"], parameters["u"])

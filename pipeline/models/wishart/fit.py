@@ -142,6 +142,8 @@ def diagnose(
     ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
     rows.append((ratio, fit.sigma_b, "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
+    curve = table[(table["point"] == "curve") & (table["source"] == "recorded")]
+    metrics["sigma_b_greatest_over_weights"] = curve["sigma_b"].max()
     return metrics, {"sigma_b_weights": table}
 
 

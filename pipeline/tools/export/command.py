@@ -170,29 +170,24 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
             covariance = _read(FIT / name / "covariance.json")
             ends = ("", "_standard_error", "_interval_low", "_interval_high")
             names = [f"{key}{end}" for key in covariance["estimates"] for end in ends]
-            names.append("u_unbounded")
         estimates = {key: metrics[key] for key in names if key in metrics}
     else:
         options = config.model_options([name])[name]
         fit = kinds.estimate(recorded, options)
-        parameters, estimates = fit.parameters, fit.estimates
+        parameters, estimates = fit.parameters, fit.determined
         if closed_form:
             closed = fit_closed_loop(recorded, options, fit)
             parameters = closed.estimate.parameters | {SHARE: closed.share}
-            own = closed.estimate.estimates.items()
+            own = closed.estimate.determined.items()
             estimates = {f"closed_loop_{key}": value for key, value in own}
-        elif "u_unbounded" in fit.diagnostics:
-            estimates = estimates | {"u_unbounded": fit.diagnostics["u_unbounded"]}
     if kinds.NO_MODEL in parameters:
         raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
     require_known(model, parameters, recorded)
     share = parameters.get(SHARE, 0.0)
-    if parameters["kind"] == "gaussian" and estimates.get("u_unbounded"):
-        # only the level α·u is known, not α and u
-        level = {"kind": "gaussian", "level": parameters["alpha"] * parameters["u"]}
-        parameters = level | {key: v for key, v in parameters.items() if key == SHARE}
-        unknown = [k for k in estimates if k.split("_")[0] in ("alpha", "u") or "_alpha" in k]
-        estimates = {key: value for key, value in estimates.items() if key not in unknown}
+    if parameters.get("u_unbounded"):  # only the noise level is known, not α and u
+        level = estimates["closed_loop_noise_level" if closed_form else "noise_level"]
+        shared = {key: v for key, v in parameters.items() if key == SHARE}
+        parameters = {"kind": parameters["kind"], "level": level} | shared
         covariance, found = None, "u at the end of its search"
         required = "a greatest likelihood or least error at a finite u"
         not_known = [{"parameter": "alpha and u apart", "found": found, "required": required}]
