@@ -20,6 +20,9 @@ OPTION = "dataset.joint_log"
 STEADY = 0.9  # least speed over the 0.9 quantile, low enough that noise leaves no gap
 UNFILLED = "???"  # placeholder for a file name
 LATEST = 0.05  # s, greatest lag of a controller; a longer lag is an offset of two clocks
+FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
+FAST = 0.9  # least share of a joint's greatest commanded speed of a fast step
+STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
 LEAST_MOTION = 0.1  # least scale of a joint's error, over the motion of the farthest joint
@@ -263,3 +266,30 @@ def _require_near(
     if errors[worst] > most:
         off = f"{names[worst]} is off by {errors[worst]:.2g} of the motion, more than {most:g}"
         raise RecordingError(f"{off}: {fault}", **where)
+
+
+def beyond_speed(steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float) -> np.ndarray:
+    """Return a mask of the ``steps`` (..., n) in ``seconds`` s that exceed the velocity ``limits``
+    (n,) of the joints by more than the allowance.
+    """
+    return np.abs(steps) > FASTER * limits * seconds + STEP_NOISE
+
+
+def speed_scores(
+    steps: np.ndarray, nominal: np.ndarray, limits: np.ndarray, rate: float, joints: Sequence[str]
+) -> dict[str, float]:
+    """Return the speeds of true ``steps`` (takes, M, n) in rad beside the commanded ``nominal``
+    steps: share of the moving steps beyond a speed limit, and by joint the greatest speed and the
+    share of the fast steps, commanded at FAST times the greatest speed or more, that run backwards.
+    """
+    moving = np.any(nominal, axis=-1)
+    beyond = beyond_speed(steps, limits, 1 / rate).any(axis=-1)
+    scores = {"true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean())}
+    for j, joint in enumerate(joints):
+        step, own, command = np.abs(steps[..., j]), steps[..., j], nominal[..., j]
+        fast = np.abs(command) >= FAST * np.abs(command).max()
+        backwards = float((own * command < 0)[fast].mean())
+        scores[f"true_{joint}_speed_limit_rad_per_s"] = float(limits[j])
+        scores[f"true_{joint}_greatest_speed_rad_per_s"] = rate * float(step.max())
+        scores[f"true_{joint}_fast_steps_backwards_share"] = backwards
+    return scores

@@ -24,9 +24,6 @@ CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
 JITTER = 0.5  # greatest deviation of a row in steps; beyond, rows are missing or too close
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
-FASTER = 1.05  # greatest speed of a step over the joint's velocity limit
-FAST = 0.9  # least share of a joint's greatest commanded speed of a fast step
-STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 DAMAGED = 5  # rows of the median that omits damaged cells
 
 
@@ -168,33 +165,6 @@ def require_plausible(
     raise RecordingError(message, **({"line": lines[row]} if len(lines) else {}), **where)
 
 
-def beyond_speed(steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float) -> np.ndarray:
-    """Return a mask of the ``steps`` (..., n) in ``seconds`` s that exceed the velocity ``limits``
-    (n,) of the joints by more than the allowance.
-    """
-    return np.abs(steps) > FASTER * limits * seconds + STEP_NOISE
-
-
-def speed_scores(
-    steps: np.ndarray, nominal: np.ndarray, limits: np.ndarray, rate: float, joints: Sequence[str]
-) -> dict[str, float]:
-    """Return the speeds of true ``steps`` (takes, M, n) in rad beside the commanded ``nominal``
-    steps: share of the moving steps beyond a speed limit, and by joint the greatest speed and the
-    share of the fast steps, commanded at FAST times the greatest speed or more, that run backwards.
-    """
-    moving = np.any(nominal, axis=-1)
-    beyond = beyond_speed(steps, limits, 1 / rate).any(axis=-1)
-    scores = {"true_moving_steps_beyond_a_speed_limit_share": float(beyond[moving].mean())}
-    for j, joint in enumerate(joints):
-        step, own, command = np.abs(steps[..., j]), steps[..., j], nominal[..., j]
-        fast = np.abs(command) >= FAST * np.abs(command).max()
-        backwards = float((own * command < 0)[fast].mean())
-        scores[f"true_{joint}_speed_limit_rad_per_s"] = float(limits[j])
-        scores[f"true_{joint}_greatest_speed_rad_per_s"] = rate * float(step.max())
-        scores[f"true_{joint}_fast_steps_backwards_share"] = backwards
-    return scores
-
-
 def require_speeds(
     time: np.ndarray, angles: Mapping[str, np.ndarray], names: Sequence[str], urdf: str, **where
 ) -> None:
@@ -203,7 +173,7 @@ def require_speeds(
     limits = [((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known]
     for signal, rows in angles.items():
         steps, seconds = np.abs(np.diff(rows, axis=0)), np.diff(time)[:, None]
-        beyond = beyond_speed(steps, np.array(limits), seconds)
+        beyond = commands.beyond_speed(steps, np.array(limits), seconds)
         if beyond.any():
             row, column = np.argwhere(beyond)[0].tolist()
             unit = "m" if known[column].kind == "prismatic" else "rad"

@@ -18,8 +18,7 @@ from pipeline.models.kinds import fitted_model
 from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
-from pipeline.recordings.commands import constant_speed
-from pipeline.recordings.movement import speed_scores
+from pipeline.recordings.commands import constant_speed, speed_scores
 from pipeline.recordings.steps import reference_joints, training_steps, truth_of
 from pipeline.statistics import curves
 from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, training_mean

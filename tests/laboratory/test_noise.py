@@ -20,8 +20,7 @@ from pipeline.models.model import frobenius
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import mean_covariance, process_noise
 from pipeline.models.wishart.law import WishartModel
-from pipeline.recordings.commands import commanded_steps
-from pipeline.recordings.movement import speed_scores
+from pipeline.recordings.commands import commanded_steps, speed_scores
 from pipeline.studies.which_decomposition.evidence import published_values
 from pipeline.verdicts.claims import parse_claims
 

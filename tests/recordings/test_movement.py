@@ -24,9 +24,10 @@ from pipeline.recordings.commands import (
     require_commanded,
     require_encoders,
     require_velocities,
+    speed_scores,
 )
 from pipeline.recordings.joint_logs import encoder_rows
-from pipeline.recordings.movement import read_logged_movement, speed_scores
+from pipeline.recordings.movement import read_logged_movement
 
 
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):

@@ -25,7 +25,7 @@ from pipeline.perception.articulation import fit_sequence
 from pipeline.planning.motions import best_conditioned, cheapest_paths, least_uncertain
 from pipeline.planning.problem import Problem
 from pipeline.planning.self_motion import grid, spacing_of
-from pipeline.recordings.movement import speed_scores
+from pipeline.recordings.commands import speed_scores
 from pipeline.statistics.takes import lag_one_correlation
 from pipeline.verdicts.paper import RATE, noise_levels
 from pipeline.wrench.models import Bounds, draw_systems, matrix_model
