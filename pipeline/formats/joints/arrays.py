@@ -15,10 +15,12 @@ from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
+    TIME,
     columns_by_name,
     named_like,
     possibly_speed,
     signals_of_groups,
+    words_of,
 )
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # HDF5 files, which may also have the suffix .mat
@@ -37,6 +39,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
     data = read_alone(read, Path(file), file=file, advice="save it again")
+    lengths = {len(data[name]) for name in _clocks(data)}
+    for name, one in data.items():  # one row per joint beside a time of that length
+        if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
+            data[name] = one.T
     arrays = {name: np.atleast_2d(one.T) for name, one in data.items() if one.ndim in (1, 2)}
     groups, columns = {}, {}
     for name, rows in arrays.items():
@@ -47,10 +53,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         labels = [label for name in map(str, names) for label in groups.get(name, [name])]
         chosen = [columns[label] for label in labels if label in columns]
         if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
-            present = ", ".join(f"{name} {one.shape}" for name, one in sorted(data.items()))
+            shapes = [f"{name} {one.shape}" for name, one in sorted(data.items()) if one.ndim]
             message = f"the {quantity} must be an array with one row of numbers per time, found "
             message += f"{names}; name the array, or its columns as ARRAY:COLUMN. The file has "
-            message += present or "no arrays"
+            message += ", ".join(shapes) or "no arrays"
             key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
             raise RecordingError(message, file=file, key=key)
         require("part_mib", sum(map(len, chosen)) * 8 / MIB, f"MiB of the {quantity}", file)
@@ -63,7 +69,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
 
     named = [options.time]
     if isinstance(options.time, int):
-        named = named_like("time", [name for name in arrays if data[name].ndim == 1])
+        named = _clocks(data)
     clock, time = (named[0] if len(named) == 1 else None), None
     if clock is not None:
         time = numbers("time", named)[:, 0] * TIME_UNITS[options.time_unit]
@@ -79,8 +85,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         if guessed and not possibly_speed(found["target"]):
             del found["target"]
         chosen = found | chosen
-    unit = ANGLE_UNITS[options.angle_unit]
-    signals = {name: numbers(name, chosen.get(name, ())) * unit for name in wanted}
+    signals = {
+        name: numbers(name, labels := chosen.get(name, ())) * _unit(labels, options.angle_unit)
+        for name in wanted
+    }
     length = {name: len(rows) for name, rows in signals.items()}
     if time is None:
         time = np.arange(max(length.values())) / options.rate
@@ -92,6 +100,27 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         message += " (transpose an array with one row per joint)"
         raise RecordingError(message, file=file, array=clock)
     return increasing(JointLog(time, signals, {}), file, lambda row: {"array": clock, "row": row})
+
+
+def _clocks(data: Arrays) -> list[str]:
+    """Return the names of the arrays of times: vectors with a name of a time, else with a word of
+    time in the name and values that increase, and that do not count rows.
+    """
+    vectors = {name: values for name, values in data.items() if values.ndim == 1}
+    worded = [name for name in vectors if TIME & {*words_of(name.rpartition(".")[2])}]
+    steps = {name: np.diff(vectors[name].astype(float)) for name in worded}
+    counted = [name for name in worded if (steps[name] <= 0).any() or (steps[name] == 1).all()]
+    named = named_like("time", vectors) or [name for name in worded if name not in counted]
+    times = [vectors[name] for name in named]
+    alike = [len(one) == len(times[0]) and np.allclose(one, times[0]) for one in times]
+    return named[:1] if all(alike) else named
+
+
+def _unit(labels: Sequence[object], given: str) -> float:
+    """Return rad per unit of an array: by the last word of its name, else the unit ``given``."""
+    last = {(words_of(str(label).partition(":")[0]) or [""])[-1] for label in labels}
+    stated = last & {*ANGLE_UNITS}
+    return ANGLE_UNITS[stated.pop() if len(stated) == 1 == len(last) else given]
 
 
 def _npz(file: Path) -> Arrays:

@@ -38,6 +38,7 @@ STATE = {"state", "states"}  # a measured signal, unless another word of the nam
 JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
 PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of poses
 COORDINATES = {*"xyzw"}  # last words of the components of a vector or a quaternion
+MOTOR = _words("mot motor motors")
 FOLLOWS = 0.05  # greatest difference of commanded and measured angles, over the measured range
 INTEGRAL = 0.1  # greatest error of the integral of a speed, over the motion
 UNIT_NORM = 1e-3  # greatest error of the norm of four columns that are a quaternion
@@ -113,6 +114,8 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
     fits = [name for name in fits if angles[name].quantity] or fits
     if quantity == "actual":  # position names without a role are measured angles
         fits += [name for name, parsed in angles.items() if not parsed.role and parsed.quantity]
+    # the angle of a joint before the angle of its motor, which the gear divides
+    fits = [name for name in fits if MOTOR.isdisjoint(words_of(name))] or fits
     return [name for name in fits if not angles[name].rest] or fits
 
 
