@@ -26,6 +26,7 @@ STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
 LEAST_MOTION = 0.1  # least scale of a joint's error, over the motion of the farthest joint
+STANDING = 0.02  # greatest motion of a standing joint over its commanded motion
 STILL = 0.1  # rad, least scale of an error, above the noise of encoders at rest
 SMOOTHING = 0.02  # s, over which the speed of the arm is averaged
 PEAKS, NEAR = 8, 0.8  # number of delays tried, and their least correlation over the highest
@@ -86,11 +87,25 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.max([np.quantile(part, QUANTILE, axis=0) for part in parts], axis=0) / scale
 
 
+def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return the mask (n,) of joints that stand still in ``actual`` (N, n) rad while the command
+    ``target`` moves them.
+    """
+    moved, commanded = np.ptp(actual, axis=0), np.ptp(target, axis=0)
+    return (commanded > REACH) & (moved < STANDING * commanded)
+
+
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
     """Return the pairing of least error of measured and commanded angles (N, n) in rad at ``rate``
     (Hz). A pairing replaces the identity only if it halves the error.
     """
     best = _plain(actual.shape[1])
+    if (standing := standing_joints(actual, target)).any() and not standing.all():
+        follows = np.flatnonzero(~standing)
+        factor, order, delay = find_pairing(actual[:, follows], target[:, follows], rate)
+        best.factor[:], best.order[follows] = np.median(factor), follows[order]
+        best.factor[follows] = factor
+        return best._replace(delay=delay)
     if not (np.ptp(actual, axis=0).max() > REACH and np.ptp(target, axis=0).any()):
         return best
     least = best.error(actual, target)
@@ -117,6 +132,10 @@ def require_pair(
     rad exceed ``limit``, or the lag exceeds LATEST at ``rate`` (Hz). The message names the unit,
     order and clock for which the angles agree, with the options to set.
     """
+    if (standing := standing_joints(actual, target)).any():
+        named = ", ".join(np.array(joints)[standing])
+        message = f"{named} stands still while its command moves; leave it out of the joints"
+        raise RecordingError(message, **where, key=OPTION)
     errors = tracking_errors(actual, target)
     worst, late = int(errors.argmax()), lag(target, actual, rate)  # lag NaN: command at rest
     if errors[worst] > limit:

@@ -241,7 +241,11 @@ def read_logged_movement(
     if turns.any():
         actual = actual + TURN * turns
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
-    commands.require_pair(actual, target, rate, options.mismatch, joints, file=movement)
+    standing = commands.standing_joints(actual, target)
+    follows = ~standing | standing.all()
+    followed = [joint for joint, one in zip(joints, follows, strict=True) if one]
+    pair = actual[:, follows], target[:, follows]
+    commands.require_pair(*pair, rate, options.mismatch, followed, file=movement)
     angles = {"actual": actual, "target": target}
     require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
     if "speed" in signals:

@@ -1,9 +1,10 @@
-"""Runs of a position-controlled arm from the logs of its movements: every row of every log, with
-the run's own lag taken out, cut where the command rests, and runs with equal commands as one motion.
+"""Runs of a position-controlled arm in the logs of its movements: all rows, without the lag of the
+run, cut where the command rests. Runs with equal commands are one motion.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,8 +20,6 @@ from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     REACH,
     SLACK,
-    Excursion,
-    beside_reference,
     disturbances,
     excursions,
     lag,
@@ -30,6 +29,7 @@ from pipeline.recordings.repetitions import (
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
 CORE = 0.1  # share of a command that is not compared, at both ends
+STARTED = 0.01  # least step of a moving command, over its greatest step
 OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
 LAG_ROUNDS = 6  # rounds of least squares, each with the command at the lag of the round before
 FURTHEST = 0.1  # s, greatest lag of a joint that least squares finds
@@ -67,7 +67,7 @@ def joint_runs(
     """
     unused, runs, circular = {}, [], {}
     joints = [*(joints or next(iter(movements.values())).joints)]
-    for name, read in movements.items():
+    for read in movements.values():
         columns = [read.joints.index(joint) for joint in joints]
         for joint in np.array(joints)[standing_joints(read.actual, read.target)[columns]]:
             column = read.joints.index(joint)
@@ -113,7 +113,7 @@ def _runs_of(
     quantum = np.array([find_quantum(joint) for joint in measured.T])
     noise = stated or _noise_at_rest(measured, resting) or _noise_of(quantum)
     edges = [0]
-    for before, after in zip(moved, moved[1:], strict=False):
+    for before, after in pairwise(moved):
         if after.first - before.last >= PAUSE * rate:
             edges.append((before.last + after.first) // 2)
     known = read.counts.get("command_delay", 0.0)
@@ -150,7 +150,8 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
         for _ in range(LAG_ROUNDS):
             shifted, cut = delayed(command[:, column], np.array([own * rate]))
             own = _bounded(own + lag(shifted, measured[cut, column], rate))
-        rms = [_rms_error(command[:, column], measured[:, column], one * rate) for one in (own, common)]
+        pair = command[:, column], measured[:, column]
+        rms = [_rms_error(*pair, one * rate) for one in (own, common)]
         if rms[0] < OWN_LAG * rms[1]:
             lags[j] = own
     return lags
@@ -211,7 +212,7 @@ def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointR
     """Return the ``runs`` with their motions, numbered from 1 with most runs first. A run is of a
     motion if its command, apart from the ends, is a part of the motion's longest command.
     """
-    moving = [_moving_part(run.command) for run in runs]
+    moving = [run.command[_moving_rows(run.command)] for run in runs]
     longest, members = [], []
     for number in sorted(range(len(runs)), key=lambda number: -len(moving[number])):
         known = (i for i, one in enumerate(longest) if _is_part(moving[number], one, circular))
@@ -225,10 +226,10 @@ def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointR
     return [replace(run, motion=names[number]) for number, run in enumerate(runs)]
 
 
-def _moving_part(command: np.ndarray) -> np.ndarray:
+def _moving_rows(command: np.ndarray) -> slice:
     step = np.abs(np.diff(command, axis=0)).max(axis=1)
-    rows = np.flatnonzero(step > 0.01 * step.max())
-    return command[rows[0] : rows[-1] + 2]
+    rows = np.flatnonzero(step > STARTED * step.max())
+    return slice(int(rows[0]), int(rows[-1]) + 2)
 
 
 def _is_part(part: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bool:
@@ -246,3 +247,27 @@ def _is_part(part: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bool:
             if np.abs(apart(stretch, core, circular)).max() <= reach:
                 return True
     return False
+
+
+def _disturbed(runs: Sequence[JointRun]) -> list[tuple[str, float, int]]:
+    """Return name, score and number of other runs of each disturbed run of a motion with at least
+    three whole runs; see :func:`disturbances`.
+    """
+    found = []
+    for motion in dict.fromkeys(run.motion for run in runs):
+        own = {run.name: run for run in runs if run.motion == motion}
+        parts = {name: _moving_rows(run.command) for name, run in own.items()}
+        length = int(np.median([rows.stop - rows.start for rows in parts.values()]))
+        whole = [n for n, rows in parts.items() if abs(rows.stop - rows.start - length) <= SLACK]
+        if len(whole) < 3:
+            continue
+        rows = [slice(parts[name].start, parts[name].start + length - SLACK) for name in whole]
+        errors = np.stack([_errors(own[n])[r] for n, r in zip(whole, rows, strict=True)])
+        scores = disturbances(errors, [], own[whole[0]].rate)
+        pairs = zip(whole, scores.tolist(), strict=True)
+        found += [(name, score, len(whole) - 1) for name, score in pairs if score > BEYOND]
+    return found
+
+
+def _errors(run: JointRun) -> np.ndarray:
+    return run.measured - run.command
