@@ -26,7 +26,7 @@ STEP_NOISE = 1e-3  # rad, greatest contribution of noise and rounding to a step
 SEARCH = 10.0  # s, greatest offset of two clocks that is searched
 QUANTILE = 0.9  # quantile of the error over rows: insensitive to a disturbed repetition
 LEAST_MOTION = 0.1  # least scale of a joint's error, over the motion of the farthest joint
-STANDING = 0.02  # greatest motion of a standing joint over its commanded motion
+STANDING = 1e-3  # rad, greatest motion of a standing joint
 STILL = 0.1  # rad, least scale of an error, above the noise of encoders at rest
 SMOOTHING = 0.02  # s, over which the speed of the arm is averaged
 PEAKS, NEAR = 8, 0.8  # number of delays tried, and their least correlation over the highest
@@ -92,7 +92,7 @@ def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
     ``target`` moves them.
     """
     moved, commanded = np.ptp(actual, axis=0), np.ptp(target, axis=0)
-    return (commanded > REACH) & (moved < STANDING * commanded)
+    return (commanded > REACH) & (moved < STANDING)
 
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:

@@ -47,7 +47,7 @@ class Repetitions(NamedTuple):
     left_out: dict[str, list[int]]
 
 
-def true_runs(inside: np.ndarray) -> list[tuple[int, int]]:
+def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
     """Return the first row of each run of true rows and the row behind the run."""
     edges = np.flatnonzero(np.diff(inside, prepend=False, append=False)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
@@ -59,7 +59,7 @@ def excursions(
     """Return all motions in a log of commanded ``angles`` (N, joints) rad and ``speeds`` rad/s."""
     return [
         Excursion(first, last, 0 < first and last < len(speeds))
-        for first, last in true_runs(np.any(np.abs(speeds) > rest_speed, axis=1))
+        for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
         if np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max() > REACH
     ]
 
@@ -118,7 +118,7 @@ def _find_passes(
         rows = angles[:-steps], angles[steps:]
         distances = [apart(*pair, circular) for pair in zip(rows, np.array(ends), strict=True)]
         away = np.abs(np.hstack(distances)).max(axis=1)
-        for begin, stop in true_runs(away <= REACH):
+        for begin, stop in _runs(away <= REACH):
             first = begin + int(away[begin:stop].argmin())
             if runs and first < runs[-1].last:
                 overlapping.append(first)

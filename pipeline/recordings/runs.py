@@ -22,19 +22,24 @@ from pipeline.recordings.repetitions import (
     SLACK,
     disturbances,
     excursions,
-    lag,
-    true_runs,
 )
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
 CORE = 0.1  # share of a command that is not compared, at both ends
-STARTED = 0.01  # least step of a moving command, over its greatest step
+LATE_ROWS = 4  # rows by which the clock of an equal command may differ along the way
+SAME = 0.01  # greatest distance of equal commands over the motion of the farthest joint
+ALIKE = 1e-3  # rad, greatest difference of commands whose errors are compared
+FEWEST = 5  # least number of runs that show a disturbed one
+STARTED = 0.1  # least step of a moving command, over its greatest step
+SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
+ENDS = 0.05  # share of the rows at each end that may not follow the command
 OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
 LAG_ROUNDS = 6  # rounds of least squares, each with the command at the lag of the round before
 FURTHEST = 0.1  # s, greatest lag of a joint that least squares finds
+SETTLED = 0.25  # s after a motion in which an arm may still move
 RESTING = 50  # least number of rows at rest that show the noise of a measured angle
-MULTIPLES = 0.98, 0.05, 20  # share of steps that are multiples, to within, up to
+LEAST_STEPS, MULTIPLES, IN_PHASE = 20, 8.0, 0.8  # differences that show a quantum
 LEAST_QUANTUM = 1e-9  # rad, below the resolution of any encoder
 
 
@@ -62,17 +67,19 @@ def joint_runs(
     """Return the runs of the ``joints`` (default all) in the ``movements`` at ``rate`` (Hz).
 
     Joints that stand still while their command moves are left out. ``pose_noise`` in rad is stated,
-    else estimated from rows at rest, else from the quantum. Among three or more runs of one motion,
-    disturbed runs are not used. Raises RecordingError without a run.
+    else estimated from rows at rest, else from the quantum. Disturbed runs among FEWEST or more
+    of one motion are not used. Raises RecordingError without a run.
     """
     unused, runs, circular = {}, [], {}
     joints = [*(joints or next(iter(movements.values())).joints)]
     for read in movements.values():
         columns = [read.joints.index(joint) for joint in joints]
-        for joint in np.array(joints)[standing_joints(read.actual, read.target)[columns]]:
-            column = read.joints.index(joint)
+        standing = standing_joints(read.actual, read.target)
+        for column in (column for column in columns if standing[column]):
             moved = np.ptp(read.target[:, column]), np.ptp(read.actual[:, column])
-            unused[joint] = "its command moves by {:.3g} rad, it moves by {:.2g} rad".format(*moved)
+            unused[read.joints[column]] = (
+                "its command moves by {:.3g} rad, it moves by {:.2g} rad".format(*moved)
+            )
     joints = [joint for joint in joints if joint not in unused]
     for name, read in movements.items():
         found = _runs_of(name, read, rate, joints, pose_noise)
@@ -106,10 +113,12 @@ def _runs_of(
         return []
     late = joint_lags(target, measured, rate)
     command, cut = delayed(target, late * rate)
+    kept = following_rows(measured[cut] - command)
+    command, cut = command[kept], slice(cut.start + kept.start, cut.start + kept.stop)
     rows = np.arange(len(target))[cut]
     resting = np.ones(len(target), bool)
     for run in moved:
-        resting[max(run.first - SLACK, 0) : run.last + SLACK] = False
+        resting[max(run.first - SLACK, 0) : run.last + round(SETTLED * rate)] = False
     quantum = np.array([find_quantum(joint) for joint in measured.T])
     noise = stated or _noise_at_rest(measured, resting) or _noise_of(quantum)
     edges = [0]
@@ -137,33 +146,55 @@ def _runs_of(
 
 
 def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.ndarray:
-    """Return the lag (n,) in s of ``measured`` behind ``command`` (N, n) in rad, by least squares:
-    one lag of all joints, and a joint's own lag if this reduces its error by more than a tenth.
+    """Return the lag (n,) in s of ``measured`` behind ``command`` (N, n) in rad, by least squares
+    over rows in motion: one lag of all joints, and a joint's own lag if this reduces its error by
+    more than a tenth.
     """
-    n, common = command.shape[1], 0.0
-    for _ in range(LAG_ROUNDS):
-        shifted, cut = delayed(command, np.full(n, common * rate))
-        common = _bounded(common + lag(shifted, measured[cut], rate))
-    lags = np.full(n, common)
+    n = command.shape[1]
+    lags = np.full(n, _least_squares_lag(command, measured, rate))
     for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
-        own, column = common, slice(j, j + 1)
-        for _ in range(LAG_ROUNDS):
-            shifted, cut = delayed(command[:, column], np.array([own * rate]))
-            own = _bounded(own + lag(shifted, measured[cut, column], rate))
-        pair = command[:, column], measured[:, column]
-        rms = [_rms_error(*pair, one * rate) for one in (own, common)]
-        if rms[0] < OWN_LAG * rms[1]:
+        pair = command[:, [j]], measured[:, [j]]
+        own = _least_squares_lag(*pair, rate)
+        if _typical_error(*pair, own * rate) < OWN_LAG * _typical_error(*pair, lags[j] * rate):
             lags[j] = own
     return lags
 
 
-def _bounded(seconds: float) -> float:
-    return float(np.clip(np.nan_to_num(seconds), -FURTHEST, FURTHEST))
+def _least_squares_lag(command: np.ndarray, measured: np.ndarray, rate: float) -> float:
+    """Return the lag in s; rows far from their command, as at a stop, are left out."""
+    late = 0.0
+    for _ in range(LAG_ROUNDS):
+        shifted, cut = delayed(command, np.full(command.shape[1], late * rate))
+        error, velocity = shifted - measured[cut], np.gradient(shifted, axis=0) * rate
+        used = _usual_rows(error, velocity)
+        late += float(np.sum((error * velocity)[used]) / np.sum(velocity[used] ** 2))
+        late = float(np.clip(late, -FURTHEST, FURTHEST))
+    return late
 
 
-def _rms_error(command: np.ndarray, measured: np.ndarray, rows: float) -> float:
+def _usual_rows(error: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the mask (N,) of rows in motion whose error is below FAR times the median."""
+    speed, size = np.abs(velocity).max(axis=1), np.linalg.norm(error, axis=1)
+    moving = speed > SLOW * speed.max()
+    return moving & (size <= FAR * np.median(size[moving]))
+
+
+def _typical_error(command: np.ndarray, measured: np.ndarray, rows: float) -> float:
     shifted, cut = delayed(command, np.array([rows]))
-    return float(np.std(measured[cut] - shifted))
+    error = measured[cut] - shifted
+    return float(np.std(error[_usual_rows(error, np.gradient(shifted, axis=0))]))
+
+
+def following_rows(error: np.ndarray) -> slice:
+    """Return the rows of ``error`` (N, n) in rad without those at the ends that are beyond twice
+    the greatest error between: the arm has stopped, or the logs begin at different times.
+    """
+    size, ends = np.abs(error).max(axis=1), int(ENDS * len(error))
+    beyond = size > 2 * size[ends : len(size) - ends].max(initial=0.0)
+    first = np.flatnonzero(beyond[:ends])
+    last = np.flatnonzero(beyond[len(size) - ends :])
+    start = int(first[-1]) + 1 if len(first) else 0
+    return slice(start, len(size) - (ends - int(last[0]) if len(last) else 0))
 
 
 def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
@@ -181,19 +212,21 @@ def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
 
 
 def find_quantum(angles: np.ndarray) -> float:
-    """Return the step in rad of recorded ``angles`` (N,), the smallest difference of which small
-    differences are multiples; 0 where there is none.
+    """Return the step in rad of recorded ``angles`` (N,), 0 where there is none: small differences
+    are multiples of it. The phases of the differences have a mean length of at least IN_PHASE.
     """
-    share, within, most = MULTIPLES
     steps = np.abs(np.diff(angles))
     steps = np.sort(steps[steps > LEAST_QUANTUM])
-    if len(steps) < most:
+    if len(steps) < LEAST_STEPS:
         return 0.0
-    # printed angles are rounded: the mean of the steps near the smallest one
-    least = float(np.median(steps[steps < 1.5 * steps[0]]))
-    few = steps[steps < most * least] / least
-    near = np.abs(few - np.rint(few)) < within * np.maximum(np.rint(few), 1)
-    return least if len(few) > most / 2 and near[few < 1 / within / 2].mean() >= share else 0.0
+    tried = np.geomspace(steps[0], 4 * steps[LEAST_STEPS - 1], 2000)
+    lengths = np.zeros(len(tried))
+    for i, quantum in enumerate(tried):
+        few = steps[: np.searchsorted(steps, MULTIPLES * quantum)]
+        if len(few) >= LEAST_STEPS:
+            lengths[i] = np.mean(np.cos(2 * np.pi * few / quantum))
+    best = int(lengths.argmax())
+    return float(tried[best]) if lengths[best] >= IN_PHASE else 0.0
 
 
 def _noise_at_rest(measured: np.ndarray, resting: np.ndarray) -> float | None:
@@ -236,38 +269,39 @@ def _is_part(part: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bool:
     """Return whether ``part`` (K, n), apart from its ends, is a stretch of ``whole`` (N, n)."""
     ends = int(CORE * len(part))
     core = part[ends : len(part) - ends]
-    reach = REACH + np.abs(np.diff(core, axis=0)).max(initial=0.0) / 2  # half a row apart
+    reach = max(REACH, SAME * np.ptp(core, axis=0).max(initial=0.0))
+    reach += np.abs(np.diff(core, axis=0)).max(initial=0.0) / 2  # half a row apart
     if len(core) > len(whole):
         return False
-    away = np.abs(apart(whole[: len(whole) - len(core) + 1], core[0], circular)).max(axis=1)
-    for begin, stop in true_runs(away <= reach):
-        row = begin + int(away[begin:stop].argmin())
-        for first in range(max(row - SLACK, 0), min(row + SLACK, len(away) - 1) + 1):
-            stretch = whole[first : first + len(core)]
-            if np.abs(apart(stretch, core, circular)).max() <= reach:
-                return True
+    fast = int(np.abs(np.diff(core, axis=0)).max(axis=1).argmax())
+    places = whole[fast : len(whole) - len(core) + 1 + fast]
+    away = np.abs(apart(places, core[fast], circular)).max(axis=1)
+    shifts = range(-LATE_ROWS, LATE_ROWS + 1)
+    for first in np.flatnonzero(away <= reach):
+        rows = first + np.arange(len(core)) + np.array(shifts)[:, None]
+        rows = np.clip(rows, 0, len(whole) - 1)
+        off = np.abs(apart(whole[rows], core, circular)).max(axis=2)
+        if off.min(axis=0).max() <= reach:
+            return True
     return False
 
 
 def _disturbed(runs: Sequence[JointRun]) -> list[tuple[str, float, int]]:
-    """Return name, score and number of other runs of each disturbed run of a motion with at least
-    three whole runs; see :func:`disturbances`.
+    """Return name, score and number of other runs of each disturbed one of at least FEWEST runs of
+    one motion whose commands differ by less than ALIKE in every row; see :func:`disturbances`.
     """
     found = []
     for motion in dict.fromkeys(run.motion for run in runs):
-        own = {run.name: run for run in runs if run.motion == motion}
-        parts = {name: _moving_rows(run.command) for name, run in own.items()}
-        length = int(np.median([rows.stop - rows.start for rows in parts.values()]))
-        whole = [n for n, rows in parts.items() if abs(rows.stop - rows.start - length) <= SLACK]
-        if len(whole) < 3:
-            continue
-        rows = [slice(parts[name].start, parts[name].start + length - SLACK) for name in whole]
-        errors = np.stack([_errors(own[n])[r] for n, r in zip(whole, rows, strict=True)])
-        scores = disturbances(errors, [], own[whole[0]].rate)
-        pairs = zip(whole, scores.tolist(), strict=True)
-        found += [(name, score, len(whole) - 1) for name, score in pairs if score > BEYOND]
+        parts = {}
+        for run in (run for run in runs if run.motion == motion):
+            rows = _moving_rows(run.command)
+            parts[run.name] = np.stack([run.command[rows], (run.measured - run.command)[rows]])
+        length = int(np.median([part.shape[1] for part in parts.values()])) - SLACK
+        parts = {name: part[:, :length] for name, part in parts.items() if part.shape[1] >= length}
+        usual = np.median([part[0] for part in parts.values()], axis=0)
+        parts = {n: part for n, part in parts.items() if np.abs(part[0] - usual).max() < ALIKE}
+        if len(parts) >= FEWEST:
+            scores = disturbances(np.stack([part[1] for part in parts.values()]), [], runs[0].rate)
+            pairs = zip(parts, scores.tolist(), strict=True)
+            found += [(name, score, len(parts) - 1) for name, score in pairs if score > BEYOND]
     return found
-
-
-def _errors(run: JointRun) -> np.ndarray:
-    return run.measured - run.command

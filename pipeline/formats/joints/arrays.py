@@ -97,7 +97,6 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     if {*length.values()} != {len(time)}:
         rows = ", ".join(f"{count} of {name}" for name, count in length.items())
         message = f"{len(time)} times for {rows} angles; save one row of joints for each time"
-        message += " (transpose an array with one row per joint)"
         raise RecordingError(message, file=file, array=clock)
     return increasing(JointLog(time, signals, {}), file, lambda row: {"array": clock, "row": row})
 

@@ -31,7 +31,7 @@ class FolderLogs(NamedTuple):
 
 def folder_logs(folder: Path, assigned: Mapping[str, str]) -> FolderLogs:
     """Return the logs in ``folder`` of the arm with the most rows. ``assigned`` values (key such as
-    joint_log.clock → YAML) replace what a file states or suggests. Raises ConfigError without a log.
+    joint_log.clock → YAML) replace what a file states. Raises ConfigError without a log.
     """
     recorded = layout(inspect(folder), folder)
     read: dict[str, tuple[LoggedMovement, float]] = {}
@@ -83,7 +83,7 @@ def _values(
     if stops:
         raise ConfigError(stops[0], file=path)
     alone = Group(group.pattern, {path: take}, {path.name: take})
-    empty = dict.fromkeys(recorded.groups, []) | {"joint_log": [alone]}
+    empty = {key: [] for key in recorded.groups} | {"joint_log": [alone]}
     own = recorded._replace(groups=empty)
     values: dict[str, Any] = {}
     while True:  # repeat, since the rate depends on the unit of the times
@@ -96,9 +96,20 @@ def _values(
                 found[key] = parse_yaml(entry.value)
                 if not entry.certain and entry.note:
                     taken.append(f"{key}: {entry.value} ({entry.note})")
+        if found.get("joint_log.joints") is None:
+            found["joint_log.joints"] = [f"joint_{n}" for n in range(1, _joint_count(take) + 1)]
         if found == values:
             return values, taken
         values = found
+
+
+def _joint_count(take: Finding) -> int:
+    facts = take.facts
+    if tables := facts.get("tables"):
+        one = next(iter(tables.values())).facts
+        return one["columns"] - bool(one["timed"])
+    signals = facts.get("signals", {})
+    return facts.get("joints") or len(signals.get("actual", ()))
 
 
 def _read(name: str, path: Path, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:

@@ -253,7 +253,7 @@ def changed(name: str, row: int, value: float) -> dict[str, np.ndarray]:
 REFUSED = {
     "positions:0 holds nan": (changed("positions", 4, np.nan), {"array": "positions:0", "row": 4}),
     "does not increase": (changed("times", 2, 0.0), {"array": "times", "row": 2}),
-    "6 times for 2 of actual": (ARRAYS | {"positions": ACTUAL.T[:2]}, {"array": "times"}),
+    "6 times for 5 of actual": (ARRAYS | {"positions": ACTUAL[:5]}, {"array": "times"}),
     "positions (6,)": (ARRAYS | {"positions": ACTUAL[:, 0]}, {"key": f"{KEY}.signals"}),
     "the actual must be": (ARRAYS | {"q": ACTUAL}, {"key": f"{KEY}.signals"}),
     "the time must be": ({"q": ACTUAL, "q_target": ACTUAL}, {"key": f"{KEY}.time"}),
