@@ -53,7 +53,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         labels = [label for name in map(str, names) for label in groups.get(name, [name])]
         chosen = [columns[label] for label in labels if label in columns]
         if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
-            shapes = [f"{name} {one.shape}" for name, one in sorted(data.items()) if one.ndim]
+            shapes = [f"{name} {one.shape}" for name, one in sorted(data.items())]
             message = f"the {quantity} must be an array with one row of numbers per time, found "
             message += f"{names}; name the array, or its columns as ARRAY:COLUMN. The file has "
             message += ", ".join(shapes) or "no arrays"
@@ -161,7 +161,7 @@ def _flatten(path: str, struct: Mapping[str, object]) -> Iterator[tuple[str, np.
     for name, value in struct.items():
         if isinstance(value, Mapping):
             yield from _flatten(f"{path}{name}.", value)
-        elif path or not name.startswith("__"):
+        elif path or not (name.startswith("__") or name == "None"):  # "None": an opaque object
             yield f"{path}{name}", _numeric(value)
 
 
