@@ -5,17 +5,14 @@ run, cut where the command rests. Runs with equal commands are one motion.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.angles import apart
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Dataset
 from pipeline.models.runs import JointRun
 from pipeline.recordings.commands import standing_joints
-from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     REACH,
@@ -48,14 +45,6 @@ class RunsOfLogs(NamedTuple):
 
     runs: list[JointRun]
     unused: dict[str, str]
-
-
-def logged_runs(dataset: Dataset) -> RunsOfLogs:
-    """Return the runs in the logs of a ``dataset`` with a joint_log, of its robot's joints."""
-    places = find_movements(Path(dataset.recordings), dataset).items()
-    read = {name: read_dataset_movement(name, place, dataset) for name, place in places}
-    motion, joints = dataset.motion, dataset.robot.joints
-    return joint_runs(read, motion.rate, joints, motion.pose_noise)
 
 
 def joint_runs(

@@ -10,7 +10,7 @@ from joint_logs import write_movement
 from scipy.io import savemat
 from source_code import ROOT
 
-from pipeline.core.errors import ConfigError, RecordingError
+from pipeline.core.errors import RecordingError
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import commanded_speeds
 from pipeline.recordings.runs import find_quantum, joint_lags, joint_runs
@@ -127,11 +127,6 @@ def test_arrays_of_joints_by_samples_are_read_and_other_files_change_nothing(tmp
     # a value that is set replaces a stated one
     slower = folder_logs(tmp_path, {"motion.rate": "100", "joint_log.time": "null"})
     assert slower.rate == 100.0
-
-
-def test_a_folder_without_a_log_says_what_was_found(tmp_path):
-    with pytest.raises(ConfigError, match="no table and no bag of joints"):
-        folder_logs(tmp_path, {})
 
 
 def test_tables_of_a_movement_take_their_rate_from_the_times(tmp_path):

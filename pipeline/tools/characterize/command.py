@@ -26,7 +26,9 @@ from pipeline.figures.style import save
 from pipeline.models.other_motions import other_motions
 from pipeline.recordings import quality
 from pipeline.recordings.motions import logged_motions
+from pipeline.recordings.runs import joint_runs
 from pipeline.stages import fit, ingest, predict, track
+from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import EXPORTS, exported_record, require_name, write_export
 from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
@@ -60,7 +62,9 @@ def run(
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     assigned = {"robot.urdf": str(urdf)} if urdf else {}
-    _write_dataset(name, folder, assigned | assigned_values(options.pop("set")), **options)
+    assigned |= assigned_values(options.pop("set"))
+    _show_runs(folder, assigned)
+    _write_dataset(name, folder, assigned, **options)
     with _project(name, folder.resolve(), scale) as root:
         settings = config.composed_config()
         motions, tables, metrics = _results(settings)
@@ -90,6 +94,29 @@ def run(
         write_export(record, file := EXPORTS / f"{name}_{exported}.json")
         command = f"python -m pipeline assess RECORDING --model {file}"
         print(f"characterize: `{command}` compares another recording with these")
+
+
+def _show_runs(folder: Path, assigned: dict[str, str]) -> None:
+    """Print the runs in the joint logs of ``folder``, and what is suggested and not used."""
+    if not (logs := folder_logs(folder, assigned)).movements:
+        return
+    for words, names in logs.suggested.items():
+        print(f"characterize: ! {', '.join(names)}: {words}; --set changes it")
+    found = joint_runs(logs.movements, logs.rate, pose_noise=_number(assigned, "motion.pose_noise"))
+    for run in found.runs:
+        rows = f"{len(run.command)} samples of motion {run.motion}"
+        lags = f"{1e3 * run.lag.min():.3g} to {1e3 * run.lag.max():.3g} ms taken out"
+        quantum = f"{1e6 * run.quantum.max():.3g} µrad" if run.quantum.any() else "none found"
+        print(f"characterize: run {run.name}: {rows}, lag {lags}, step of the angles {quantum}")
+    noise = found.runs[0].pose_noise
+    known = f"{1e6 * noise:.3g} µrad" if noise else "! not known: no row at rest and no step"
+    print(f"characterize: noise of a measured angle: {known}")
+    for name, reason in (logs.unused | found.unused).items():
+        print(f"characterize: not used: {name}: {reason}")
+
+
+def _number(assigned: dict[str, str], key: str) -> float | None:
+    return float(assigned[key]) if key in assigned else None
 
 
 def _write_dataset(

@@ -31,7 +31,7 @@ class FolderLogs(NamedTuple):
 
 def folder_logs(folder: Path, assigned: Mapping[str, str]) -> FolderLogs:
     """Return the logs in ``folder`` of the arm with the most rows. ``assigned`` values (key such as
-    joint_log.clock → YAML) replace what a file states. Raises ConfigError without a log.
+    joint_log.clock → YAML) replace what a file states.
     """
     recorded = layout(inspect(folder), folder)
     read: dict[str, tuple[LoggedMovement, float]] = {}
@@ -53,9 +53,7 @@ def folder_logs(folder: Path, assigned: Mapping[str, str]) -> FolderLogs:
         if one.kind in (Kind.JOINTS, Kind.TABLE)
     }
     if not read:
-        found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
-        message = "the folder has no log of measured and commanded joint angles; "
-        raise ConfigError(message + (found or "it has no table and no bag of joints"), file=folder)
+        return FolderLogs({}, 0.0, unused, {})
     rows = Counter()
     for one, rate in read.values():
         rows[(*one.joints,), rate] += len(one.actual)
