@@ -62,7 +62,8 @@ def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
         assert "stages" not in others, module
         assert "laboratory" not in others or module == "pipeline.stages.record", module
     # a recorded dataset needs nothing of the laboratory to be configured
-    assert not any("laboratory" in name for name in imports("pipeline.core.config", top=True))
+    at_import = imports("pipeline.configuration.config", top=True)
+    assert not any("laboratory" in name for name in at_import)
 
 
 @pytest.mark.parametrize("library", WRAPPERS)

@@ -5,7 +5,6 @@ machine code also contains functions and constants of other files. So the name o
 has a hash of the modules with compiled functions and of the modules that they import.
 """
 
-import hashlib
 import os
 import re
 import shutil
@@ -16,45 +15,19 @@ from pathlib import Path
 
 import numba
 
-SOURCES = Path(__file__).parents[1]
+from pipeline.core.sources import SOURCES, imported_sources, module_files, sources_hash
+
 COMPILED = re.compile(r"^@(?:compiled|inner|inlined)\b", re.MULTILINE)
-IMPORT = re.compile(r"^(?:from|import) (pipeline[\w.]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
 VARIABLE = "NUMBA_CACHE_DIR"
 KEPT = 3  # number of cache folders of earlier sources that are not removed
-
-
-def source_files() -> list[Path]:
-    """Return all Python files of the pipeline, sorted."""
-    # os.walk, unlike glob, accepts that another process removes a cache meanwhile
-    places = ((Path(place), names) for place, _, names in os.walk(SOURCES))
-    return sorted(place / name for place, names in places for name in names if name[-3:] == ".py")
-
-
-def sources_hash(files: list[Path] | None = None) -> str:
-    """Return the hash of the paths and contents of ``files`` (default: all of the pipeline)."""
-    digest = hashlib.sha256()
-    for file in source_files() if files is None else files:
-        digest.update(f"{file.relative_to(SOURCES)}\0".encode() + file.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def compiled_sources() -> list[Path]:
     """Return the files with compiled functions and the files that they import, which define every
     function and constant in machine code. An import within a function defines none.
     """
-    files = {}
-    for file in source_files():
-        parts = ("pipeline", *file.relative_to(SOURCES).with_suffix("").parts)
-        files[".".join(parts).removesuffix(".__init__")] = file
-    texts = {name: file.read_text(encoding="utf-8") for name, file in files.items()}
-    waiting = [name for name, text in texts.items() if COMPILED.search(text)]
-    found = {__name__}
-    while waiting:
-        found.add(name := waiting.pop())
-        for module, names in IMPORT.findall(texts[name]):
-            modules = {module, *(f"{module}.{part}" for part in re.findall(r"\w+", names))}
-            waiting += (modules & files.keys()) - found
-    return sorted(files[name] for name in found)
+    texts = {name: file.read_text(encoding="utf-8") for name, file in module_files().items()}
+    return imported_sources([name for name, text in texts.items() if COMPILED.search(text)])
 
 
 def cache_folder() -> Path:

@@ -19,7 +19,7 @@ from pipeline.core.columns import members
 from pipeline.core.errors import ContractError
 from pipeline.core.typed_yaml import read_yaml
 
-PAPER = Path(__file__).with_name("tables.yaml")
+TABLES = Path(__file__).parents[1] / "tables.yaml"
 DECLARATION = re.compile(
     r"(?P<kind>real|log|count|flag|text)"
     r"(?: \((?P<among>[^)]*)\))?(?: (?P<low>[^ .]+)\.\.(?P<high>[^ ]*))?(?P<gaps> gaps)?"
@@ -74,7 +74,7 @@ class Column(NamedTuple):
 
 
 @cache
-def read_declarations(file: Path = PAPER) -> dict[str, dict[str, Column]]:
+def read_declarations(file: Path = TABLES) -> dict[str, dict[str, Column]]:
     """Return the columns by name of every table of ``file``; ``*`` and ``#`` name a family."""
     return {
         name: {column: Column.parse(text) for column, text in lines.items()}
@@ -105,7 +105,7 @@ def _require_fit(table: pd.DataFrame, name: str, columns: dict[str, Column], fil
             raise ContractError(message, file=file, column=column)
 
 
-def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAPER) -> None:
+def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = TABLES) -> None:
     """Check ``table`` and write ``folder/name.parquet``, with equal bytes for equal tables."""
     file = Path(folder) / f"{name}.parquet"
     columns = expand_families(read_declarations(declarations)[name], list(table.columns))
@@ -121,7 +121,7 @@ def write(table: pd.DataFrame, name: str, folder: Path, declarations: Path = PAP
         table.to_parquet(file, index=False, compression="zstd")
 
 
-def read(name: str, folder: Path, declarations: Path = PAPER) -> pd.DataFrame:
+def read(name: str, folder: Path, declarations: Path = TABLES) -> pd.DataFrame:
     """Read and check ``folder/name.parquet``; ContractError names the file where it is missing."""
     file = Path(folder) / f"{name}.parquet"
     if not file.is_file():

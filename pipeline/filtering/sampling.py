@@ -15,7 +15,6 @@ from pipeline.arm.kinematics import rotation_vectors, tip
 from pipeline.arm.rows import POSITION, TURN, WIDTH
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import exponential, greatest, inner_product, total
-from pipeline.filtering.measurement import Frames
 from pipeline.models.kernel import move
 
 ROWS = 6  # of a displacement of the tip
@@ -246,7 +245,7 @@ class Setting(NamedTuple):
     """Domain D_q (:func:`keep_inside`), measurements and resampling of one filter."""
 
     domain: tuple
-    frames: Frames
+    frames: NamedTuple  # pipeline.filtering.measurement.Frames
     scheme: int  # index of SCHEMES
     threshold: float  # effective sample size over P below which the particles are resampled
 

@@ -184,3 +184,15 @@ class Transducer:
     drift: tuple[NotNegative, NotNegative] = (2e-4, 1e-5)  # std of the thermal drift/s; assumed
     # m, from the transducer's origin to the point where cables are tied (origin of attachments)
     lever: tuple[float, float, float] = (0.0, 0.0, 0.03)
+
+
+SECTIONS = {  # of dataset.laboratory
+    "trajectory": TrajectoryOptions,
+    "dynamics": DynamicsOptions,
+    "encoders": EncoderOptions,
+    "clock": ClockOptions,
+    "mocap": MocapOptions,
+    "kinect": KinectOptions,
+    "robots": Robots,
+    "transducer": Transducer,
+}

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import pipeline.models
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.core.sources import ANYWHERE, imported_sources
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -32,6 +33,11 @@ def kinds() -> list[str]:
     """Names of all kinds."""
     places = (Path(place) for place in pipeline.models.__path__)
     return sorted(file.parent.name for place in places for file in place.glob("*/law.py"))
+
+
+def sources(kind: str) -> list[Path]:
+    """Files by which a model of ``kind`` is built and fitted."""
+    return imported_sources([f"pipeline.models.{kind}.{name}" for name in ("law", "fit")], ANYWHERE)
 
 
 def _fit(kind: str) -> ModuleType:

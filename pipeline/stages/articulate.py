@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import Arm, arm_of
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.depth_takes import DEPTH, TRACK, arm_points, articulate_takes, kept_takes
 

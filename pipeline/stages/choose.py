@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from pipeline.core import config, datasheet
+from pipeline.configuration import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.figures.drawing import draw_all
 
 SCORE, OUT = Path("data/score"), Path("data/figures")

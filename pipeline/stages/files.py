@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.recordings.inventory import by_part, listing, raw_folder
 
 OUT = Path("data/files")

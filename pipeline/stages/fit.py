@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.core import config, contracts, rng
+from pipeline.configuration import config
+from pipeline.core import contracts, rng
 from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError

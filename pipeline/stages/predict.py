@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE

@@ -6,7 +6,8 @@ It is a separate stage, because DVC's run cache restores no stage with outputs i
 import shutil
 from pathlib import Path
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 
 SCORE, FIGURES, REPORTS = Path("data/score"), Path("data/figures"), Path("reports")
 CAPTIONS = "captions.json"

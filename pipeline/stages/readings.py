@@ -6,7 +6,8 @@ from pathlib import Path
 from pipeline.cases.case import Choices, Recordings, camera_of, recorded_takes
 from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import read_claims, readings, readings_table
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 
 TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data/readings")

@@ -3,7 +3,8 @@
 import json
 from pathlib import Path
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.verdicts import paper

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.cases.evidence import camera_scores, noise_tests, pose_covariances
-from pipeline.core import config, contracts, rng
+from pipeline.configuration import config
+from pipeline.core import contracts, rng
 from pipeline.core.columns import columns, matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE, closed

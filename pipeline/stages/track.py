@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.columns import columns, spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import SingularJacobianError

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.core import config, contracts, rng
+from pipeline.configuration import config
+from pipeline.core import contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench

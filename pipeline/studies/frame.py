@@ -6,7 +6,7 @@ A study is a folder of ``pipeline/studies`` with
   ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
 - ``params.yaml``: the options of each scale, with equal names and kinds in all scales;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
-- ``tables.yaml``: the columns of the tables, in the notation of pipeline/core/tables.yaml;
+- ``tables.yaml``: the columns of the tables, in the notation of pipeline/tables.yaml;
 - ``page.md``: the page with the figure's caption; ``facts`` returns the fields in braces.
 
 Parameters of ``draw`` are named after tables. The study NAME writes the checked tables to
@@ -25,7 +25,8 @@ from types import SimpleNamespace
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import PipelineError
 from pipeline.figures.style import save

@@ -27,7 +27,7 @@ from omegaconf import OmegaConf
 from project_copy import copy_project
 from scenario import Take, drawn_takes, scene, take
 
-from pipeline.core.config import CONF
+from pipeline.configuration.config import CONF
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate, options_type
 from pipeline.models.steps import Recorded, process_noise

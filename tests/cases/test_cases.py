@@ -15,7 +15,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.cases.case import KINDS, Camera, Choices, Recordings, Takes
 from pipeline.cases.evidence import case_evidence, filter_evidence, outcome
 from pipeline.cases.readings import readings, readings_table
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import MEMORY
 from pipeline.filtering.particle_filter import Posterior

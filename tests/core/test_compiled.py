@@ -14,7 +14,7 @@ from compiled_calls import from_python
 from project_copy import ROOT
 from source_code import MODULES, imports, tree
 
-from pipeline.core import compiled
+from pipeline.core import compiled, sources
 from pipeline.core.elementary import (
     LANES,
     expm1,
@@ -99,9 +99,10 @@ def package(tmp_path: Path) -> Path:
     another file.
     """
     (tmp_path / "pipeline/core").mkdir(parents=True)
-    for name in ("__init__", "core/__init__", "core/compiled"):
+    for name in ("__init__", "core/__init__"):
         (tmp_path / f"pipeline/{name}.py").write_text("")
-    shutil.copy(ROOT / "pipeline/core/compiled.py", tmp_path / "pipeline/core/compiled.py")
+    for name in ("compiled", "sources"):
+        shutil.copy(ROOT / f"pipeline/core/{name}.py", tmp_path / "pipeline/core")
     (tmp_path / "pipeline/outer.py").write_text(OUTER)
     (tmp_path / "pipeline/inner.py").write_text(INNER.format(constant=2.0))
     return tmp_path
@@ -169,14 +170,14 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
         waiting += (imports(module, top=True) & MODULES.keys()) - needed
     assert set(compiled.compiled_sources()) == {MODULES[module] for module in needed}
     folder = shutil.copytree(ROOT / "pipeline", tmp_path / "pipeline")
-    monkeypatch.setattr(compiled, "SOURCES", folder)
+    monkeypatch.setattr(sources, "SOURCES", folder)
     for file, recompiled in (
         ("figures/style.py", False),
         ("filtering/sampling.py", True),
         ("models/model.py", True),  # constants that the kernel imports
         ("arm/interface.py", True),
     ):
-        before = compiled.sources_hash(compiled.compiled_sources())
+        before = sources.sources_hash(compiled.compiled_sources())
         with (folder / file).open("a") as text:
             text.write("# comment\n")
-        assert (compiled.sources_hash(compiled.compiled_sources()) != before) == recompiled
+        assert (sources.sources_hash(compiled.compiled_sources()) != before) == recompiled

@@ -13,12 +13,12 @@ import pandas as pd
 import pytest
 
 from pipeline.core import columns, contracts
-from pipeline.core.contracts import PAPER, Column, expand_families, read_declarations
+from pipeline.core.contracts import TABLES, Column, expand_families, read_declarations
 from pipeline.core.errors import ContractError
 
-# every file of declarations, by the folder it lies in: core or a study
-FILES = {file.parent.name: file for file in sorted(PAPER.parents[1].glob("**/tables.yaml"))}
-TABLES = [(place, name) for place, file in FILES.items() for name in read_declarations(file)]
+# every file of declarations, by the folder it lies in: pipeline, laboratory or a study
+FILES = {file.parent.name: file for file in sorted(TABLES.parent.glob("**/tables.yaml"))}
+DECLARED = [(place, name) for place, file in FILES.items() for name in read_declarations(file)]
 JOINTS, ROWS = ("base", "tip"), 4  # of the families' columns here; of every table
 
 
@@ -47,11 +47,11 @@ def some(column: Column) -> list:
     return [(column.among or "a")[0]] * ROWS
 
 
-def table(name: str, place: str = "core") -> pd.DataFrame:
+def table(name: str, place: str = "pipeline") -> pd.DataFrame:
     return pd.DataFrame({key: some(column) for key, column in declaration(place, name).items()})
 
 
-@pytest.mark.parametrize(("place", "name"), TABLES)
+@pytest.mark.parametrize(("place", "name"), DECLARED)
 def test_a_table_that_fits_is_read_as_it_was_written_and_no_column_more_or_less(
     place, name, tmp_path
 ):

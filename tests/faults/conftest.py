@@ -15,8 +15,8 @@ from sample_options import made
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.model import Arm, load_arm
+from pipeline.configuration.config import compose_config
 from pipeline.core.columns import values
-from pipeline.core.config import compose_config
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion

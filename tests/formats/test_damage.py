@@ -22,7 +22,7 @@ from text_mutations import mutants
 from written_logs import CALIBRATION, write_joint_log, write_netft
 
 from pipeline.arm.model import chain_of
-from pipeline.core import datasheet
+from pipeline.configuration import datasheet
 from pipeline.core.bounds import Reading, Sandbox, within
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Motion, Robot

@@ -8,7 +8,8 @@ import pytest
 from omegaconf import OmegaConf
 from written_logs import write_joint_log
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.formats.joints.log import JointLog
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,8 @@ from omegaconf import OmegaConf
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import load_arm
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.columns import PLANE, spread
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel

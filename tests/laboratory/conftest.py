@@ -5,7 +5,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from pipeline.arm.model import Arm, load_arm
-from pipeline.core.config import CONF
+from pipeline.configuration.config import CONF
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 
 DATASET = OmegaConf.load(CONF / "dataset" / "youbot.yaml")

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pipeline.core.config import CONF
+from pipeline.configuration.config import CONF
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import desired_joints, desired_trajectory, draw, expose, swing
 from pipeline.models.draws import realize

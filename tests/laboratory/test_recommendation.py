@@ -5,7 +5,7 @@ import pytest
 from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
-from pipeline.core.config import CONF, model_options
+from pipeline.configuration.config import CONF, model_options
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import JointPath, draw, swing, true_chain

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from planar_poses import chain
 
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.models.other_motions import EACH, MotionSteps, other_motions
 from pipeline.verdicts.model_card import recommended
 

@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 from sample_options import made, parameters
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
 from pipeline.recordings.inventory import KEYS, by_part, listing, take_name

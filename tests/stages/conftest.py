@@ -12,7 +12,7 @@ from joint_logs import MADE_UP, ingested, log_project
 from omegaconf import OmegaConf
 from recordings_of_law import write_project
 
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.stages import ingest
 
 __all__ = ["log_project"]

@@ -13,7 +13,8 @@ from recordings_of_law import JOINTS, MODELS, REST, STEPS, TAKES, TRUE
 from sample_options import parameters
 from scipy.stats import chi2, multivariate_normal
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.closed_loop import fitted_closed_loop
 from pipeline.models.kinds import build_model, fitted_model

@@ -11,7 +11,8 @@ from joint_logs import FILES, ROOT, ingested, quality
 from omegaconf import OmegaConf
 
 from pipeline.arm.model import load_arm
-from pipeline.core import contracts, datasheet
+from pipeline.configuration import datasheet
+from pipeline.core import contracts
 from pipeline.core.columns import members, values
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.repetitions import excursions

@@ -8,7 +8,8 @@ import pytest
 from joint_logs import ROOT
 from omegaconf import OmegaConf
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.stages import ingest, record, track

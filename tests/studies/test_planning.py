@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from study_runs import options_of
 
-from pipeline.core.config import CONF
+from pipeline.configuration.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.scaled.law import ScaledModel

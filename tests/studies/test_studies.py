@@ -12,7 +12,8 @@ import pytest
 from recordings_of_law import ROOT
 from study_runs import NAMES, options_of, study_of, written
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.models.kinds import build_model, estimate

@@ -8,7 +8,7 @@ from joint_logs import log_project
 from planar_poses import chain
 from written_logs import write_joint_log
 
-from pipeline.core import config, datasheet
+from pipeline.configuration import config, datasheet
 from pipeline.formats.joints.log import JointLog
 
 __all__ = ["chain", "log_project"]

@@ -14,7 +14,7 @@ from joint_files import read_joint_log
 from joint_logs import FILES, MADE_UP, ingested, write_movement
 from written_logs import write_joint_log
 
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.models import load
 from pipeline.models.model import Commands

@@ -16,7 +16,7 @@ from ros_bags import camera_info, image, write_bag
 from source_code import ROOT
 
 from pipeline.__main__ import tool_call
-from pipeline.core import config, datasheet
+from pipeline.configuration import config, datasheet
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics

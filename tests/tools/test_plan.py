@@ -16,7 +16,7 @@ from source_code import ROOT
 
 from pipeline.__main__ import tool_call
 from pipeline.arm.model import arm_of
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.dataset import Robot
 from pipeline.formats.trajectory import read_trajectory

@@ -12,7 +12,7 @@ from rectangle_clouds import CHAIN, cloud
 from sample_options import made
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.core.options.analysis import ArticulationSection, Wrench
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel, noise_scale

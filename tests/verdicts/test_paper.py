@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import validated
 from pipeline.verdicts import paper

@@ -27,7 +27,8 @@ from project_copy import (
     succeeds,
 )
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.verdicts.decision import NO_EVIDENCE
 from pipeline.verdicts.run import read_run
 

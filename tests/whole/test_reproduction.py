@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from project_copy import (
     EVERY_COMMAND,
     contents,
@@ -76,6 +77,13 @@ def test_one_command_gives_every_figure_and_number(reproduced):
     means = [v for name, v in numbers["recordings"].items() if re.search("_share|_corr", name)]
     assert means and all(-1 <= value <= 1 for value in means)
     assert "dataset youbot" in (reproduced / "reports/youbot/report.md").read_text()
+    # every table is written by a stage that names it
+    stages = yaml.safe_load((reproduced / "dvc.yaml").read_text())["stages"]
+    for name, stage in stages.items():
+        written = {file.stem for file in (reproduced / "data" / name).rglob("*.parquet")}
+        entries = [entry for entry in stage.get("params", []) if isinstance(entry, dict)]
+        named = {table for entry in entries for table in entry.get("pipeline/tables.yaml", [])}
+        assert written <= named, name
     # git has all that is not DVC's
     assert git_status(reproduced) == ""
 

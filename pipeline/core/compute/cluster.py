@@ -27,11 +27,11 @@ from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from distributed.utils import get_mp_context
 
-from pipeline.core.compiled import sources_hash
 from pipeline.core.compute.trials import call_pickled
 from pipeline.core.environment import BOUNDS
 from pipeline.core.errors import ComputeError
 from pipeline.core.options.analysis import Compute
+from pipeline.core.sources import sources_hash
 
 OPTION = "pipeline/conf/compute/dask.yaml"  # explains how to start a cluster
 # no log of messages, which would keep trials in memory; no warning of a large function

@@ -10,7 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 from scipy.signal import fftconvolve, lfilter
 
-from pipeline.core import config, contracts, rng
+from pipeline.configuration import config
+from pipeline.core import contracts, rng
 from pipeline.core.filters import CLOSED, MEMORY, NONE, closed
 from pipeline.figures import style
 from pipeline.filtering.linear import autocorrelated_filter, linear_filter

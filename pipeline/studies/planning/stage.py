@@ -14,7 +14,8 @@ from scipy.stats import kendalltau
 
 from pipeline.arm.interface import Chain, trajectory_table
 from pipeline.arm.model import chain_of
-from pipeline.core import config, rng
+from pipeline.configuration import config
+from pipeline.core import rng
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError, SolverError
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml

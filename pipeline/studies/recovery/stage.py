@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.core import config, rng
+from pipeline.configuration import config
+from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.figures import style
 from pipeline.models.bootstrap import replicate, resampled_estimator

@@ -15,10 +15,11 @@ from matplotlib.lines import Line2D
 from pipeline.cases.case import Choices, Recordings, recorded_takes
 from pipeline.cases.evidence import evaluate
 from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
-from pipeline.core import config, contracts
-from pipeline.core.compiled import sources_hash
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
+from pipeline.core.sources import sources_hash
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Study, Tables, trials
 from pipeline.studies.robustness.grid import (

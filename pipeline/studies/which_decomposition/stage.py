@@ -12,7 +12,8 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.cases.readings import read_claims
-from pipeline.core import config, rng
+from pipeline.configuration import config
+from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated

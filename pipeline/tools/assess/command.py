@@ -12,7 +12,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, ModelDomainError, RecordingError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import style

@@ -17,8 +17,9 @@ import pandas as pd
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.urdf import read_urdf
-from pipeline.core import config, contracts, datasheet
-from pipeline.core.datasheet import get_filled
+from pipeline.configuration import config, datasheet
+from pipeline.configuration.datasheet import get_filled
+from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures.motion import noise_quantiles

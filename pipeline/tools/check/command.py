@@ -12,9 +12,10 @@ from typing import Any
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.urdf import read_urdf
-from pipeline.core import config, contracts, datasheet
+from pipeline.configuration import config, datasheet
+from pipeline.configuration.datasheet import get_filled, get_nested
+from pipeline.core import contracts
 from pipeline.core.columns import columns
-from pipeline.core.datasheet import get_filled, get_nested
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Dataset, Robot

@@ -16,7 +16,7 @@ from rocrate.model.contextentity import ContextEntity
 from rocrate.model.entity import Entity
 from rocrate.rocrate import ROCrate
 
-from pipeline.core import config, datasheet
+from pipeline.configuration import config, datasheet
 from pipeline.core.contracts import write_text
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.verdicts.wording import number, table

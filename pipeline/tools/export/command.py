@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.model import chain_of
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED
 from pipeline.models import kinds

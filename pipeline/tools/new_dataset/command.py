@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.core import config, contracts, datasheet
-from pipeline.core.datasheet import OPEN, get_filled, unfilled_keys
+from pipeline.configuration import config, datasheet
+from pipeline.configuration.datasheet import OPEN, get_filled, unfilled_keys
+from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.core.options.dataset import JointLogSection, Robot
 from pipeline.core.typed_yaml import parse_yaml

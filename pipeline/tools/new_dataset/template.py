@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from pipeline.core.datasheet import OPEN
+from pipeline.configuration.datasheet import OPEN
 from pipeline.core.typed_yaml import parse_yaml
 
 LINE = re.compile(

@@ -8,7 +8,7 @@ from os.path import relpath
 from pathlib import Path
 from typing import Any
 
-from pipeline.core.datasheet import OPEN, get_filled
+from pipeline.configuration.datasheet import OPEN, get_filled
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.formats.format import Kind

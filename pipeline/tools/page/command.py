@@ -14,7 +14,7 @@ from string import Template
 from markdown_it import MarkdownIt
 from PIL import Image
 
-from pipeline.core import config
+from pipeline.configuration import config
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ContractError
 

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.columns import PLANE, SPACE, columns, members, spread
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Robot

@@ -12,7 +12,8 @@ import numpy as np
 
 from pipeline.arm.model import arm_of, link_chains
 from pipeline.arm.urdf import describe
-from pipeline.core import config, contracts
+from pipeline.configuration import config
+from pipeline.core import contracts
 from pipeline.core.columns import matrices, values
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Robot

@@ -3,28 +3,24 @@
 from collections.abc import Iterable
 from dataclasses import asdict, make_dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Annotated, Any
 
 from pydantic import Field
 
-from pipeline.core import datasheet
+from pipeline.configuration import datasheet
 from pipeline.core.contracts import write_text
 from pipeline.core.errors import ConfigError
 from pipeline.core.options import analysis
 from pipeline.core.options.dataset import Dataset
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import all_faults, joined_faults, options, validated
+from pipeline.models.kinds import options_type
 
 CONF = Path(__file__).parents[1] / "conf"
 COMPOSED = Path("data/config.yaml")
 GROUPS = ("dataset", "filter", "articulation", "simulation", "wrench", "scale", "compute")
-# sections of the synthetic laboratory and their types in pipeline.laboratory.options
-LABORATORY = {part: f"{part.capitalize()}Options" for part in ("trajectory", "dynamics", "mocap")}
-LABORATORY |= {"kinect": "KinectOptions", "clock": "ClockOptions", "encoders": "EncoderOptions"}
-LABORATORY |= {"robots": "Robots", "transducer": "Transducer"}
 
 
 @options()
@@ -128,14 +124,14 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
 
 def _model_type(values: Any) -> type:
     kind = values.get("kind") if isinstance(values, dict) else None
-    # imported by name, as models imports core
-    return import_module("pipeline.models.kinds").options_type(kind)
+    return options_type(kind)
 
 
 @cache
 def _laboratory_type() -> type:
-    types = import_module("pipeline.laboratory.options")
-    parts = [(part, getattr(types, name), None) for part, name in LABORATORY.items()]
+    from pipeline.laboratory.options import SECTIONS  # a recorded dataset has no laboratory
+
+    parts = [(part, structure, None) for part, structure in SECTIONS.items()]
     return options()(make_dataclass("Laboratory", parts))
 
 

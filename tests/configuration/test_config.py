@@ -11,11 +11,12 @@ import pytest
 import yaml
 from sample_options import parameters
 
-from pipeline.core import config, datasheet
+from pipeline.configuration import config, datasheet
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Compute, Filter
 from pipeline.core.options.dataset import Robot
 from pipeline.core.validation import options, validated
+from pipeline.laboratory.options import SECTIONS
 from pipeline.models.kinds import kinds, options_type
 
 PARTS = "robot motion trajectory mocap depth force laboratory".split()
@@ -189,8 +190,8 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     assert vars(alone) == {"wishart": models["wishart"]}
     laboratory = sections("dataset.laboratory").dataset.laboratory
     # the youBot's controller logs nothing
-    types = {part: type(value).__name__ for part, value in laboratory.items()}
-    assert types | {"encoders": "EncoderOptions"} == config.LABORATORY
+    types = {part: type(value) for part, value in laboratory.items()}
+    assert types | {"encoders": SECTIONS["encoders"]} == SECTIONS
     for item in ("student", None):
         with pytest.raises(ConfigError, match=f"there is no models.{item}"):
             sections("models.${item.model}", item=item)
