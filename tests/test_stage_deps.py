@@ -118,7 +118,7 @@ def test_the_folders_that_a_stage_names_are_its_deps_and_outs(stage):
 def test_every_table_is_named_by_the_stages_that_write_it():
     """The whole reproduction compares the names with the files."""
     declared = yaml.safe_load((ROOT / "pipeline/tables.yaml").read_text(encoding="utf-8"))
-    named = {name for entry in stages("dvc.yaml").values() for name in tables_of(entry)}
+    named = {name for stage in PAPER.values() for name in tables_of(stage)}
     assert named == {name for name in declared if name[0] != "."}
 
 

@@ -232,8 +232,8 @@ def case_evidence(
         poses = case.measurement * pose_covariances(takes.training, takes.poses)
         linear = None
         if case.closed:
-            frames, chain = [camera.takes[take] for take in tested], takes.training.chain
-            known = (takes.poses, poses[0], frames, 1 / recordings.rate, chain)
+            frames = [camera.takes[take] for take in tested]
+            known = (takes.poses, poses[0], frames, 1 / recordings.rate)
             means, covariances, _ = autocorrelated_filter(*known)
             linear = Filtered(means - truth, covariances, poses[0])
         evidence |= filter_evidence(complete, linear, truth, takes, poses)

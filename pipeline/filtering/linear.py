@@ -5,9 +5,8 @@ For normal deviations and noise it is the exact posterior, by Gaussian process r
 filter for a Markov law (Anderson & Moore, Optimal Filtering, 1979).
 
 The path has the prior N(q̄, P). Frame j measures the pose p_j, interpolated between the ends of its
-step, with the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). To first order a measured
-pose of the tip is displaced from the pose at p̄_j by J(p̄_j)A(p_j − p̄_j) + N(0, R_j). So H_j is A,
-or JA, times the weights of the two ends. With the frames in order of time and S = H P Hᵀ + R = L Lᵀ
+step, with the response A: y_j − b_j = p̄_j + A(p_j − p̄_j) + N(0, R_j). So H_j is A times the
+weights of the two ends. With the frames in order of time and S = H P Hᵀ + R = L Lᵀ
 one factorisation gives the posterior at every step given the frames so far,
 
     E q_k = q̄_k + G_kᵀ w,   Cov q_k = P_kk − G_kᵀ G_k,   G = L⁻¹ H P,   w = L⁻¹(y − b − p̄).
@@ -22,13 +21,10 @@ joints and steps. S_k and r exclude the measurement noise.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.interface import Chain
-from pipeline.core.columns import SPACE
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.measurement import Measurements
@@ -41,7 +37,6 @@ def linear_filter(
     covariance: ndarray,
     takes: Sequence[Measurements],
     dt: float,
-    chain: Chain,
     response: ndarray | None = None,
 ) -> tuple[ndarray, ndarray]:
     """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the poses of the T
@@ -49,12 +44,12 @@ def linear_filter(
     (s), ``covariance`` (M+1, n, M+1, n) rad² is P, ``response`` (n, n) is A (default identity).
     Raises ModelDomainError where P or R has a negative eigenvalue.
     """
-    posteriors = [_posterior(path, covariance, take, dt, chain, response) for take in takes]
+    posteriors = [_posterior(path, covariance, take, dt, response) for take in takes]
     means, covariances = zip(*posteriors, strict=True)
     return np.stack(means), np.stack(covariances)
 
 
-def _posterior(path, covariance, measurements, dt, chain, response):
+def _posterior(path, covariance, measurements, dt, response):
     from scipy.linalg import cho_factor, solve_triangular
 
     grid, n = path.shape
@@ -63,24 +58,18 @@ def _posterior(path, covariance, measurements, dt, chain, response):
     before, share = np.maximum(after - 1, 0), frames.share[:, None]
     point = (1 - share) * path[before] + share * path[after]
     share = share[:, :, None, None]
-    # (F, d, M+1, n) covariances of each frame with each pose
+    # (F, n, M+1, n) covariances of each frame with each pose
     across = (1 - share) * covariance[before] + share * covariance[after]
-    if frames.tip:  # the whole pose, in metres and radians, whatever the task
-        whole = replace(chain, task=SPACE, length=1.0)
-        residual = whole.displacement(whole.pose(point), frames.unbiased)
-        observation = whole.jacobian(point)
-    else:
-        observation, residual = np.tile(np.eye(n), (len(point), 1, 1)), frames.unbiased - point
-    observation = observation if response is None else observation @ response
-    d = residual.shape[-1]
-    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, d, grid, n)
+    residual = frames.unbiased - point
+    observation = np.eye(n) if response is None else response
+    across = (observation @ across.reshape(-1, n, grid * n)).reshape(-1, n, grid, n)
     among = np.moveaxis(across, 2, 0)
     among = (1 - share) * among[before] + share * among[after]
-    total = np.moveaxis(among @ observation.swapaxes(1, 2)[:, None], 0, 2)  # (F, d, F, d)
+    total = np.moveaxis(among @ observation.T, 0, 2)  # (F, n, F, n)
     each = np.arange(len(after))
     unwhitened = np.linalg.inv(frames.whitening)
     total[each, :, each] += unwhitened @ unwhitened.swapaxes(-1, -2)
-    rows = len(after) * d
+    rows = len(after) * n
     try:
         factor, _ = cho_factor(total.reshape(rows, rows), lower=True)
     except np.linalg.LinAlgError:
@@ -88,8 +77,8 @@ def _posterior(path, covariance, measurements, dt, chain, response):
         raise ModelDomainError(message, take=measurements.take) from None
     white = solve_triangular(factor, residual.reshape(rows), lower=True)
     gain = solve_triangular(factor, across.reshape(rows, grid * n), lower=True)
-    so_far = np.arange(rows)[:, None] < d * frames.first[1:]
-    gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, dF)
+    so_far = np.arange(rows)[:, None] < n * frames.first[1:]
+    gain = np.moveaxis(gain.reshape(rows, grid, n) * so_far[..., None], 0, 2)  # (M+1, n, nF)
     steps = np.arange(grid)
     return path + gain @ white, covariance[steps, :, steps] - gain @ gain.swapaxes(1, 2)
 
@@ -117,7 +106,7 @@ def baseline_predictions(
 
 
 def autocorrelated_filter(
-    poses: ndarray, measurement: ndarray, takes: Sequence[Measurements], dt: float, chain: Chain
+    poses: ndarray, measurement: ndarray, takes: Sequence[Measurements], dt: float
 ) -> tuple[ndarray, ndarray, int]:
     """Return the result of :func:`linear_filter` with the law of the training takes, and the number
     of axes, over all steps, along which S_k is set to zero. ``poses`` (takes, K, n) rad are the
@@ -125,7 +114,7 @@ def autocorrelated_filter(
     """
     roots, without = deviation_roots(poses, measurement)
     prior = path_covariance(roots, autocorrelation(poses, measurement))
-    return *linear_filter(poses.mean(axis=0), prior, takes, dt, chain), without
+    return *linear_filter(poses.mean(axis=0), prior, takes, dt), without
 
 
 def deviation_roots(poses: ndarray, measurement: ndarray) -> tuple[ndarray, int]:

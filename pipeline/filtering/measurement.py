@@ -1,6 +1,5 @@
-"""Measurements of an arm during one take, with a bias and a covariance per frame, and the
-measurements of a dataset's test takes. Joint angles are y_j = q(t_j) + b_j + N(0, R_j). The
-displacement of a measured tip pose from the pose at q(t_j) is N(0, R_j).
+"""Measurements of the joint angles during one take, y_j = q(t_j) + b_j + N(0, R_j), with a bias and
+a covariance per frame, and the measurements of a dataset's test takes.
 
 The paper does not state how frames at 30 Hz are compared with steps at 100 Hz. The velocity of a
 motion model is constant within a step. So a frame is compared with the pose interpolated at its
@@ -16,12 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy import ndarray
 
-from pipeline.arm.serial import rigid_motion
-from pipeline.arm.urdf import describe
 from pipeline.core import contracts
 from pipeline.core.columns import columns, matrices, members, values
 from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.core.options.dataset import Dataset, Mocap
+from pipeline.core.options.dataset import Dataset
 
 MOTION, TRACK, ARTICULATE = Path("data/ingest/motion"), Path("data/track"), Path("data/articulate")
 SHARE_DIGITS = 6  # of times in steps: 0.03 s / 0.01 s is step 3, not a later step
@@ -30,31 +27,26 @@ SINGULAR_VARIANCE = 1e-12  # least/greatest variance of R at which R counts as s
 
 class Frames(NamedTuple):
     """The F measurements in order of their steps; frames first[k] to first[k+1] are in step k. The
-    density of y is exp(log_norm − ‖whitening·e‖²/2) at the pose q at ``share`` of the step. e is y
-    − bias − q, or the displacement of the measured tip from the tip at q.
+    density of y is exp(log_norm − ‖whitening·(y − bias − q)‖²/2) for the pose q at ``share`` of the
+    step.
     """
 
     first: ndarray  # (M+2,)
     share: ndarray  # (F,)
-    unbiased: ndarray  # (F, n) joint angles without bias, rad, or (F, 12) poses of the tip
-    whitening: ndarray  # (F, d, d) lower triangular, 1/rad or 1/m
+    unbiased: ndarray  # (F, n) joint angles without bias, rad
+    whitening: ndarray  # (F, n, n) lower triangular, 1/rad
     log_norm: ndarray  # (F,)
-    tip: bool  # true for poses of the tip
 
 
 @dataclass(frozen=True)
 class Measurements:
-    """The F ≥ 0 frames of one take, with noise of dimension d. A frame is n joint angles, d = n, or
-    a pose of the tip, position and rotation row by row. The noise of a pose is a displacement, d =
-    6: a vector in m and a rotation vector in rad, in the base's axes.
-    """
+    """The F ≥ 0 frames of one take."""
 
     take: str
     t: ndarray  # (F,) times on the motion clock, s, in any order
-    y: ndarray  # (F, n) measured joint angles, rad, or (F, 12) poses of the tip
-    bias: ndarray  # (F, d) mean of the noise of joint angles
-    covariance: ndarray  # (F, d, d) covariance R of the noise
-    tip: bool = False  # true for poses of the tip
+    y: ndarray  # (F, n) measured joint angles, rad
+    bias: ndarray  # (F, n) rad, mean of the noise
+    covariance: ndarray  # (F, n, n) rad², covariance R of the noise
 
     def schedule(self, steps: int, dt: float) -> tuple[ndarray, ndarray, ndarray]:
         """Return indices, steps k and shares of the step (F',) of the frames within ``steps`` steps
@@ -72,12 +64,12 @@ class Measurements:
         frame, step, share = self.schedule(steps, dt)
         whitening, log_norm = self.whitening
         first = np.searchsorted(step, np.arange(steps + 2))
-        unbiased = self.y[frame] if self.tip else self.y[frame] - self.bias[frame]
-        return Frames(first, share, unbiased, whitening[frame], log_norm[frame], self.tip)
+        unbiased = self.y[frame] - self.bias[frame]
+        return Frames(first, share, unbiased, whitening[frame], log_norm[frame])
 
     @cached_property
     def whitening(self) -> tuple[ndarray, ndarray]:
-        """(F, d, d) lower triangular inverses of the Cholesky factors of R, and (F,) logarithms of
+        """(F, n, n) lower triangular inverses of the Cholesky factors of R, and (F,) logarithms of
         the normal density's constant. Raises ModelDomainError where R is not positive definite.
         """
         variances = np.linalg.eigvalsh(self.covariance)
@@ -114,26 +106,15 @@ def measured_takes(dataset: Dataset) -> list[Measurements]:
         if not contracts.exists("angles", ARTICULATE):
             return []
         return measurements(*(contracts.read(n, ARTICULATE) for n in ("angles", "kinect_noise")))
-    joints = contracts.read("joints", TRACK)
-    if dataset.measurement == "encoders":
-        return _encoder_takes(dataset, joints)
-    if dataset.robot.plane:
-        message = "the pose of the tip is measured only for an arm in space, not in a plane"
-        raise ConfigError(message, key="dataset.measurement")
-    rows = _rows_of("markers", joints, "test", "dataset.mocap.deviation", dataset.mocap)
-    tool = describe(dataset.robot).tip
-    return [tip_poses(take, each, dataset.mocap, tool) for take, each in rows]
+    return _encoder_takes(dataset, contracts.read("joints", TRACK))
 
 
-def _rows_of(
-    name: str, joints: pd.DataFrame, part: str, key: str, instrument: object
-) -> list[tuple]:
-    """Return (take, rows) of the table ``name`` for the takes of ``joints`` in the ``part``."""
-    if instrument is None:
-        raise ConfigError("the filter needs measurements that the dataset does not have", key=key)
-    takes, table = joints.loc[joints["part"] == part, "take"], contracts.read(name, MOTION)
+def _encoder_rows(joints: pd.DataFrame, part: str) -> list[tuple]:
+    """Return (take, rows) of the table ``encoders`` for the takes of ``joints`` in the ``part``."""
+    takes, table = joints.loc[joints["part"] == part, "take"], contracts.read("encoders", MOTION)
     if absent := sorted(set(takes) - set(table["take"])):
-        raise ConfigError(f"there are no measurements of the takes {', '.join(absent)}", key=key)
+        message = f"there are no measurements of the takes {', '.join(absent)}"
+        raise ConfigError(message, key="dataset.encoders")
     return list(table[table["take"].isin(takes)].groupby("take"))
 
 
@@ -180,11 +161,11 @@ def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]
     """Return one reading per step of the motion, as the errors within a step are equal. The noise
     is estimated from the training takes against the motion capture.
     """
+    if dataset.encoders is None:
+        message = "the filter needs measurements that the dataset does not have"
+        raise ConfigError(message, key="dataset.encoders")
     rate, errors, takes = dataset.motion.rate, [], []
-    training, test = (
-        _rows_of("encoders", joints, part, "dataset.encoders", dataset.encoders)
-        for part in ("training", "test")
-    )
+    training, test = (_encoder_rows(joints, part) for part in ("training", "test"))
     for take, read in training:
         tracked = joints[joints["take"] == take]
         at_steps = [np.interp(tracked["t"], read["t"], y) for y in values(read, "q").T]
@@ -195,31 +176,3 @@ def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]
         t, y = read["t"].to_numpy(), read[columns("q", dataset.robot.joints)].to_numpy()
         takes.append(Measurements(str(take), t, y, *noise.of_readings(t)))
     return takes
-
-
-def tip_poses(take: str, rows: pd.DataFrame, mocap: Mocap, tool: str) -> Measurements:
-    """Return the poses of the link ``tool`` in the base frame, from the ``rows`` of a take in the
-    table ``markers``, at frames with three of the link's points. A coordinate has white noise of
-    ``mocap.deviation``. Raises ConfigError without the link's markers or this deviation.
-    """
-    if tool not in mocap.markers or mocap.deviation is None:
-        needed = f"its markers or body, dataset.mocap.markers.{tool}, and the deviation of a marker"
-        raise ConfigError(f"the pose of {tool!r} needs {needed}", key="dataset.mocap.deviation")
-    number = list(mocap.markers).index(tool) + 1
-    seen = rows[rows["link"] == number].sort_values(["marker", "k"], kind="stable")
-    places = np.array(list(mocap.markers[tool].values()), dtype=float)
-    points = seen[["x", "y", "z"]].to_numpy().reshape(len(places), -1, 3).transpose(1, 0, 2)
-    rotation, position = rigid_motion(places, points)
-    known = np.isfinite(position).all(axis=1)
-    t, present = seen["t"].to_numpy()[: len(points)], np.isfinite(points).all(axis=-1)
-    t, present, rotation, position = (each[known] for each in (t, present, rotation, position))
-    # a displacement (δ, θ) of the tip moves the point at lever r by δ + θ × r
-    lever = np.einsum("fab,pb->fpa", rotation, places)
-    moves = np.zeros((*lever.shape, 6))
-    moves[..., :3] = np.eye(3)
-    moves[..., 3:] = np.cross(np.eye(3), lever[..., None, :]).swapaxes(-1, -2)
-    moves *= present[..., None, None]
-    information = np.einsum("fpai,fpaj->fij", moves, moves)
-    y = np.hstack([position, rotation.reshape(-1, 9)])
-    covariance = mocap.deviation**2 * np.linalg.inv(information)
-    return Measurements(str(take), t, y, np.zeros((len(y), 6)), covariance, tip=True)

@@ -80,19 +80,20 @@ def particle_filter(
     # no effective sample size is below 0
     threshold = float(options.threshold) if options.scheme != "none" else 0.0
     setting = Setting((*limits, *singular), frames, SCHEMES.index(options.scheme), threshold)
-    q, arm = np.array(poses.T, order="C"), (chain.numbers(), space_of(chain), block_for(chain))
+    q = np.array(poses.T, order="C")
     particles, record = fresh_arrays(*q.shape, len(commands.v) + 1)
     if model.traits.compiled:
         v, path = (np.array(each, dtype=float, order="C") for each in commands[:2])
         loop = Commands(v, path, float(commands.share))
+        arm = model.law(chain), chain.numbers(), space_of(chain), block_for(chain)
         steps = loop, setting, q, particles, record, rng
-        vanished = sequential_importance_sampling(model.law(chain), *arm, *steps)
+        vanished = sequential_importance_sampling(*arm, *steps)
     else:
         memory = None
         if model.traits.memory:
             memory = model.first_memory(poses, start.mean, rng)
         step = partial(_draw, model, chain, commands, rng)
-        vanished = _filter_by_draws(step, memory, arm, setting, q, particles, record, rng)
+        vanished = _filter_by_draws(step, memory, setting, q, particles, record, rng)
     if vanished >= 0:
         message = f"all {options.particles} weights vanished: every particle has left the joint "
         message += "limits or is not finite; use more particles, or compare the model's noise and "
@@ -108,7 +109,6 @@ def particle_filter(
 def _filter_by_draws(
     step: Callable,
     memory: ndarray | None,
-    arm: tuple,
     setting: Setting,
     q: ndarray,
     particles: Particles,
@@ -123,7 +123,7 @@ def _filter_by_draws(
         if k > 0:
             q, before = before, q
             q[:], memory = step(k - 1, before.T, memory)
-        state = update(k, *arm, setting, before, q, particles, record, rng)
+        state = update(k, setting, before, q, particles, record, rng)
         if state == VANISHED:
             return k
         if state == RESAMPLED:

@@ -11,13 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from pipeline.arm.kinematics import rotation_vectors, tip
-from pipeline.arm.rows import POSITION, TURN, WIDTH
+from pipeline.arm.rows import WIDTH
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.models.kernel import move
 
-ROWS = 6  # of a displacement of the tip
 VANISHED, KEPT, RESAMPLED = range(3)  # results of an update
 ROUNDING = 1e-9  # of P·w: tolerance for a whole number of copies
 # "none" is sequential importance sampling without resampling, in which the weights degenerate
@@ -127,48 +125,34 @@ def resample(scheme, weights, chosen, scratch, rng):
 
 
 @inner
-def weigh(arm, space, frames, frame, before, q, log_weights, block, scratch):
+def weigh(frames, frame, before, q, log_weights, scratch):
     """Add to ``log_weights`` (P,) the log-likelihood of ``frame`` at its share of the step from
-    ``before`` to ``q`` (n, P); ``scratch`` has at least (n + ROWS + 2, WIDTH) floats. Poses of the
-    tip need an arm in space, ``space`` not None.
+    ``before`` to ``q`` (n, P); ``scratch`` has at least (n + 2, WIDTH) floats.
     """
     n, share, log_norm = len(q), frames.share[frame], frames.log_norm[frame]
     white, measured = frames.whitening[frame], frames.unbiased[frame]
-    whitened, square = scratch[n + ROWS], scratch[n + ROWS + 1]
-    rest = scratch[n : n + ROWS] if frames.tip else scratch[:n]
+    whitened, square = scratch[n], scratch[n + 1]
     for start in range(0, len(log_weights), WIDTH):
         count = min(WIDTH, len(log_weights) - start)
         # slices: the compiler knows that none of their indices is negative
         stop = start + count
         for j in range(n):
-            here, there, pose = before[j, start:stop], q[j, start:stop], scratch[j]
+            here, there, rest = before[j, start:stop], q[j, start:stop], scratch[j]
+            y = measured[j]
             for i in range(count):
-                pose[i] = here[i] + share * (there[i] - here[i])
-            if not frames.tip:
-                y = measured[j]
-                for i in range(count):
-                    pose[i] = y - pose[i]
-        if space is not None:  # else numba does not compile the kinematics
-            if frames.tip:
-                tip(arm, scratch, 0, count, block)
-                rotation_vectors(measured, block.reshape(-1), count)
-                for k in range(3):
-                    way, turn = rest[k], rest[3 + k]
-                    for i in range(count):
-                        way[i] = measured[k] - block[POSITION + k, i]
-                        turn[i] = block[TURN + k, i]
+                rest[i] = y - (here[i] + share * (there[i] - here[i]))
         square[:count] = 0.0
-        for j in range(len(white)):
+        for j in range(n):
             whitened[:count] = 0.0
             for k in range(j + 1):
-                w, other = white[j, k], rest[k]
+                w, other = white[j, k], scratch[k]
                 for i in range(count):
                     whitened[i] += w * other[i]
             for i in range(count):
                 square[i] += whitened[i] * whitened[i]
-        own = log_weights[start:stop]
+        weighed = log_weights[start:stop]
         for i in range(count):
-            own[i] += log_norm - 0.5 * square[i]
+            weighed[i] += log_norm - 0.5 * square[i]
 
 
 @inner
@@ -257,7 +241,7 @@ class Particles(NamedTuple):
     log_weights: ndarray  # (P,)
     chosen: ndarray  # (P,) indices of the particles that continued in the last resampling
     totals: ndarray  # (2,) effective sample size and log-evidence
-    scratch: ndarray  # (n + ROWS + 2, max(P, WIDTH))
+    scratch: ndarray  # (n + 2, max(P, WIDTH))
 
 
 class Record(NamedTuple):
@@ -274,7 +258,7 @@ class Record(NamedTuple):
 def fresh_arrays(n: int, count: int, grid: int) -> tuple[Particles, Record]:
     """Return equal weights of ``count`` particles of n joints, and a record of ``grid`` poses."""
     weights, log_weights = np.full(count, 1.0 / count), np.full(count, -np.log(count))
-    scratch = np.empty((n + ROWS + 2, max(count, WIDTH)))
+    scratch = np.empty((n + 2, max(count, WIDTH)))
     particles = np.empty(count, dtype=np.int64), np.array([float(count), 0.0]), scratch
     moments = np.empty((grid, n)), np.empty((grid, n, n)), np.empty(grid)
     counts = (np.zeros(grid, dtype=kind) for kind in (np.bool_, np.int64, np.int64))
@@ -282,7 +266,7 @@ def fresh_arrays(n: int, count: int, grid: int) -> tuple[Particles, Record]:
 
 
 @compiled
-def update(k, arm, space, block, setting, before, q, particles, record, rng):
+def update(k, setting, before, q, particles, record, rng):
     """Weigh the particles ``q`` (n, P) in rad after step ``k`` from ``before`` and ``record`` their
     moments. Return VANISHED if all weights vanished, RESAMPLED if ``before`` contains the particles
     that continue, else KEPT.
@@ -292,7 +276,7 @@ def update(k, arm, space, block, setting, before, q, particles, record, rng):
     if k > 0:
         record.outside[k] = keep_inside(setting.domain, before, q, log_weights, scratch[0])
     for frame in range(frames.first[k], frames.first[k + 1]):
-        weigh(arm, space, frames, frame, before, q, log_weights, block, scratch)
+        weigh(frames, frame, before, q, log_weights, scratch)
     if record.outside[k] > 0 or frames.first[k] < frames.first[k + 1]:
         totals[0], log_total = normalise(log_weights, weights)
         if not np.isfinite(log_total):
@@ -325,7 +309,7 @@ def sequential_importance_sampling(
             q, before = before, q
             command = commands.v[k - 1], commands.path[k - 1], commands.share
             record.clipped[k] = move(law, arm, space, block, *command, before, q, rng)
-        state = update(k, arm, space, block, setting, before, q, particles, record, rng)
+        state = update(k, setting, before, q, particles, record, rng)
         if state == VANISHED:
             return k
         if state == RESAMPLED:

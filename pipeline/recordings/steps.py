@@ -52,13 +52,3 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
 def truth_of(dataset: Dataset) -> Path:
     """Return the folder of a synthetic dataset's truth, which only the stage ``score`` reads."""
     return Path(dataset.recordings).parent / "truth"
-
-
-def reference_joints(joints: pd.DataFrame, dataset: Dataset) -> tuple[pd.DataFrame, bool]:
-    """Return the reference joint angles for a filter, and whether they are the truth. The reference
-    is the measured ``joints``, but the truth, if present, for a filter that weighs particles by the
-    same cameras.
-    """
-    if dataset.measurement == "tip" and contracts.exists("true_joints", truth_of(dataset)):
-        return contracts.read("true_joints", truth_of(dataset)), True
-    return joints, False

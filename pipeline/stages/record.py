@@ -26,7 +26,7 @@ from pipeline.laboratory.dynamics import Session, desired_path, desired_trajecto
 from pipeline.laboratory.force import Cables, record_force
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 
-RAW, TABLES = Path("data/raw"), Path(dynamics.__file__).with_name("tables.yaml")
+RAW = Path("data/raw")
 # start of a capture in Motive's spelling; fixed, so that recordings do not depend on the time
 CAPTURE_START = "2017-05-02 10.00.00.000 AM"
 
@@ -80,7 +80,7 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     write_trajectory(folder / "trajectory.csv", command)
     rows = list(run_trials(record, takes, compute=settings.compute, label="record: takes"))
     joints = rows[scale.test_takes :] + rows[: scale.test_takes]
-    contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth, TABLES)
+    contracts.write(pd.concat(joints, ignore_index=True), "true_joints", truth)
 
 
 def _in_plane(session: Session, dataset, stream) -> tuple[Arm, np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed, speed_scores
-from pipeline.recordings.steps import reference_joints, training_steps, truth_of
+from pipeline.recordings.steps import training_steps, truth_of
 from pipeline.statistics import curves
 from pipeline.statistics.scores import Filtered, filter_metrics, filter_tables, training_mean
 from pipeline.statistics.takes import lag_one_correlation, share_between, wrench_summary
@@ -156,8 +156,7 @@ def _score_filters(
     places = {name: place for name, place in places.items() if contracts.exists("posterior", place)}
     if not places:
         return {}, {}
-    measured, true = reference_joints(joints, dataset)
-    measured = measured[["take", "k", *columns("q", names)]]
+    measured = joints[["take", "k", *columns("q", names)]]
     posteriors = {
         name: contracts.read("posterior", place).merge(measured, on=["take", "k"])
         for name, place in places.items()
@@ -167,9 +166,8 @@ def _score_filters(
     frames = {take.take: take for take in measured_takes(dataset)}
     poses = pose_covariances(recorded, training)
     known = (training, poses[0], [frames[take] for take in takes], 1 / dataset.motion.rate)
-    means, covariances, without = autocorrelated_filter(*known, recorded.chain)
-    # true poses have no measurement noise
-    noise, closed_noise = 0 * poses if true else poses
+    means, covariances, without = autocorrelated_filter(*known)
+    noise, closed_noise = poses
     filters = {NONE: training_mean(training, q), MEMORY: Filtered(means - q, covariances, noise)}
     for name, posterior in posteriors.items():
         error = (values(posterior, "m") - values(posterior, "q")).reshape(q.shape)

@@ -16,7 +16,7 @@ from pipeline.core import columns, contracts
 from pipeline.core.contracts import TABLES, Column, expand_families, read_declarations
 from pipeline.core.errors import ContractError
 
-# every file of declarations, by the folder it lies in: pipeline, laboratory or a study
+# every file of declarations, by the folder it lies in: pipeline or a study
 FILES = {file.parent.name: file for file in sorted(TABLES.parent.glob("**/tables.yaml"))}
 DECLARED = [(place, name) for place, file in FILES.items() for name in read_declarations(file)]
 JOINTS, ROWS = ("base", "tip"), 4  # of the families' columns here; of every table

@@ -6,15 +6,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from sample_options import filter_options
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal, norm
 from sliding_arm import sliding_arm
-from space_arms import LWR4, link_poses
 
-from pipeline.arm.model import chain_of
 from pipeline.arm.serial import SerialChain
 from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
@@ -142,7 +139,7 @@ def remembered(decay: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
-    exact = linear_filter(*remembered(0.7), [FRAMES], DT, LINEAR)
+    exact = linear_filter(*remembered(0.7), [FRAMES], DT)
     options, seeds = filter_options(1000), range(8)
     for decay, right in ((0.7, True), (0.4, False)):  # the second is a control
         runs = runs_of(Remembering(decay), LINEAR, STEPS, START, FRAMES, options, seeds)
@@ -211,74 +208,6 @@ def test_a_nonlinear_model_within_joint_limits_has_the_posterior_of_a_direct_int
 def test_the_integration_tells_frames_within_a_step_from_frames_moved_to_its_end(walled_runs):
     rounded = replace(WALL_FRAMES, t=np.ceil(np.round(WALL_FRAMES.t / DT, 6)) * DT)
     assert np.all(distance(walled_runs, *integrated(rounded)) > 2 * BAND)
-
-
-LWR = chain_of(LWR4)
-POSE = np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])
-
-
-def correlated(scale: float, seed: int = 1, d: int = 6) -> np.ndarray:
-    """(d, d) a covariance of about ``scale``² with every correlation."""
-    root = np.random.default_rng(seed).normal(size=(d, d)) / np.sqrt(d) + np.eye(d)
-    return scale**2 * root @ root.T
-
-
-def displaced(q: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """(12,) Pinocchio's pose of the flange at ``q``, displaced ``by`` (6,) m and rad."""
-    (rotation,), (position,) = link_poses(LWR4, "flange", q[None])
-    return np.concatenate([position + by[:3], (pin.exp3(by[3:]) @ rotation).ravel()])
-
-
-def by_tip(t, y, noise, command=None, prior=None, count: int = 100) -> Posterior:
-    """From ``POSE``, by default exactly and without a motion, by one pose of the tip."""
-    command = np.zeros((1, 13)) if command is None else command
-    start = Start(POSE, np.zeros((7, 7)) if prior is None else prior)
-    take = Measurements("t", np.array([t]), y[None], np.zeros((1, 6)), noise[None], tip=True)
-    still, options = ScaledModel(1e-20 * np.eye(7)), filter_options(count, "none")
-    rng = np.random.default_rng(5)
-    return particle_filter(still, LWR, open_loop(command), DT, start, take, options, rng)
-
-
-def displacement(q: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(6,) displacement of ``y`` from the flange at ``q``, by Pinocchio."""
-    (rotation,), (position,) = link_poses(LWR4, "flange", q[None])
-    return np.concatenate([y[:3] - position, pin.log3(y[3:].reshape(3, 3) @ rotation.T)])
-
-
-def log_density(q: np.ndarray, y: np.ndarray, covariance: np.ndarray) -> float:
-    return multivariate_normal.logpdf(displacement(q, y), np.zeros(6), covariance)
-
-
-@pytest.mark.parametrize("size", [1e-3, 0.1, 1.0])
-def test_the_likelihood_of_the_tip_is_of_its_displacement_from_the_pose_at_the_frame(size):
-    noise, w = correlated(size), np.full(7, 0.02)
-    command = np.concatenate([LWR.jacobian(POSE) @ w, w])[None]
-    by = size * np.random.default_rng(2).normal(size=6)
-    for share in (0.0, 0.3):
-        pose = POSE + share * w
-        y = displaced(pose, by)
-        evidence = by_tip(share * DT, y, noise, command).log_evidence
-        assert evidence == pytest.approx(log_density(pose, y, noise), abs=2e-5, rel=1e-6)
-        # control: at another posture it is another
-        assert abs(evidence - log_density(pose + 0.3 * size, y, noise)) > 1e-3
-
-
-def test_by_the_tip_the_posterior_of_a_nearly_linear_arm_is_the_kalman_updates():
-    before, noise = correlated(1.5e-3, 4, 7), correlated(4e-3, 5)
-    y = displaced(POSE, np.array([2e-3, -3e-3, 1e-3, 2e-3, 4e-3, -3e-3]))
-    posterior = by_tip(0.0, y, noise, prior=before, count=200_000)
-    model, axes = pin.buildModelFromUrdf(LWR4.urdf), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    frame = model.getFrameId("flange", pin.FrameType.BODY)
-    jacobian = pin.computeFrameJacobian(model, model.createData(), POSE, frame, axes)
-    gain = before @ jacobian.T @ np.linalg.inv(jacobian @ before @ jacobian.T + noise)
-    moved, covariance = gain @ displacement(POSE, y), before - gain @ jacobian @ before
-    std, band = np.sqrt(np.diag(covariance)), 5 / np.sqrt(posterior.ess[0])
-    assert np.all(np.abs(posterior.mean[0] - POSE - moved) < band * std + 2e-5)
-    scaled = (posterior.covariance[0] - covariance) / np.outer(std, std)
-    assert np.abs(scaled).max() < 2 * band + 0.02
-    # control: the prior is neither
-    assert np.abs(moved / std).max() > 10 * band
-    assert np.abs((before - covariance) / np.outer(std, std)).max() > 0.2
 
 
 DEVIATION = np.array([0.004, 0.006, 0.009])  # rad, that a loop of any share leaves

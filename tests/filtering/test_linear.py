@@ -4,7 +4,6 @@ training takes alone.
 
 import numpy as np
 import pytest
-from scipy.linalg import toeplitz
 from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
@@ -56,41 +55,16 @@ def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarra
 def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
     times = [-0.004, 0.0, 0.0125, 0.03, 0.031, 0.0475, 0.09, 0.2]
     path, prior, frames, response = drawn(10, n, times, seed=n)
-    (mean,), (covariance,) = linear_filter(path, prior, [frames], DT, CHAIN, response)
+    (mean,), (covariance,) = linear_filter(path, prior, [frames], DT, response)
     for k in range(10):
         expected, spread = direct(path, prior, frames, response, k)
         np.testing.assert_allclose(mean[k], expected, rtol=1e-8)
         np.testing.assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
     # control: measurements without the response
-    (other,), _ = linear_filter(path, prior, [frames], DT, CHAIN)
+    (other,), _ = linear_filter(path, prior, [frames], DT)
     assert np.abs(other - mean)[1:].max() > 1e-3
     with pytest.raises(ModelDomainError, match="prior covariance"):
-        linear_filter(path, -prior, [frames], DT, CHAIN)
-
-
-def test_by_the_pose_of_the_tip_it_is_the_filter_of_the_joints_seen_through_the_jacobian():
-    """Six rows tell of small deviations of the joints before the last what the joints would."""
-    rng, q = np.random.default_rng(5), np.array([0.3, 0.9, -0.3, -1.6, 0.4, 1.0, 0.2])
-    grid, n, size = 12, 7, 1e-4
-    path = q + np.linspace(0, 0.3, grid)[:, None] * np.ones(n)
-    spread = np.diag([1.0] * 6 + [0.0]) * size**2  # the last joint is known
-    apart = toeplitz(0.95 ** np.arange(grid))
-    prior = np.einsum("kl,ij->kilj", apart, spread)
-    true = path + np.linalg.cholesky(apart) @ rng.standard_normal((grid, n)) @ (spread**0.5)
-    t, noise = DT * np.arange(grid), (0.3 * size) ** 2 * np.eye(6)
-    noises = np.tile(noise, (grid, 1, 1))
-    tip = Measurements("a", t, CHAIN.pose(true), np.zeros((grid, 6)), noises, tip=True)
-    inverse = np.linalg.inv(CHAIN.jacobian(path)[..., :6])
-    known = np.zeros((grid, n, n))
-    known[:, :6, :6] = inverse @ noise @ inverse.swapaxes(1, 2)
-    known[:, 6, 6] = 1.0
-    joints = Measurements("a", t, true, np.zeros((grid, n)), known)
-    (mean, expected), (covariance, spread) = linear_filter(path, prior, [tip, joints], DT, CHAIN)
-    # the rest is of second order
-    np.testing.assert_allclose(mean, expected, atol=2e-3 * size)
-    np.testing.assert_allclose(covariance, spread, atol=1e-6 * size**2)
-    # control: the prior alone is far off
-    assert np.abs(path - expected)[:, :6].max() > 0.3 * size
+        linear_filter(path, -prior, [frames], DT)
 
 
 KEEP, STEPS = 0.8, 120
@@ -134,7 +108,7 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
         y = true[:, k] + rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
         zero, covariance = np.zeros((len(k), 2)), np.tile(noise, (len(k), 1, 1))
         frames = [Measurements("take", DT * k, each, zero, covariance) for each in y]
-        return autocorrelated_filter(poses, NOISE, frames, DT, CHAIN)
+        return autocorrelated_filter(poses, NOISE, frames, DT)
 
     means, covariances, without = filtered(NOISE)
     assert without == 0 and covariances.shape == (*true.shape, 2)

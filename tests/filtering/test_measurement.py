@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.spatial.transform import Rotation
-from space_arms import LWR4, link_poses, points
+from space_arms import LWR4
 
 from pipeline.core import contracts
 from pipeline.core.columns import pairs, spread
 from pipeline.core.errors import ConfigError, ModelDomainError
-from pipeline.core.options.dataset import Dataset, Encoders, Mocap, Motion, Pose
+from pipeline.core.options.dataset import Dataset, Encoders, Motion
 from pipeline.filtering.measurement import (
     MOTION,
     TRACK,
@@ -19,7 +18,6 @@ from pipeline.filtering.measurement import (
     encoder_noise,
     measured_takes,
     measurements,
-    tip_poses,
 )
 
 
@@ -115,64 +113,14 @@ def test_bias_covariance_and_duration_of_encoder_errors_are_those_drawn(keep):
         np.testing.assert_allclose(covariance, size * SPREAD, atol=size * 8e-7)
 
 
-HAND = {"a": [0.08, 0, 0.01], "b": [-0.01, 0.085, 0.015], "c": [-0.075, -0.035, 0.01]}
-HAND["d"] = [0.01, -0.08, 0.035]
-MOCAP = Mocap(
-    training="*",
-    base=Pose([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
-    markers={"link_5": {"x": [0.0, 0.1, 0.1]}, "flange": HAND},
-    gate=0.01,
-    deviation=1e-3,
-    max_gap=20,
-)
 DATASET = Dataset(
     name="t",
     recordings=".",
     robot=LWR4,
-    mocap=MOCAP,
     encoders=Encoders(training="*", test="*", actual=[]),
     motion=Motion(rate=100.0, steps=4),
-    measurement="tip",
+    measurement="encoders",
 )
-
-
-def rows(q: np.ndarray, take: str = "test_1", noise: np.ndarray | float = 0.0) -> pd.DataFrame:
-    """Rows of the table ``markers``."""
-    places, k = points(LWR4, MOCAP.markers, q) + noise, np.arange(len(q))
-    each = [
-        pd.DataFrame({"take": take, "part": "test", "k": k, "t": k / 100}).assign(
-            link=link, marker=marker, **dict(zip("xyz", places[:, i].T, strict=True))
-        )
-        for i, (link, marker) in enumerate([(1, 1), (2, 1), (2, 2), (2, 3), (2, 4)])
-    ]
-    return pd.concat(each, ignore_index=True)
-
-
-def test_exact_points_give_pinocchios_poses_and_noisy_ones_the_stated_covariance():
-    q, rng = np.random.default_rng(1).uniform(-1.5, 1.5, (20, 7)), np.random.default_rng(2)
-    take = tip_poses("t", rows(q), MOCAP, "flange")
-    rotation, position = link_poses(LWR4, "flange", q)
-    np.testing.assert_allclose(take.y[:, :3], position, atol=1e-12)
-    np.testing.assert_allclose(take.y[:, 3:].reshape(-1, 3, 3), rotation, atol=1e-12)
-    assert take.tip and not take.bias.any()
-    same = np.repeat(q[:1], 20_000, axis=0)
-    noisy = tip_poses(
-        "t", rows(same, noise=1e-3 * rng.normal(size=(len(same), 5, 3))), MOCAP, "flange"
-    )
-    turn = Rotation.from_matrix(noisy.y[:, 3:].reshape(-1, 3, 3) @ rotation[0].T).as_rotvec()
-    errors = np.hstack([noisy.y[:, :3] - position[0], turn])
-    white = np.linalg.solve(np.linalg.cholesky(take.covariance[0]), errors.T)
-    np.testing.assert_allclose(np.cov(white), np.eye(6), atol=5 * np.sqrt(2 / len(same)))
-
-
-def test_frames_that_show_fewer_than_three_points_are_left_out_and_three_are_noisier():
-    table = rows(np.zeros((10, 7)) + 0.3)
-    table.loc[(table.link == 2) & (table.marker < 3) & (table.k == 4), ["x", "y", "z"]] = np.nan
-    table.loc[(table.link == 2) & (table.marker == 1) & (table.k == 6), ["x", "y", "z"]] = np.nan
-    take = tip_poses("t", table, MOCAP, "flange")
-    np.testing.assert_allclose(take.t * 100, [0, 1, 2, 3, 5, 6, 7, 8, 9])
-    trace = np.trace(take.covariance, axis1=1, axis2=2)
-    assert np.flatnonzero(trace > 1.05 * trace[0]).tolist() == [5]
 
 
 @pytest.fixture
@@ -195,22 +143,16 @@ def tables(tmp_path, monkeypatch):
         y = np.full((9, 7), float(take[-1])) if part == "test" else y
         frame = pd.DataFrame({"take": take, "part": part, "t": t})
         read.append(frame.assign(**spread("q", LWR4.joints, y)))
-    markers = [rows(np.full((5, 7), 0.3), take) for take in tests]
-    for name, each, folder in (
-        ("joints", joints, TRACK), ("markers", markers, MOTION), ("encoders", read, MOTION)
-    ):  # fmt: skip
+    for name, each, folder in (("joints", joints, TRACK), ("encoders", read, MOTION)):
         contracts.write(pd.concat(each, ignore_index=True), name, folder)
 
 
 def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):
-    by_tip = measured_takes(DATASET)
-    assert [take.take for take in by_tip] == ["test_1", "test_2"]
-    assert by_tip[0].y.shape == (5, 12)
-    by_encoders = measured_takes(replace(DATASET, measurement="encoders"))
+    by_encoders = measured_takes(DATASET)
     assert [take.take for take in by_encoders] == ["test_1", "test_2"]
     second = by_encoders[1]
     # every second reading: one a step of the motion
-    assert (second.y == 2.0).all() and second.y.shape == (5, 7) and not second.tip
+    assert (second.y == 2.0).all() and second.y.shape == (5, 7)
     np.testing.assert_allclose(second.t, np.arange(5) / 100)
     np.testing.assert_allclose(second.bias.mean(axis=0), [0.02] + [0.0] * 6, atol=8e-4)
     np.testing.assert_allclose(second.covariance[2], 4e-6 * np.eye(7), atol=2e-6)
@@ -218,16 +160,9 @@ def test_the_takes_that_stay_are_measured_by_the_chosen_instrument(tables):
 
 
 def test_an_instrument_that_the_dataset_does_not_have_is_refused(tables):
-    for changed, words in (
-        ({"measurement": "encoders", "encoders": None}, "the dataset does not have"),
-        ({"mocap": None}, "the dataset does not have"),
-        ({"mocap": replace(MOCAP, deviation=None)}, "needs its markers or body"),
-        ({"mocap": replace(MOCAP, markers={"link_5": HAND})}, "'flange' needs its markers"),
-        ({"robot": replace(LWR4, plane=True)}, "space, not in a plane"),
-    ):
-        with pytest.raises(ConfigError, match=words):
-            measured_takes(replace(DATASET, **changed))
+    with pytest.raises(ConfigError, match="the dataset does not have"):
+        measured_takes(replace(DATASET, encoders=None))
     table = contracts.read("encoders", MOTION)
     contracts.write(table[table["take"] != "test_2"], "encoders", MOTION)
     with pytest.raises(ConfigError, match="no measurements of the takes test_2"):
-        measured_takes(replace(DATASET, measurement="encoders"))
+        measured_takes(DATASET)

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from sample_options import made, parameters
+from sample_options import parameters
 
 from pipeline.configuration import config
-from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
 from pipeline.recordings.inventory import KEYS, by_part, listing, take_name
 from pipeline.recordings.quality import account, beside_limits, quality_row, reasons, require_enough
-from pipeline.recordings.steps import reference_joints, truth_of
 
 
 def measured(quantity: str, values: dict[str, float], part: str = "training", unit: str = "m"):
@@ -138,24 +136,3 @@ def test_each_step_says_what_it_found_kept_and_left_out():
         ["motions", "b", 1, 0, "cut off 1"],
         ["takes", "training", 2, 1, "a_1 (disturbance 7 beyond 6)"],
     ]
-
-
-TRUE = pd.DataFrame({"take": ["a"], "part": ["test"], "k": [0], "t": [0.0], "q:arm": [0.5]})
-
-
-@pytest.mark.parametrize(
-    ("measurement", "synthetic", "true"),
-    [("tip", True, True), ("tip", False, False), ("encoders", True, False), ("depth", True, False)],
-)
-def test_only_by_the_tip_and_only_where_there_is_a_truth(
-    tmp_path, monkeypatch, measurement, synthetic, true
-):
-    monkeypatch.chdir(tmp_path)
-    dataset = made(Dataset, recordings="raw/t/recordings", measurement=measurement)
-    assert truth_of(dataset) == Path("raw/t/truth")
-    if synthetic:
-        Path("raw/t/truth").mkdir(parents=True)
-        contracts.write(TRUE, "true_joints", truth_of(dataset))
-    measured = TRUE.assign(**{"q:arm": 0.4})
-    table, is_true = reference_joints(measured, dataset)
-    assert is_true == true and table["q:arm"].tolist() == [0.5 if true else 0.4]

@@ -53,8 +53,9 @@ def tracked() -> np.ndarray:
     """(takes, M+1, 7) rad: measured minus true angles."""
     ingest.run("motion")
     track.run()
-    places = {"joints": Path("data/track"), "true_joints": RECORDINGS.parent / "truth"}
-    measured, true = (contracts.read(*one).sort_values(["take", "k"]) for one in places.items())
+    measured = contracts.read("joints", Path("data/track"))
+    true = contracts.read("true_joints", RECORDINGS.parent / "truth")
+    measured, true = (table.sort_values(["take", "k"]) for table in (measured, true))
     return (values(measured, "q") - values(true, "q")).reshape(-1, 321, 7)
 
 

@@ -47,7 +47,6 @@ class Mocap:
     # link → body whose poses replace the tracks of the link's markers
     bodies: dict[str, Body] = field(default_factory=dict)
     gate: float  # m, greatest distance of a marker from its predicted position
-    deviation: float | None = None  # m, std of a coordinate, for measurement: tip
     # rad, approximate joint angles at the start, where the markers allow several postures
     posture: list[float] | None = None
     max_gap: int  # frames, longest gap that is interpolated
@@ -311,9 +310,8 @@ class Dataset:
     encoders: Encoders | None = None
     depth: Depth | None = None
     force: Force | None = None
-    # measurement of the filter: depth (joint angles from the depth camera), encoders, or tip (pose
-    # of the tool from the motion capture)
-    measurement: Literal["depth", "encoders", "tip"] = "depth"
+    # measurement of the filter: joint angles from the depth camera or from encoders
+    measurement: Literal["depth", "encoders"] = "depth"
     limits: Limits = field(default_factory=Limits)
     reading: Reading = field(default_factory=Reading)
     laboratory: Any = None  # synthetic laboratory that records this dataset; typed by its package

@@ -152,7 +152,7 @@ def linear_filters(
     ``training`` (N, M+1, n) and ``test`` (T, M+1, n) are poses in rad at steps of ``dt`` s;
     ``frames`` belong to the test takes; ``law`` is the result of :func:`deviations`.
     """
-    pose, arguments = recorded.measurement / 2, (frames, dt, recorded.chain)
+    pose, arguments = recorded.measurement / 2, (frames, dt)
     mean, covariance, _ = autocorrelated_filter(training, pose, *arguments)
     best, least = linear_filter(training.mean(axis=0), law[0], *arguments)
     return {
