@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,7 +14,7 @@ from numpy import ndarray
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.serial import SerialChain
-from pipeline.arm.urdf import describe, read_urdf
+from pipeline.arm.urdf import Description, Tree, describe, read_urdf
 from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
@@ -46,7 +47,7 @@ def chain_of(robot: Robot) -> Chain:
     move the whole pose in their plane, else serial. Raises ConfigError as :func:`describe`, for
     axes that have no common ``plane``, and for task rows that the arm cannot move.
     """
-    layout = _layout(robot)
+    layout = layout_of(robot)
     task = tuple(robot.task or (PLANE if robot.plane else SPACE))
     if robot.plane:
         layout = layout.in_frame(*_plane_of(layout))
@@ -78,7 +79,7 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
         if not joints:
             raise ConfigError(f"{key}: no joint of the arm moves {link!r}", file=tree.file)
         own = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
-        chains[link] = _layout(own).serial(SPACE, 1.0)
+        chains[link] = layout_of(own).serial(SPACE, 1.0)
     return chains
 
 
@@ -86,7 +87,7 @@ def arm_of(robot: Robot) -> Arm:
     """Planar chain of the options ``dataset.robot`` and its plane. Raises ConfigError as
     :func:`describe`, and if the joints are not three parallel revolute joints with limits.
     """
-    layout = _layout(robot)
+    layout = layout_of(robot)
     if not layout.has_closed_form:
         message = f"robot.joints: {layout.names} must be three revolute joints with limits"
         raise ConfigError(message, file=layout.file)
@@ -97,6 +98,27 @@ def arm_of(robot: Robot) -> Arm:
 def load_arm(urdf: str | Path, joints: list[str], tool: str | None, locked: Mapping) -> Arm:
     """Arm of three parallel ``joints`` of a URDF; raises ConfigError as :func:`arm_of`."""
     return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
+
+
+def planar_tools(tree: Tree, joints: list[str]) -> list[str]:
+    """Return the last links that can be the tool of a planar chain of three ``joints``; raises
+    ConfigError as :func:`arm_of` where none can.
+    """
+    tools, placed, fault = [], None, ConfigError("robot.joints: not one chain", file=tree.file)
+    for end in tree.ends:
+        if [joint.name for joint in tree.above(end) if joint.name in joints] != joints:
+            continue
+        try:
+            described = describe(Robot(str(tree.file), joints, end, plane=True), tree)
+            placed = placed or _placed(described)
+            layout = _layout(described, *placed)
+            _planar(layout.in_frame(*_plane_of(layout)))
+            tools.append(end)
+        except ConfigError as error:
+            fault = error
+    if not tools:
+        raise fault
+    return tools
 
 
 @dataclass(frozen=True)
@@ -142,17 +164,28 @@ class Layout:
         return limited and len(self.names) == 3 and not self.sliding.any()
 
 
-def _layout(robot: Robot) -> Layout:
+def layout_of(robot: Robot) -> Layout:
     """Layout of the arm in the base frame; all other joints of the URDF are fixed."""
     described = describe(robot)
-    tree, joints = described.tree, described.joints
-    names, root = [joint.name for joint in joints], deepcopy(tree.root)
+    return _layout(described, *_placed(described))
+
+
+@lru_cache(maxsize=1)
+def _whole_model(tree: Tree) -> pin.Model:
+    """Model of all joints in a URDF."""
+    root = deepcopy(tree.root)
     for key, elements in {"name": root.findall("link"), "link": root.findall("joint/*")}.items():
         for element in elements:
             if key in element.attrib:  # Pinocchio allows no joint and link of the same name
                 element.set(key, LINK + element.get(key))
+    return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _placed(described: Description) -> tuple[pin.Model, pin.Data]:
+    """Model of the arm's joints and its frames at zero angles; all other joints are fixed."""
+    tree, names = described.tree, [joint.name for joint in described.joints]
     try:
-        full = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
+        full = _whole_model(tree)
         step = np.zeros(full.nv)
         for name, value in described.held.items():
             step[full.joints[full.getJointId(name)].idx_v] = value
@@ -164,9 +197,17 @@ def _layout(robot: Robot) -> Layout:
         message = f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
         raise ConfigError(message, file=tree.file) from None
     data = model.createData()
-    # a single column is a vector in Pinocchio
-    jacobian = pin.computeJointJacobians(model, data, pin.neutral(model)).reshape(6, -1)
+    pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)
+    return model, data
+
+
+def _layout(described: Description, model: pin.Model, data: pin.Data) -> Layout:
+    """Layout of an arm :func:`_placed` in the base frame."""
+    tree, joints = described.tree, described.joints
+    names = [joint.name for joint in joints]
+    # a single column is a vector in Pinocchio
+    jacobian = data.J.reshape(6, -1)
     links = [link for link in (described.tip, described.base) if link is not None]
     ids = [model.getFrameId(LINK + link, pin.FrameType.BODY) for link in links]
     tip, *base = (data.oMf[number] for number in ids)

@@ -1,12 +1,15 @@
 """Tree of links and joints of a URDF file, and the configured arm in the tree."""
 
 import math
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from pipeline.core.bounds import read_whole
+from pipeline.core.bounds import read_whole, require
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
 
@@ -32,7 +35,8 @@ class Joint(NamedTuple):
     offset: float = 0.0
 
 
-class Tree(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tree:
     """Links of a robot, and its joints by name, in the order of the file."""
 
     file: Path
@@ -40,19 +44,23 @@ class Tree(NamedTuple):
     links: list[str]
     joints: dict[str, Joint]
 
-    @property
+    @cached_property
     def ends(self) -> list[str]:
         """Links without child joints."""
         followed = {joint.parent for joint in self.joints.values()}
         return [link for link in self.links if link not in followed]
 
+    @cached_property
+    def by_child(self) -> dict[str, Joint]:
+        """Link → joint that moves it."""
+        return {joint.child: joint for joint in self.joints.values()}
+
     def above(self, link: str) -> list[Joint]:
         """Joints from the root to ``link``."""
-        by_child = {joint.child: joint for joint in self.joints.values()}
         result: list[Joint] = []
-        while link in by_child and len(result) < len(self.joints):  # links may form a loop
-            result.append(by_child[link])
-            link = by_child[link].parent
+        while link in self.by_child:
+            result.append(self.by_child[link])
+            link = result[-1].parent
         return result[::-1]
 
     def link(self, name: str, key: str) -> str:
@@ -71,9 +79,11 @@ def read_urdf(file: Path) -> Tree:
         words = [part.tag for part in root.iter()]
         words += [word for part in parts for word in part.attrib.values()]
         if not any("xacro" in word or "$" in word for word in words):
-            joints = {joint.name: joint for joint in map(_joint, root.findall("joint"))}
+            require("joints", len(elements := root.findall("joint")), "joints", file)
+            joints = [*map(_joint, elements)]
             links = [link.get("name", "") for link in root.findall("link")]
-            return Tree(file, root, links, joints)
+            _require_tree(links, joints)
+            return Tree(file, root, links, {joint.name: joint for joint in joints})
         message = XACRO.format(file.name)
     except OSError as error:
         message = f"cannot be read ({error.strerror}); state its path from the project's root"
@@ -85,6 +95,29 @@ def read_urdf(file: Path) -> Tree:
     raise ConfigError(f"robot.urdf: {message}", file=file, line=line) from None
 
 
+def _require_tree(links: list[str], joints: list[Joint]) -> None:
+    """Raise ValueError where the ``joints`` do not make one tree of all ``links``."""
+    children, ends = [joint.child for joint in joints], {*links}
+    twice = [n for each in (links, [j.name for j in joints], children) for n in _repeated(each)]
+    unknown = sorted({name for joint in joints for name in joint[2:4]} - ends)
+    roots = [link for link in links if link not in {*children}]
+    fault = ""
+    if twice:
+        fault = f"the name {twice[0]!r} occurs twice, or the link has two joints above it"
+    elif unknown:
+        fault = f"joints name the link {unknown[0]!r}, which the file lacks"
+    elif len(roots) != 1 and links:
+        fault = f"{len(roots)} root links ({', '.join(roots[:5])}), where a tree has one"
+    elif len(links) > len(joints) + 1:
+        fault = "links form a loop"
+    if fault:
+        raise ValueError(f"{fault}: connect all links by joints")
+
+
+def _repeated(names: list[str]) -> list[str]:
+    return [name for name, count in Counter(names).items() if count > 1]
+
+
 def _joint(element: ElementTree.Element) -> Joint:
     name, kind = element.get("name", ""), element.get("type", "")
     parts = {part.tag: part.attrib for part in element}
@@ -92,6 +125,8 @@ def _joint(element: ElementTree.Element) -> Joint:
     try:
         limits = {key: float(value) for key, value in parts.get("limit", {}).items()}
         coupling = [float(mimic[key]) for key in ("multiplier", "offset")]
+        if any(map(math.isnan, (*limits.values(), *coupling))):
+            raise ValueError("nan is no number")
     except ValueError as error:
         raise ValueError(f"limit or mimic of the joint {name}: {error}") from None
     ends = [parts.get(end, {}).get("link", "") for end in ("parent", "child")]
@@ -114,22 +149,23 @@ class Description(NamedTuple):
     held: dict[str, float]  # coordinates of joints outside the arm, rad or m; 0 if absent
 
 
-def describe(robot: Robot) -> Description:
-    """Return the arm of the options ``dataset.robot``. Coupled joints (mimic) outside the arm
-    follow their coupling. Raises ConfigError for names missing in the URDF, and if joints, tip and
-    base do not form a chain of joints with one coordinate each.
+def describe(robot: Robot, tree: Tree | None = None) -> Description:
+    """Return the arm of the options ``dataset.robot``, in its ``tree`` if read. Coupled joints
+    (mimic) outside the arm follow their coupling. Raises ConfigError for names missing in the URDF,
+    and if joints, tip and base do not form a chain of joints with one coordinate each.
     """
-    tree, locked, last = read_urdf(Path(robot.urdf)), robot.locked, robot.joints[-1]
+    tree, locked, last = tree or read_urdf(Path(robot.urdf)), robot.locked, robot.joints[-1]
     joints = tree.joints
     movable = sorted(name for name, joint in joints.items() if joint.kind in SINGLE)
     for key, names in {"joints": robot.joints, "locked": locked}.items():
         if unknown := [name for name in names if name not in movable]:
             message = f"robot.{key}: no joint {unknown[0]!r} of one coordinate in the URDF"
             raise ConfigError(f"{message}; it has {movable}", file=tree.file)
-    ends = [end for end in tree.ends if joints[last] in tree.above(end)]
-    if robot.tool is None and len(ends) != 1:
-        message = f"the URDF ends in more than one link beyond {last}; name one of {ends}"
-        raise ConfigError(f"robot.tool: {message}", file=tree.file)
+    if robot.tool is None:
+        ends = [end for end in tree.ends if joints[last] in tree.above(end)]
+        if len(ends) != 1:
+            message = f"the URDF ends in more than one link beyond {last}; name one of {ends}"
+            raise ConfigError(f"robot.tool: {message}", file=tree.file)
     tip = ends[0] if robot.tool is None else tree.link(robot.tool, "robot.tool")
     base = None if robot.base is None else tree.link(robot.base, "robot.base")
     if (fault := next(_arm_faults(tree, robot, base, tip), None)) is not None:

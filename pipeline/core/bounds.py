@@ -1,7 +1,9 @@
 """Bounds on size, time and memory for reading recordings, and a process with these bounds."""
 
+import errno
 import faulthandler
 import pickle
+import re
 import resource
 from collections.abc import Callable
 from contextvars import ContextVar
@@ -9,6 +11,8 @@ from dataclasses import replace
 from multiprocessing import Pipe, current_process, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
+from signal import SIGKILL, Signals
+from tempfile import gettempdir
 from typing import Annotated, Any, Self
 
 from pydantic import Field
@@ -18,6 +22,14 @@ from pipeline.core.validation import options
 
 Bound = Annotated[int, Field(gt=0)]
 MIB = 1 << 20
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+# beginning of a file that stands for another file: name, remedy
+STAND_INS = (
+    (rb"version https://git-lfs\.github\.com/spec/", "a pointer of Git LFS", "run `git lfs pull`"),
+    (rb"(\.\./)*(\.git)?/annex/objects/", "a pointer of git-annex", "run `git annex get`"),
+    (rb"(md5: \w+\n|frozen: \w+\n)*(deps|outs):\n", "a pointer of DVC", "run `dvc pull`"),
+    (rb"(?i)\s*<(!doctype html|html)\b", "a web page", "download the file that the page offers"),
+)
 
 
 @options(frozen=True)
@@ -27,6 +39,7 @@ class Reading:
     file_mib: Bound = 64  # of a file that is read whole; bags and archives are read in parts
     part_mib: Bound = 64  # of a part that is unpacked at once: a frame, an array, a chunk of a bag
     markers: Bound = 2000  # of a take
+    joints: Bound = 1000  # of a URDF
     seconds: Annotated[float, Field(gt=0)] = 60.0  # of a call in a separate process
     memory_mib: Bound = 2048  # of a call in a separate process, in addition to the program's
 
@@ -54,15 +67,36 @@ def require(bound: str, amount: float, what: str, file: Path) -> None:
     if amount > (most := getattr(bounds(), bound)):
         found = f"found {amount:.6g} {what}, at most {most} are allowed"
         option = f"dataset.reading.{bound}"
-        raise RecordingError(f"{found}: damaged file, or raise the bound", file=file, bound=option)
+        raise RecordingError(f"{found}: raise the bound for a sound file", file=file, bound=option)
+
+
+class ReaderFailure(RecordingError):
+    """A library refused a file, or ended its process: the file may be damaged."""
+
+
+def require_content(content: bytes, file: Path) -> bytes:
+    """Return the beginning ``content`` of ``file``; RecordingError if it stands for another file,
+    such as a pointer of Git LFS.
+    """
+    for mark, name, remedy in STAND_INS:
+        own = (
+            (".html", ".htm")
+            if name == "a web page"
+            else (".dvc",) * Path(file).with_suffix("").exists()
+        )
+        if Path(file).suffix.lower() not in own and re.match(mark, content[:1024]):
+            raise RecordingError(f"{name} in place of the file: {remedy}", file=file)
+    return content
 
 
 def read_whole(file: Path) -> bytes:
-    """Return all bytes of ``file``; RecordingError above ``file_mib``, OSError if unreadable."""
+    """Return all bytes of ``file``; RecordingError above ``file_mib`` and for a stand-in, OSError
+    if unreadable.
+    """
     with Path(file).open("rb") as stream:
         require("file_mib", stream.seek(0, 2) / MIB, "MiB", file)
         stream.seek(0)
-        return stream.read()
+        return require_content(stream.read(), file)
 
 
 def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
@@ -71,7 +105,7 @@ def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
         try:
             return sandbox.call(function, *arguments)
         except RecordingError as error:
-            raise RecordingError(error.message, **{"file": file} | error.evidence) from None
+            raise type(error)(error.message, **{"file": file} | error.evidence) from None
 
 
 class Sandbox:
@@ -120,7 +154,13 @@ class Sandbox:
                 self._process.join()
                 code = self._process.exitcode
                 self.__exit__()
-                raise RecordingError(f"reading it ends the process (exit code {code})") from None
+                if code == -SIGKILL:
+                    message = (
+                        "the reading process was killed, as where a machine lacks memory: free"
+                    )
+                    raise RecordingError(f"{message} memory, and run this again") from None
+                how = Signals(-code).name if code < 0 else f"exit code {code}"
+                raise ReaderFailure(f"reading it ends the process ({how})") from None
         if isinstance(outcome, PipelineError):
             raise outcome
         return outcome
@@ -159,11 +199,20 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
         return _refusal(f"it needs more than {bounds().memory_mib} MiB of memory", "memory_mib")
     except RecursionError:
         return RecordingError("the file nests too deeply to be read")
+    except ImportError as error:
+        message = f"a package is missing ({error}): run `make`, which installs it"
+        return RecordingError(message)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in NO_SPACE:
+            message = f"no space left on device at {gettempdir()}: free some space, or set TMPDIR"
+            return RecordingError(message)
+        if isinstance(error, OSError) and error.errno is not None:
+            return RecordingError(f"the file cannot be read ({error.strerror})")
         words = " ".join(str(error).split())[:200]
-        return RecordingError(f"its reader fails on it ({type(error).__name__}: {words})")
+        return ReaderFailure(f"its reader fails on it ({type(error).__name__}: {words})")
 
 
 def _refusal(message: str, bound: str) -> RecordingError:
-    option = f"dataset.reading.{bound}"
-    return RecordingError(f"{message}: the file is damaged or too large", bound=option)
+    return RecordingError(
+        f"{message}: raise the bound for a sound file", bound=f"dataset.reading.{bound}"
+    )

@@ -18,7 +18,7 @@ from pkgutil import walk_packages
 from types import ModuleType
 from typing import Any
 
-from pipeline.core.bounds import call_alone, read_whole
+from pipeline.core.bounds import ReaderFailure, call_alone, read_whole, require_content
 from pipeline.core.errors import ConfigError, RecordingError
 
 BYTES = 1 << 16  # size of a file's head: labels and rows of some hundred columns
@@ -68,11 +68,13 @@ class Head:
 
     @classmethod
     def read(cls, file: Path) -> "Head":
-        """Return the first BYTES of ``file``, no bytes of a folder; OSError if unreadable."""
+        """Return the first BYTES of ``file``, no bytes of a folder; OSError if unreadable,
+        RecordingError for a file that stands for another one.
+        """
         if Path(file).is_dir():
             return cls(Path(file), b"")
         with Path(file).open("rb") as stream:
-            return cls(Path(file), stream.read(BYTES))
+            return cls(Path(file), require_content(stream.read(BYTES), file))
 
     @property
     def suffix(self) -> str:
@@ -155,9 +157,28 @@ def advised(advice: str, **evidence: object) -> Iterator[None]:
     try:
         yield
     except RecordingError as error:
-        failed = any(words in error.message for words in ("its reader fails", "ends the process"))
-        message = f"the file is damaged ({error.message}); {advice}" if failed else error.message
-        raise RecordingError(message, **evidence | error.evidence) from None
+        failed = isinstance(error, ReaderFailure)
+        message = f"{error.message}; the file may be damaged: {advice}" if failed else error.message
+        raise type(error)(message, **evidence | error.evidence) from None
+
+
+def compare_announced(
+    items: str, announced: float | None, found: int, refusal: str = "", **where: object
+) -> dict[str, int]:
+    """Return the counts ``announced_ITEMS`` (None: not stated), ``found_ITEMS`` and, unless 0,
+    ``lacking_ITEMS`` or ``surplus_ITEMS``; RecordingError (``where``) in their place with the
+    advice ``refusal`` of a format in which the numbers must agree.
+    """
+    if announced is None:
+        return {f"found_{items}": found}
+    lacking = int(announced) - found
+    if lacking and refusal:
+        message = f"the file announces {int(announced)} {items} and holds {found}: {refusal}"
+        raise RecordingError(message, **where)
+    differing = (
+        {f"{'lacking' if lacking > 0 else 'surplus'}_{items}": abs(lacking)} if lacking else {}
+    )
+    return {f"announced_{items}": int(announced), f"found_{items}": found} | differing
 
 
 def begins(*marks: bytes) -> Callable[[Head], bool]:

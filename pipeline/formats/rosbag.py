@@ -6,22 +6,26 @@ A separate process reads a bag, since compressed parts (bz2, lz4, zstd) can deco
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
-from pipeline.core.bounds import Sandbox, read_whole
+from pipeline.core.bounds import Sandbox
 from pipeline.core.errors import RecordingError
+from pipeline.formats.bag_reader import decoder, mend, open_bag, ros_version
 from pipeline.formats.depth.intrinsics import Intrinsics, pinhole
-from pipeline.formats.format import BAG_SUFFIXES, Format, Kind, advised, read_alone
+from pipeline.formats.format import (
+    BAG_SUFFIXES,
+    Format,
+    Kind,
+    advised,
+    compare_announced,
+    read_alone,
+)
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
-MEND = "copy it again, or run `rosbag reindex` on it"
 IMAGE, CLOUD, CAMERA_INFO = (
     f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo")
 )
@@ -38,21 +42,33 @@ class Summary:
     version: str  # ROS version
     duration: float  # s, from the first to the last message
     topics: dict[str, tuple[str, int]]  # topic → type and number of messages
+    # announced_messages in metadata.yaml, and found_messages in the files
+    counts: dict[str, int] = field(default_factory=dict)
+    passed_over: dict[str, str] = field(default_factory=dict)  # topic that is not read → reason
 
 
 def summary(file: Path) -> Summary:
     """Return the index of the bag ``file``; RecordingError as :func:`messages`."""
-    return read_alone(_summary, Path(file), file=file, advice=MEND)
+    return read_alone(_summary, Path(file), file=file, advice=mend(Path(file)))
 
 
 def _summary(file: Path) -> Summary:
-    with _opened(file) as reader:
+    with open_bag(file) as (reader, foreign):
         counts: Counter[tuple[str, str]] = Counter()
         for connection in reader.connections:
             counts[connection.topic, connection.msgtype] += connection.msgcount
+            try:
+                decoder(connection)
+            except RecordingError as error:
+                foreign = foreign | {connection.topic: error.message}
         duration = reader.duration * 1e-9 if counts.total() else 0.0
         topics = {topic: (kind, number) for (topic, kind), number in counts.items()}
-        return Summary("2" if reader.is2 else "1", duration, topics)
+        storages = getattr(getattr(reader, "storage", None), "storages", ())
+        stored = [c for one in storages for c in one.connections]
+        held = sum(one.msgcount for one in stored if one.topic in topics)
+        compared = compare_announced("messages", counts.total(), held) if stored else {}
+        version = max(map(ros_version, reader.connections), default="2")
+        return Summary(version, duration, topics, compared, foreign)
 
 
 def topics(file: Path) -> dict[str, str]:
@@ -82,19 +98,23 @@ def messages(
     """Yield ``pick(message)`` for every message of ``topic`` in the bag ``file`` (or the messages
     ``numbers``, from 0), in the order of recording. ``pick`` is pickled and called in the reading
     process, which keeps one message in memory; a message has the attributes of its ROS definition.
-    Raises RecordingError for a missing, truncated, damaged or unindexed bag, for fewer messages
-    than the bag announces, and, with the message's number, where ``pick`` does.
+    Raises RecordingError for a missing, truncated, damaged or unindexed bag, for a ``topic`` of
+    another serialization or definition, for another number of messages than the bag announces,
+    and, with the message's number, where ``pick`` does.
     """
     where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
-        with advised(MEND, **where, number=0):
+        again = mend(Path(file))
+        with advised(again, **where, number=0):
             count = sandbox.call(_start, Path(file), topic)
         for number in range(count):
             wanted = numbers is None or number in numbers
-            with advised(MEND, **where, number=number):
+            with advised(again, **where, number=number):
                 picked = sandbox.call(_next, pick if wanted else None)
             if wanted:
                 yield picked
+        with advised(again, **where):
+            sandbox.call(_finish)
 
 
 def _start(file: Path, topic: str) -> int:
@@ -107,9 +127,15 @@ def _next(pick: Callable[[Any], Any] | None) -> Any:
     return pick and pick(message)
 
 
+def _finish() -> None:
+    next(_streams[0], None)
+
+
 def _stream(file: Path, topic: str) -> Iterator[Any]:
     """Yield the number of messages, then the messages."""
-    with _opened(file) as reader:
+    with open_bag(file) as (reader, foreign):
+        if topic in foreign:
+            raise RecordingError(foreign[topic], file=file, topic=topic)
         connections = [connection for connection in reader.connections if connection.topic == topic]
         if not connections:
             present = _topic_list({one.topic: one.msgtype for one in reader.connections})
@@ -117,10 +143,11 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
         announced, found = sum(connection.msgcount for connection in connections), 0
         yield announced
         for connection, _, raw in reader.messages(connections):
-            yield reader.deserialize(raw, connection.msgtype)
             found += 1
-        message = f"{found} messages where the bag announces {announced}: truncated or damaged"
-        raise RecordingError(message, file=file, topic=topic)
+            if found <= announced:
+                yield decoder(connection)(raw)
+        where = {"file": file, "topic": topic}
+        compare_announced("messages", announced, found, "truncated or damaged", **where)
 
 
 def seconds(message: object, **evidence: object) -> float:
@@ -132,24 +159,6 @@ def seconds(message: object, **evidence: object) -> float:
         message = "the message has no time in its header; record with a driver that writes one"
         raise RecordingError(message, **evidence)
     return stamp.sec + stamp.nanosec * 1e-9
-
-
-@contextmanager
-def _opened(file: Path) -> Iterator[AnyReader]:
-    if (metadata := file / "metadata.yaml").is_file():
-        read_whole(metadata)  # raises for a file beyond the bounds
-    for database in (file, *file.glob("*.db3")):
-        if database.suffix == ".db3":  # SQLite may replace the missing end of a file by zeros
-            with database.open("rb") as stream:
-                head = stream.read(32)
-            size, pages = int.from_bytes(head[16:18]), int.from_bytes(head[28:32])
-            if database.stat().st_size < pages * (1 << 16 if size == 1 else size):
-                raise ValueError(f"{database.name} is cut short")
-    reader = AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-    with reader:
-        if not all(isinstance(connection.msgcount, int) for connection in reader.connections):
-            raise ValueError("the bag does not state its number of messages")
-        yield reader
 
 
 def _topic_list(types: dict[str, str]) -> str:

@@ -1,5 +1,5 @@
 """Depth images as PNG, TIFF or PGM, conversion of pixels to m, and the times of the frames of a
-sequence: by an index (TUM RGB-D layout), or by numbers in file names.
+sequence: by an index (TUM RGB-D layout), or by numbers or times in file names.
 
 OpenCV decodes the pixels and keeps their type. The header is read first, to bound the size of the
 pixels. Checksums of a PNG and the length of a PGM are checked, since OpenCV pads missing bytes.
@@ -21,6 +21,7 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import NUMBER, read_text
 from pipeline.formats.depth import cloud
+from pipeline.formats.depth.frame_names import FrameSequence, frame_sequences
 from pipeline.formats.format import Format, Head, Kind, begins, file_content, matching
 
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
@@ -30,7 +31,6 @@ GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments in the header of a PGM
 # P5, width, height, greatest value and one blank; the pixels follow
 PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d+)" + GAP + rb"(\d+)" + GAP + rb"(\d{1,5})\s")
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, limits of the median step; times in ms exceed them
-NUMBERED = re.compile(r"(.*?)(\d+)(\D*)", re.ASCII)  # file name split at its last number
 PIXEL = 4  # bytes, size of the largest decoded pixel
 NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
 # exceptions that Pillow raises for a damaged header
@@ -238,10 +238,8 @@ def read_index(file: Path) -> DepthIndex:
         files.append(name)
     if not files:
         raise RecordingError("the index has no complete line with a frame", file=file)
-    step = float(np.median(np.diff(time[1:]))) if len(files) > 1 else SHORTEST_STEP
-    if not SHORTEST_STEP <= step <= LONGEST_STEP:
-        message = f"the median time between frames is {step:.6g} s, of no camera: write the times "
-        raise RecordingError(f"{message}in s (divide ms by 1e3, µs by 1e6, ns by 1e9)", file=file)
+    if len(files) > 1:
+        require_step(np.diff(time[1:]), file)
     return DepthIndex(np.array(time[1:]), tuple(files), {"cut_rows": int(text.cut is not None)})
 
 
@@ -259,26 +257,39 @@ def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:
     Path(file).write_bytes(("\n".join(lines) + "\n").encode())
 
 
-def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
-    """Return the frames of ``folder`` that match the glob ``pattern``, sorted by the last number n
-    in their names, at the time (n − n₀)/``rate`` s after the first. RecordingError where no file
-    matches, a name has no number, names differ in more than the number, or a number occurs twice.
+def named_frames(folder: Path, pattern: str) -> FrameSequence:
+    """Return the frames of ``folder`` that match the glob ``pattern``, in the order of the numbers
+    or times in their names. RecordingError where no file matches, a name has no number, names form
+    several sequences, a number occurs twice, or times are of no camera.
     """
-    numbers: dict[int, Path] = {}
-    forms = set()
-    for file in filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames")):
-        parts = NUMBERED.fullmatch(file.stem)
-        forms.add((file.parent, file.suffix, *(parts.group(1, 3) if parts else (file,))))
-        other = numbers.setdefault(int(parts[2]), file) if parts else file
-        if parts is None or len(forms) > 1 or other != file:
-            message = f"names that match {pattern!r} must differ only in one number, which occurs "
-            message += "once; rename the frames, or write an index of their times"
-            raise RecordingError(message, file=file)
-    if not numbers:
+    files = filter(Path.is_file, matching(folder, pattern, key="dataset.depth.frames"))
+    if not (sequences := frame_sequences(files)):
         raise RecordingError(f"no depth frame matches {pattern!r}", file=folder)
-    order = sorted(numbers)
-    time = np.array([(number - order[0]) / rate for number in order])
-    return DepthIndex(time, tuple(str(numbers[number].relative_to(folder)) for number in order), {})
+    frames, names = sequences[0], ", ".join(one.pattern.name for one in sequences[:3])
+    if len(sequences) > 1 or len({*frames.values}) < len(frames.files):
+        message = f"the names that match {pattern!r} must differ only in one number, or in a time, "
+        message += f"which occurs once, found {names}; rename the frames, narrow the pattern or "
+        raise RecordingError(f"{message}write an index of their times", file=frames.files[-1])
+    if frames.timed and len(frames.files) > 1:
+        require_step(np.diff(frames.values) * 1e-9, folder)
+    return frames
+
+
+def require_step(steps: np.ndarray, file: Path) -> None:
+    """Raise RecordingError where the median of ``steps`` between frames, in s, is of no camera."""
+    if not SHORTEST_STEP <= (step := float(np.median(steps))) <= LONGEST_STEP:
+        message = f"the median time between frames is {step:.6g} s, of no camera: write the times "
+        raise RecordingError(f"{message}in s (divide ms by 1e3, µs by 1e6, ns by 1e9)", file=file)
+
+
+def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
+    """Return the index of :func:`named_frames`: times since the first frame by the times in the
+    names, else by the numbers in the names over ``rate``.
+    """
+    frames = named_frames(folder, pattern)
+    scale = 1e-9 if frames.timed else 1 / rate
+    time = np.array([(value - frames.values[0]) * scale for value in frames.values])
+    return DepthIndex(time, tuple(str(file.relative_to(folder)) for file in frames.files), {})
 
 
 def frame_endings() -> tuple[str, ...]:

@@ -4,13 +4,14 @@ import os
 import re
 import struct
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.core.bounds import require
+from pipeline.core.bounds import MIB, require, require_content
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import GREATEST
-from pipeline.formats.format import Format, Head, Kind, read_alone, readable
+from pipeline.formats.format import Format, Head, Kind, compare_announced, read_alone, readable
 from pipeline.formats.motion.take import MotionTake, checked_take, settle_unit
 
 KEY = 0x50  # the second byte of every C3D file
@@ -31,26 +32,37 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     coordinate is NaN or beyond GREATEST, as NDI's -3.7e28 (counted as ``invalid_samples``). Points
     that share a label are called ``label [n]``, points without a label ``Point n``. Points listed
     in POINT:ANGLES, FORCES, MOMENTS, POWERS, REACTIONS or SCALARS are outputs of a model: they are
-    left out and counted, and so are surplus labels. Raises RecordingError for an unreadable or
-    damaged file, a file that is no C3D, has the byte order of MIPS or is shorter than its header
-    states, and for no marker, no rate or no unit.
+    left out and counted, and so are surplus labels. Where the header's 16 bits cannot hold the
+    number of frames, TRIAL or POINT:LONG_FRAMES states it, else the length of the file. Raises
+    RecordingError for an unreadable or damaged file, a file that is no C3D, has the byte order of
+    MIPS or fewer frames than it states, and for no points, no marker, no rate or no unit.
     """
-    points, announced, first = _first_block(file)
-    require("markers", points, "points", file)
+    header = _first_block(file)
+    require("markers", header.points, "points", file)
     contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
+    if not header.points:
+        channels = [name.strip() for name in contents["channels"].tolist()]
+        message = f"the file has no points, only {len(channels)} analog channels "
+        message += f"({', '.join(channels)}) of {header.samples} samples: export the markers"
+        raise RecordingError(message if channels else "the file has no points: no take", file=file)
+    announced = _announced_frames(header, contents)
+    if announced > header.frames:
+        require("memory_mib", announced * header.row / MIB, "MiB of frames", file)
+        pieces = str(file), header, min(announced, header.held)
+        contents |= read_alone(read_contents, *pieces, file=file, advice=AGAIN)
+    points, first = header.points, header.first
     position, residual, rate = (contents[name] for name in ("points", "residuals", "rate"))
     _, found, frames = position.shape
-    if (found, residual.shape) != (points, (found, frames)) or announced not in (None, frames):
-        message = f"the header announces {points} points in {announced} frames, the file holds "
-        message += f"{found} in {frames}: truncated or damaged; {AGAIN}"
+    if (found, residual.shape) != (points, (found, frames)):
+        message = f"the header announces {points} points, the file holds {found}; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:USED")
+    counts = compare_announced("frames", announced, frames, f"truncated? {AGAIN}", file=file)
     if rate.shape != (1,) or not 0 < rate[0] < np.inf:
         message = f"the file has no frame rate; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:RATE")
     stated = {text.strip().lower() for text in contents["units"]} - {""}
     unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
-    if (start := contents["start"]).size == 2:  # low and high word of the first frame's number
-        number = int(start[0]) % 2**16 + int(start[1]) % 2**16 * 2**16
+    if (number := _long(contents["start"])) is not None:
         first = number if first in (number % 2**16, LONGEST) else first
     labels = [label.strip() for label in contents["labels"].tolist()]
     outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
@@ -75,51 +87,107 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     rare["skipped_labels"] = max(len(labels) - points, 0)
     more = {"unlabelled_points": points - sum(map(bool, labels[:points]))}
     more |= {name: count for name, count in rare.items() if count}
-    frame, counts = np.arange(frames) + first, {"announced_frames": announced or frames}
+    frame = np.arange(frames) + first
     about = Path(file).stem, "C3D", float(rate[0]), frame, np.zeros(0), markers, {}, counts, unit
     return checked_take(MotionTake(*about), file, more=more)
 
 
-def _first_block(file: Path) -> tuple[int, int | None, int]:
-    """Return the header's number of points, number of frames (None if too large for the header) and
-    first frame; RecordingError for no C3D header and for a file shorter than its header states.
-    """
+class C3dHeader(NamedTuple):
+    """The header's statements about the data, and the ``held`` frames by the file's length."""
+
+    points: int
+    frames: int
+    first: int  # number of the first frame
+    last: int
+    samples: int  # per analog channel
+    start: int  # first byte of the data
+    row: int  # bytes of a frame
+    held: int
+
+
+def _first_block(file: Path) -> C3dHeader:
+    """Return the header; RecordingError for no C3D, and a file shorter than its header states."""
     with readable(file), Path(file).open("rb") as stream:
         content, size = stream.read(256 * BLOCK), stream.seek(0, os.SEEK_END)
-    if (processor := _processor(content)) not in (INTEL, DEC):
+    if (processor := _processor(require_content(content, file))) not in (INTEL, DEC):
         message = f"this is no C3D file, or its header is cut short; {AGAIN}"
         if processor == MIPS:
             message = "the numbers are big-endian (SGI, MIPS), which is not read; convert the file "
             message += "to Intel's byte order with Mokka or C3Dserver"
         raise RecordingError(message, file=file)
     points, analog, first, last = struct.unpack_from("<4H", content, 2)
-    start = struct.unpack_from("<H", content, 16)[0]
+    start, ratio = struct.unpack_from("<2H", content, 16)
     # a negative scale means floating point; DEC stores the word with the sign first
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
-    frames = last - first + 1
-    needed = (max(start, 1) - 1) * BLOCK + frames * width * (4 * points + analog)
-    if not points or frames < 1 or (last != LONGEST and size < needed):
+    frames, start, row = (
+        last - first + 1,
+        (max(start, 1) - 1) * BLOCK,
+        width * (4 * points + analog),
+    )
+    needed = start + frames * row
+    if frames < 1 or (last != LONGEST and size < needed):
         message = f"the header announces {points} points in {frames} frames, which need {needed} "
         message += f"bytes; the file has {size}: empty or truncated; {AGAIN}"
         raise RecordingError(message, file=file)
-    return points, None if last == LONGEST else frames, first
+    held = max(size - start, 0) // max(row, 1)
+    return C3dHeader(points, frames, first, last, frames * ratio, start, row, held)
 
 
-def read_contents(file: str) -> dict[str, np.ndarray]:
+def _announced_frames(header: C3dHeader, contents: dict[str, np.ndarray]) -> int:
+    """Return the number of frames: the header's, unless it is the low word of a greater number in
+    TRIAL or POINT:LONG_FRAMES, or the greatest possible one and the file is longer.
+    """
+    start, end, stated = (_long(contents[name]) for name in ("start", "end", "long_frames"))
+    if None not in (start, end):
+        stated = max(end - start + 1, stated or 0)
+    capped = header.last == LONGEST
+    if stated and (capped or stated % 2**16 == header.frames % 2**16):
+        return max(stated, header.frames)
+    behind = (header.held - header.frames) * header.row >= BLOCK  # more than padding
+    return header.held if capped and (behind or header.held < header.frames) else header.frames
+
+
+def _long(words: np.ndarray) -> int | None:
+    """Return the number of one or two ``words``, the low one first; None for no number."""
+    if words.size not in (1, 2) or not np.isfinite(words).all():
+        return None
+    low, *high = (int(word) for word in words)
+    return low % 2**16 + high[0] % 2**16 * 2**16 if high else low
+
+
+def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -> dict:
     """Return the contents by ezc3d, which may crash or hang on a damaged file: ``points`` (3, P, N)
     in the file's unit, ``residuals`` (P, N), ``labels``, ``outputs`` (labels of points that are no
-    markers), ``units``, ``rate`` and ``start``.
+    markers), ``channels``, ``units``, ``rate``, ``start``, ``end`` and ``long_frames``. With a
+    ``header``, return points and residuals of ``frames`` that the library reads in pieces, since it
+    reads the frames of the header alone.
     """
+    if header is None:
+        # open by descriptor, since the library refuses names that are not UTF-8
+        descriptor = os.open(file, os.O_RDONLY)
+        try:
+            return _contents(descriptor)
+        finally:
+            os.close(descriptor)
+    content, parts = Path(file).read_bytes(), []
+    for first in range(0, frames, LONGEST - 1):
+        count, above = min(LONGEST - 1, frames - first), bytearray(content[: header.start])
+        struct.pack_into("<2H", above, 6, 1, count)
+        at = header.start + first * header.row
+        with os.fdopen(os.memfd_create("piece"), "wb") as stream:
+            stream.write(above + content[at : at + count * header.row])
+            stream.flush()
+            parts.append(_contents(stream.fileno()))
+    joined = {"points": 2, "residuals": 1}
+    return {name: np.concatenate([one[name] for one in parts], n) for name, n in joined.items()}
+
+
+def _contents(descriptor: int) -> dict[str, np.ndarray]:
     import ezc3d
 
-    # open by descriptor, since the library refuses names that are not UTF-8
-    descriptor = os.open(file, os.O_RDONLY)
-    try:
-        recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
-    finally:
-        os.close(descriptor)
+    recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
     parameters = recording["parameters"]
-    point = parameters["POINT"]
+    point, trial = parameters["POINT"], parameters.get("TRIAL", {})
     # LABELS2 before LABELS10
     labels = sorted(sorted(name for name in point if re.fullmatch(r"LABELS\d*", name)), key=len)
     outputs = [name for name in point if OUTPUTS.fullmatch(name)]
@@ -130,7 +198,10 @@ def read_contents(file: str) -> dict[str, np.ndarray]:
         "outputs": np.array([str(name) for name in _values(point, *outputs)], dtype=str),
         "units": np.array(_values(point, "UNITS"), dtype=str),
         "rate": np.array(_values(point, "RATE"), dtype=float),
-        "start": np.array(_values(parameters.get("TRIAL", {}), "ACTUAL_START_FIELD"), dtype=int),
+        "channels": np.array(_values(parameters.get("ANALOG", {}), "LABELS"), dtype=str),
+        "start": np.array(_values(trial, "ACTUAL_START_FIELD"), dtype=float),
+        "end": np.array(_values(trial, "ACTUAL_END_FIELD"), dtype=float),
+        "long_frames": np.array(_values(point, "LONG_FRAMES"), dtype=float),
     }
 
 

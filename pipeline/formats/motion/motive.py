@@ -141,8 +141,7 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     printed = np.zeros(0) if header.time is None else values[header.time]
     counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
     counts["cut_rows"] = int(text.cut is not None)
-    if capture.WHOLE.fullmatch(fields.get("Total Exported Frames", "")):
-        counts["announced_frames"] = int(fields["Total Exported Frames"])
+    counts |= capture.compare_frames(fields.get("Total Exported Frames", ""), len(frame))
     rate = _rate(fields, frame, printed, file)
     unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
     markers, solved, bodies, places, solved_places = {}, {}, {}, {}, {}

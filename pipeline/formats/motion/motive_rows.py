@@ -158,8 +158,7 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         message += "export the take again"
         raise RecordingError(message, file=file, line=[len(text.lines), *parser.line][-1])
     unit = capture.settle_unit("", unit, file, key="info")
-    if capture.WHOLE.fullmatch(announced := parser.infos.get("framecount", "")):
-        counts["announced_frames"] = int(announced)
+    counts |= capture.compare_frames(parser.infos.get("framecount", ""), len(frame))
     names = len(parser.markers) + len(parser.poses) + max(map(len, parser.strays))
     require("markers", names, "markers and bodies", file)
     if not names:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import spelled
+from pipeline.formats.format import compare_announced
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 FARTHEST = 100.0  # m, greatest coordinate
@@ -105,6 +106,11 @@ def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
     return bool(np.median(off) <= 0)
 
 
+def compare_frames(stated: str, found: int) -> dict[str, int]:
+    """Return the counts of frames in a take whose header has the number ``stated``."""
+    return compare_announced("frames", int(stated) if WHOLE.fullmatch(stated) else None, found)
+
+
 def checked_take(
     raw: MotionTake,
     file: Path,
@@ -114,7 +120,7 @@ def checked_take(
 ) -> MotionTake:
     """Return the take in m and s, with lost samples as NaN. ``raw`` has positions in the file's
     unit and printed times (N,) s or (0,). ``counts`` are the counts of ``raw`` and ``more``,
-    ``found_frames``, ``gaps`` of the frame numbers, ``skipped_frames`` in the gaps,
+    ``gaps`` of the frame numbers, ``skipped_frames`` in the gaps,
     ``time_mismatches``, missing samples and poses, ``zero_samples`` (all coordinates 0) and
     ``partial_samples`` (some coordinates missing). Raises RecordingError, with the frame or its
     line and the column, for a coordinate beyond FARTHEST, a coordinate that is missing in all rows,
@@ -123,7 +129,7 @@ def checked_take(
     frame, step = raw.frame, np.diff(raw.frame)
     time = (frame - frame[0]) / raw.rate
     printed = raw.time if len(raw.time) else time
-    counts = raw.counts | {"found_frames": len(frame), "gaps": int(np.sum(step > 1))}
+    counts = raw.counts | {"gaps": int(np.sum(step > 1))}
     counts["skipped_frames"] = int(np.sum(step - 1))
     counts["time_mismatches"] = int(np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING))
     counts |= {"zero_samples": 0, "partial_samples": 0}

@@ -6,21 +6,21 @@ the format reads a file, in a separate process with bounds on time and memory.
 """
 
 import os
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from pipeline import formats
-from pipeline.arm.model import load_arm
+from pipeline.arm.model import planar_tools
 from pipeline.arm.urdf import SINGLE, read_urdf
 from pipeline.core.bounds import Reading, Sandbox, read_whole, within
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
 from pipeline.formats.depth import cloud, image
-from pipeline.formats.depth.image import dropped_frames, frame_endings, numbered_frames
+from pipeline.formats.depth.frame_names import frame_sequences
+from pipeline.formats.depth.image import dropped_frames, frame_endings, named_frames
 from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.force.record import ForceLogOptions, require_record
@@ -31,7 +31,6 @@ from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
-NUMBERED = re.compile(r"(.*?)(\d+)(\D*)")
 INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
 DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
 BOUNDS = f"bounds on a file and on its reader, as in dataset.reading (default {DEFAULTS})"
@@ -89,17 +88,16 @@ def inspect(place: Path) -> list[Finding]:
         indexes = [read(file) for file in files if file.suffix.lower() in INDEXES]
         # normalise paths, since an index may contain depth/../depth/1.png
         placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
-        sequences: dict[Path, list[Path]] = {}  # pattern → frames that differ only in a number
-        for file in files:
-            if os.path.normpath(file) not in placed:
-                parts = NUMBERED.fullmatch(file.stem)
-                pattern = file
-                if parts and file.suffix.lower() in frame_endings():
-                    pattern = file.with_name(f"{parts[1]}[0-9]*{parts[3]}{file.suffix}")
-                sequences.setdefault(pattern, []).append(file)
-        findings = [*map(read, bags), *indexes]
-        for pattern, (first, *others) in sequences.items():
-            findings.append(read(pattern, describe_numbered) if others else read(first))
+        rest = [file for file in files if os.path.normpath(file) not in placed]
+        frames = [file for file in rest if file.suffix.lower() in frame_endings()]
+        findings = [
+            *map(read, bags),
+            *indexes,
+            *(read(file) for file in rest if file not in frames),
+        ]
+        for one in frame_sequences(frames):
+            several = len(one.files) > 1
+            findings.append(read(one.pattern, *[describe_numbered] * several))
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
@@ -228,20 +226,31 @@ def _add_index(finding: Finding, form: Format) -> None:
     index = form.read(finding.file)
     finding.count(index.counts)
     if len(index.time) > 1:
-        dropped = dropped_frames(index.time)
-        finding.count({"dropped_frames": dropped})
-        finding.duration = float(index.time[-1] - index.time[0])
-        finding.rate = round((len(index.time) - 1 + dropped) / finding.duration, 3)
+        _add_times(finding, index.time)
     _add_frames(finding, index.files)
+
+
+def _add_times(finding: Finding, time: np.ndarray) -> None:
+    finding.count({"dropped_frames": (dropped := dropped_frames(time))})
+    finding.duration = float(time[-1] - time[0])
+    finding.rate = round((len(time) - 1 + dropped) / finding.duration, 3)
 
 
 def describe_numbered(pattern: Path) -> Finding:
     """Return the finding of the numbered frames that match ``pattern``."""
-    index = numbered_frames(pattern.parent, pattern.name, rate=1.0)
+    frames = named_frames(pattern.parent, pattern.name)
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
-    finding.count({"dropped_frames": int(index.time[-1]) + 1 - len(index.files)})
-    finding.ask("numbered frames have no times: their rate is not stated", "dataset.depth.rate")
-    _add_frames(finding, index.files)
+    time = np.array(frames.values) - frames.values[0]
+    if frames.timed:
+        finding.facts["times"] = "in the names"
+        _add_times(finding, time * 1e-9)
+    else:
+        step = float(np.median(np.diff(time)))
+        finding.count({"dropped_frames": dropped_frames(time)})
+        words = f"; the numbers step by {step:g}: state how many a second has" * (step != 1)
+        question = f"numbered frames have no times: their rate is not stated{words}"
+        finding.ask(question, "dataset.depth.rate")
+    _add_frames(finding, [file.name for file in frames.files])
     return finding
 
 
@@ -307,14 +316,10 @@ def _add_robot(finding: Finding, form: Format) -> None:
     arms = arms if most else []
     turning, chains, refusals = joints.get("revolute", []), [], []
     for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
-        tools = []
-        for tool in tree.ends:
-            try:
-                load_arm(finding.file, chain, tool, {})
-                tools.append(tool)
-            except ConfigError as error:
-                refusals += [error.message] * error.message.startswith("robot.urdf")
-        chains += [{"joints": chain, "tools": tools}] if tools else []
+        try:
+            chains.append({"joints": chain, "tools": planar_tools(tree, chain)})
+        except ConfigError as error:
+            refusals += [error.message] * error.message.startswith("robot.urdf")
     finding.facts = {"robot": tree.root.get("name", ""), "joints": joints}
     finding.facts |= {"arms": arms, "chains": chains}
     if refusals and not chains:

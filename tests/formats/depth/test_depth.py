@@ -160,7 +160,7 @@ UNPLAIN = [
     "a.png b.png",
     "7.png 007.png",
     "left1.png right1.png",
-    "1305031102.17.png 1305031103.20.png",
+    "1305031102.17.png 1305031202.20.png",
 ]
 
 
@@ -169,7 +169,7 @@ def test_names_whose_number_is_not_plain_are_refused(tmp_path, names):
     with pytest.raises(RecordingError, match="no depth frame matches"):
         numbered_frames(tmp_path, "*.png", rate=30.0)
     numbered(tmp_path, *names.split())
-    with pytest.raises(RecordingError, match="differ only in one number"):
+    with pytest.raises(RecordingError, match=r"differ only in one number|time between frames"):
         numbered_frames(tmp_path, "*.png", rate=30.0)
 
 

@@ -1,0 +1,144 @@
+"""Sequences of depth frames by their file names, which state a number or a time.
+
+The number is the one that differs between the names. A time is a date and a time of day, seconds
+with a fraction, or an integer since 1970 (s, ms, µs or ns by its digits).
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from functools import partial
+from glob import escape
+from pathlib import Path
+from typing import NamedTuple
+
+NANO = 10**9
+EPOCH = range(9 * 10**8, 41 * 10**8)  # s since 1970: 1998 to 2099
+DATE = re.compile(
+    r"(?<!\d)((?:19|20)\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)[T_ -]+([012]\d)[-:._h]?([0-5]\d)"
+    r"[-:._m]?([0-5]\d)(?:([.,_-])(\d{1,9}))?(?!\d)",
+    re.ASCII,
+)
+SECONDS = re.compile(r"(?<!\d)(\d{9,10})([._-])(\d{1,9})(?!\d)", re.ASCII)
+DECIMAL = re.compile(r"(?<!\d)(\d{1,8})(\.)(\d{1,9})(?!\d)", re.ASCII)
+INTEGER = re.compile(r"(?<!\d)(?:\d{10}|\d{13}|\d{16}|\d{19})(?!\d)", re.ASCII)
+
+
+class FrameSequence(NamedTuple):
+    """Frames whose names differ in a number or a time, in its order."""
+
+    pattern: Path  # glob of the names; the file's path for a single frame
+    files: list[Path]
+    values: list[int]  # numbers, or times in ns since 1970 or another start; none without digits
+    timed: bool  # whether the values are times
+
+
+def frame_sequences(files: Iterable[Path]) -> list[FrameSequence]:
+    """Return the sequences in ``files``: equal folder, suffix and words, and different numbers."""
+    forms: dict[tuple, list[Path]] = {}
+    for file in files:
+        words = re.split(r"\d+", file.stem, flags=re.ASCII)
+        forms.setdefault((file.parent, file.suffix, *words), []).append(file)
+    return [sequence for group in forms.values() for sequence in _split(group)]
+
+
+def _split(files: list[Path]) -> list[FrameSequence]:
+    """Return the sequences of ``files`` whose names differ in numbers only."""
+    columns = [*zip(*(re.findall(r"\d+", file.stem, re.ASCII) for file in files), strict=True)]
+    varying = [j for j, column in enumerate(columns) if len({*column}) > 1]
+    times, inside = _times([file.stem for file in files], varying)
+    others = [j for j in varying if j not in inside]
+    if times and len({*times}) == len(files):
+        return [_sequence(files, varying, times, timed=True)]
+    if not times and varying:
+        frame = max(varying, key=lambda j: _frame_likeness(columns[j], j))
+        others = [j for j in varying if j != frame]
+        together = len({*columns[frame]}) == len(files)
+        if not others or together:
+            return [_sequence(files, varying, [*map(int, columns[frame])])]
+    if not others:
+        numbers = [int(column[0]) for column in columns[-1:]] * len(files)
+        return [_sequence(files, varying, times or numbers, timed=bool(times))]
+    groups: dict[tuple, list[Path]] = {}
+    for row, file in enumerate(files):
+        groups.setdefault(tuple(columns[j][row] for j in others), []).append(file)
+    return [sequence for group in groups.values() for sequence in _split(group)]
+
+
+def _frame_likeness(column: Sequence[str], place: int) -> tuple:
+    """Return the rank of a number as the frame's: padded by zeros, many values, late in a name."""
+    padded = len({*map(len, column)}) == 1 and len(column[0]) > 2
+    return padded, len({*column}), place
+
+
+def _sequence(
+    files: list[Path], varying: Sequence[int], values: list[int], *, timed: bool = False
+) -> FrameSequence:
+    first, pattern = files[0], files[0]
+    if len(files) > 1:
+        words = re.split(r"(\d+)", first.stem, flags=re.ASCII)  # numbers at the odd places
+        stars = {2 * j + 1 for j in varying}
+        parts = ["[0-9]*" if n in stars else escape(word) for n, word in enumerate(words)]
+        pattern = first.with_name("".join(parts) + first.suffix)
+    if not values:
+        return FrameSequence(pattern, files, [], timed)
+    order = sorted(range(len(files)), key=lambda row: (values[row], str(files[row])))
+    return FrameSequence(pattern, [files[i] for i in order], [values[i] for i in order], timed)
+
+
+def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
+    """Return the times in ns that all ``stems`` state in one way, and the numbers that form them;
+    no times where none of the ``varying`` numbers is in them, or a counter is as likely.
+    """
+    for mark, read in ((DATE, _date), (SECONDS, _decimal), (DECIMAL, _decimal), (INTEGER, _epoch)):
+        matches = [mark.search(stem) for stem in stems]
+        if None in matches:
+            continue
+        first, *other = {len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches}
+        inside = range(first, first + len(re.findall(r"\d+", matches[0][0], re.ASCII)))
+        widths = {len(match[match.lastindex or 0]) for match in matches}
+        times = [*map(partial(read, even=len(widths) == 1), matches)]
+        counts = mark in (DATE, DECIMAL) and _counts(matches, mark)
+        if not (other or counts or None in times or {*varying}.isdisjoint(inside)):
+            return times, inside
+    return [], range(0)
+
+
+def _counts(matches: list[re.Match], mark: re.Pattern) -> bool:
+    """Return whether the last digits count on by one, and what precedes them is constant."""
+    fraction = mark is DECIMAL or any(match[8] for match in matches)
+    last = [match[match.lastindex] if fraction else match[0][-6:] for match in matches]
+    if not all(map(str.isdecimal, last)) or (mark is DATE and fraction):
+        return False
+    before = {match[1] if fraction else match[0][:-6] for match in matches}
+    numbers = sorted(map(int, last))
+    return len(before) == 1 and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
+
+
+def _fraction(mark: str, digits: str, even: bool) -> int:
+    """Return ns: ``digits`` are decimals behind a point or if all are equally many (``even``), else
+    a whole number of ms, µs or ns.
+    """
+    if mark == "." or even:
+        return int(digits.ljust(9, "0"))
+    return int(digits) * (10**6 if len(digits) < 4 else 10**3 if len(digits) < 7 else 1)
+
+
+def _date(match: re.Match, even: bool) -> int | None:
+    try:
+        passed = datetime(*map(int, match.groups()[:6])) - datetime(1970, 1, 1)
+    except ValueError:
+        return None
+    fraction = _fraction(match[7], match[8], even) if match[8] else 0
+    return (passed.days * 86400 + passed.seconds) * NANO + fraction
+
+
+def _decimal(match: re.Match, even: bool) -> int | None:
+    if match.re is SECONDS and int(match[1]) not in EPOCH:
+        return None
+    return int(match[1]) * NANO + _fraction(match[2], match[3], even)
+
+
+def _epoch(match: re.Match, even: bool) -> int | None:
+    unit = 10 ** (19 - len(match[0]))
+    return int(match[0]) * unit if int(match[0]) * unit // NANO in EPOCH else None
