@@ -23,6 +23,7 @@ from pipeline.core.validation import options
 Bound = Annotated[int, Field(gt=0)]
 MIB = 1 << 20
 NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+LINK = re.compile(rb"\.{1,2}/[^\n\0]{1,200}")
 # beginning of a file that stands for another file: name, remedy
 STAND_INS = (
     (rb"version https://git-lfs\.github\.com/spec/", "a pointer of Git LFS", "run `git lfs pull`"),
@@ -78,14 +79,14 @@ def require_content(content: bytes, file: Path) -> bytes:
     """Return the beginning ``content`` of ``file``; RecordingError if it stands for another file,
     such as a pointer of Git LFS.
     """
+    file = Path(file)
+    own = {"a web page": (".html", ".htm"), "a pointer of DVC": (".dvc",)}
     for mark, name, remedy in STAND_INS:
-        own = (
-            (".html", ".htm")
-            if name == "a web page"
-            else (".dvc",) * Path(file).with_suffix("").exists()
-        )
-        if Path(file).suffix.lower() not in own and re.match(mark, content[:1024]):
+        if file.suffix.lower() not in own.get(name, ()) and re.match(mark, content[:1024]):
             raise RecordingError(f"{name} in place of the file: {remedy}", file=file)
+    if LINK.fullmatch(content) and (file.parent / content.decode("latin-1")).exists():
+        message = f"the text of a link to {content.decode('latin-1')} in place of the file: name "
+        raise RecordingError(f"{message}the file, or check out with core.symlinks=true", file=file)
     return content
 
 

@@ -201,6 +201,20 @@ def is_bag(path: Path) -> bool:
     return os.path.isfile(path / "metadata.yaml")
 
 
+def paths_below(folder: Path) -> list[Path]:
+    """Return the sorted paths below ``folder``; a link to a folder outside of it is followed."""
+    root = os.path.realpath(folder)
+    entered, paths = {root}, []
+    for place, folders, files in os.walk(folder, followlinks=True):
+        paths += [Path(place, name) for name in [*folders, *files]]
+        for name in [*folders]:
+            real = os.path.realpath(path := os.path.join(place, name))
+            if real in entered or (os.path.islink(path) and real.startswith(f"{root}/")):
+                folders.remove(name)  # entered at its own place
+            entered.add(real)
+    return sorted(paths)
+
+
 def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
     """Return the sorted paths below ``folder`` that match the glob ``pattern``; ConfigError with
     the ``key`` of the pattern if it is no relative glob.

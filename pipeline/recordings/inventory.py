@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.formats.format import is_literal, matching
+from pipeline.formats.format import is_literal, matching, paths_below
 
 PULLED = Path("data/recordings")  # a DVC project of its own: public recordings, pinned by hash
 # part → keys of the dataset with the part's files
@@ -32,7 +32,7 @@ def raw_folder(recordings: str) -> Path:
 
 def raw_files(folder: Path) -> Iterator[Path]:
     """Yield the files below ``folder`` that are neither DVC's nor git's."""
-    for file in folder.rglob("*"):
+    for file in paths_below(folder):
         if file.is_file() and file.suffix != ".dvc" and file.name != ".gitignore":
             yield file
 
@@ -83,7 +83,7 @@ def named_takes(
 def listing(folder: Path) -> pd.DataFrame:
     """Return path, bytes and SHA-256 of all files below ``folder``; RecordingError for no file."""
     rows = []
-    for file in sorted(raw_files(folder)):
+    for file in raw_files(folder):
         with file.open("rb") as data:
             digest = hashlib.file_digest(data, "sha256").hexdigest()
         rows.append((file.relative_to(folder).as_posix(), file.stat().st_size, digest))

@@ -18,7 +18,7 @@ import numpy as np
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.format import Format, Head, Kind, file_content
+from pipeline.formats.format import Format, Head, Kind, compare_announced, file_content
 
 ENDINGS = (".pcd", ".ply")
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
@@ -203,11 +203,12 @@ def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.nd
     widths = [int(np.prod(header.point[name].shape)) for name in header.point.names]
     cells = [sum(widths[: header.point.names.index(axis)]) for axis in "xyz"]
     damaged = [(number, len(words)) for number, words in filled if len(words) != sum(widths)]
-    if damaged or len(filled) < header.count:
-        number, width = [*damaged, (first + len(lines) - 1, 0)][0]
-        message = f"the row has {width} numbers where a point has {sum(widths)}; the header "
-        message += f"announces {header.count} points; {AGAIN}"
+    if damaged:
+        number, width = damaged[0]
+        message = f"the row has {width} numbers where a point has {sum(widths)}; {AGAIN}"
         raise RecordingError(message, file=file, line=number)
+    where = {"file": file, "line": first + len(lines) - 1}
+    compare_announced("points", header.count, len(filled), AGAIN, **where)
     rows = [",".join("nan" if w in NO_POSITION else w for w in words) for _, words in filled]
     numbers = [number for number, _ in filled]
     behind = "\n".join(lines[numbers[-1] - first + 1 :])

@@ -246,8 +246,14 @@ def read_index(file: Path) -> DepthIndex:
 def dropped_frames(time: np.ndarray) -> int:
     """Return the number of missing frames between frames at ``time`` (F,) s, by the median step."""
     steps = np.diff(time)
-    lost = np.rint(steps / np.median(steps)) - 1 if len(steps) else steps
+    lost = np.rint(steps / median_step(time)) - 1 if len(steps) else steps
     return int(np.sum(np.maximum(lost, 0)))
+
+
+def median_step(time: np.ndarray) -> float:
+    """Return the median step of ``time`` (F,), the lower one of two for whole numbers."""
+    method = "lower" if np.issubdtype(time.dtype, np.integer) else "linear"
+    return float(np.quantile(np.diff(time), 0.5, method=method))
 
 
 def write_index(file: Path, time: np.ndarray, files: tuple[str, ...]) -> None:

@@ -22,10 +22,12 @@ FOCAL = ("fx", "fy", "cx", "cy")
 MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
 MATRIX += ("K", "k", "intrinsic_matrix")
 DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients")
-DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "D", "d")
+DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "distortion", "coeffs", "D", "d")
 KEYS = {"camera matrix": MATRIX, "distortion": DISTORTION}
 KEYS |= {side: (side, f"image_{side}", f"image_{side.title()}") for side in ("width", "height")}
-DISTORTION_KEY = re.compile(r"(?i)dist.*|.*coeff.*|[kp]1")  # keys that may state a distortion
+DISTORTION_KEY = re.compile(
+    r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1"
+)  # keys that may state a distortion
 # names of distortion models with OpenCV's coefficients
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "distortion.brown_conrady", "none")
 # keys of RealSense → keys of this module
@@ -146,8 +148,11 @@ def read_intrinsics(
     bend = numbers("distortion", distortion)
     absent = bend is None and (not is_json or any(map(DISTORTION_KEY.fullmatch, values)))
     if camera is None or absent:
-        message = f"no camera matrix, or no distortion; {keys_found}: name the keys by option, or "
-        message += "write fx, fy, cx, cy at the outermost level, and zeros for no distortion"
+        wanted = ("camera matrix", f"fx, fy, cx, cy or {', '.join(MATRIX)}")
+        if camera is not None:
+            wanted = ("distortion", f"{', '.join(DISTORTION)}, with zeros for no distortion")
+        message = f"no {wanted[0]}; {keys_found}: name its key by option, or write "
+        message += f"at the outermost level one of {wanted[1]}"
         raise RecordingError(message, file=file)
     bend, model = np.zeros(0) if bend is None else bend.ravel(), values.get("distortion_model")
     own = tuple(side or given for side, given in zip(stated, size, strict=True))

@@ -39,6 +39,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
     data = read_alone(read, Path(file), file=file, advice="save it again")
+    dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
+    data |= {name: _seconds(data[name]) for name in dated}
     lengths = {len(data[name]) for name in _clocks(data)}
     for name, one in data.items():  # one row per joint beside a time of that length
         if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
@@ -72,7 +74,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         named = _clocks(data)
     clock, time = (named[0] if len(named) == 1 else None), None
     if clock is not None:
-        time = numbers("time", named)[:, 0] * TIME_UNITS[options.time_unit]
+        unit = "s" if clock in dated else options.time_unit
+        time = numbers("time", named)[:, 0] * TIME_UNITS[unit]
     chosen = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
@@ -98,7 +101,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         rows = ", ".join(f"{count} of {name}" for name, count in length.items())
         message = f"{len(time)} times for {rows} angles; save one row of joints for each time"
         raise RecordingError(message, file=file, array=clock)
-    return increasing(JointLog(time, signals, {}), file, lambda row: {"array": clock, "row": row})
+    log = JointLog(time, signals, {}, time_unit="s" if clock in dated else "")
+    return increasing(log, file, lambda row: {"array": clock, "row": row})
 
 
 def _clocks(data: Arrays) -> list[str]:
@@ -137,15 +141,18 @@ def _npz(file: Path) -> Arrays:
 
 
 def _numeric(value: object) -> np.ndarray:
-    """Return ``value`` as an array of numbers: dates (since 1970) and durations in s, lists of
-    equal length as rows. Any other ``value`` becomes an array of shape ().
+    """Return ``value`` as an array of numbers, dates or durations, lists of equal length as rows.
+    Any other ``value`` becomes an array of shape ().
     """
     kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
     if kind == "O" and value.ndim == 1 and len({np.shape(row) for row in value}) == 1:
         return _numeric(np.stack(value)) if np.shape(value[0]) else np.empty(())
-    if kind in ("m", "M"):
-        return (value - np.zeros(1, value.dtype)) / np.timedelta64(1, "s")
-    return value if kind and kind in "fiu" else np.empty(())
+    return value if kind and kind in "fiumM" else np.empty(())
+
+
+def _seconds(value: np.ndarray) -> np.ndarray:
+    """Return dates (since 1970) and durations in s."""
+    return (value - np.zeros(1, value.dtype)) / np.timedelta64(1, "s")
 
 
 def _mat(file: Path) -> Arrays:

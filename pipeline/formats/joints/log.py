@@ -41,6 +41,7 @@ class JointLog:
     counts: dict[str, int]  # numbers of omitted or interpolated rows and cells; see the reader
     joints: tuple[str, ...] = ()  # joint names in column order, if the file states them
     lines: Sequence[int] = ()  # (N,) line numbers of the samples, if the file has lines
+    time_unit: str = ""  # unit of the times, if the file states it
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,25 @@ from pipeline.core.bounds import Reading, Sandbox, read_whole, within
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
-from pipeline.formats.depth import cloud, image
 from pipeline.formats.depth.frame_names import frame_sequences
-from pipeline.formats.depth.image import dropped_frames, frame_endings, named_frames
+from pipeline.formats.depth.image import frame_endings
 from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.bag import WRENCH
 from pipeline.formats.force.record import ForceLogOptions, require_record
-from pipeline.formats.format import Format, Head, Kind, formats_in, is_bag, is_xml, recognised
+from pipeline.formats.format import (
+    Format,
+    Head,
+    Kind,
+    formats_in,
+    is_bag,
+    is_xml,
+    paths_below,
+    recognised,
+)
 from pipeline.formats.joints.log import BAG, JOINT_STATE
 from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
+from pipeline.tools.inspect.depth import UNIT, add_cloud, add_image, add_index, describe_numbered
 from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
@@ -39,8 +48,8 @@ ARGUMENTS = {
     "--json": {"action": "store_true", "help": "all facts as JSON (default a table)"},
     "--reading": {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "help": BOUNDS},
 }
-LENGTH, UNIT, SIZE = "dataset.mocap.unit", "dataset.depth.units_per_metre", ("width", "height")
-TOTALS = ("announced_frames", "found_frames", "marker_samples", "pose_samples")  # no faults
+LENGTH = "dataset.mocap.unit"
+TOTALS = ("marker_samples", "pose_samples")  # no faults
 DEPTH_TYPES = (rosbag.IMAGE, rosbag.CLOUD)
 ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # message types
 # option that names a topic → message types of the topic
@@ -80,7 +89,7 @@ def inspect(place: Path) -> list[Finding]:
 
         if is_bag(place) or not place.is_dir():
             return [read(place)]
-        paths = [p for p in sorted(place.rglob("*")) if "/." not in f"/{p.relative_to(place)}"]
+        paths = [p for p in paths_below(place) if "/." not in f"/{p.relative_to(place)}"]
         bags = {path for path in paths if path.is_dir() and is_bag(path)}
         # an unreadable folder is listed as a file, so that its finding reports the error
         files = [p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))]
@@ -98,6 +107,9 @@ def inspect(place: Path) -> list[Finding]:
         for one in frame_sequences(frames):
             several = len(one.files) > 1
             findings.append(read(one.pattern, *[describe_numbered] * several))
+    if not findings:
+        stop = "the folder holds no recordings: name another, or a file"
+        findings.append(Finding(place, stops=[stop]))
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
@@ -186,103 +198,16 @@ def _add_calibration(finding: Finding, form: Format) -> None:
         finding.ask(question, "dataset.depth.width, .height")
 
 
-def _add_image(finding: Finding, form: Format) -> None:
-    shape = image.depth_size(read_whole(finding.file), file=finding.file)
-    pixels = image.read_depth(finding.file, shape=shape).pixels
-    measured, span = pixels[pixels > 0], ""
-    # values above 0 may also be missing depths, depending on the encoding
-    share = round(1 - measured.size / pixels.size, 4)
-    finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
-    finding.version = f"{8 * pixels.itemsize} bits"
-    if measured.size:
-        span = f", {float(measured.min()):g} to {float(measured.max()):g}"
-    known = "1000 for millimetres, 5000 for TUM RGB-D, 1 for metres"
-    finding.ask(f"the unit of the values{span}, is not stated ({known})", UNIT)
-    known = "plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)"
-    finding.ask(f"the encoding of the values is not stated ({known})", "dataset.depth.encoding")
-
-
-def _add_cloud(finding: Finding, form: Format) -> None:
-    from scipy.spatial.transform import Rotation
-
-    read = form.read(read_whole(finding.file), file=finding.file)
-    share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
-    finding.facts = {"points": len(read.points), "organised": read.organised}
-    finding.facts["share_without_position"] = share
-    finding.version = read.format
-    finding.count(read.counts)
-    if read.viewpoint != cloud.UNTURNED:
-        *place, w, x, y, z = read.viewpoint
-        turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
-        angle = float(np.linalg.norm(turn))
-        at, axis = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
-        turned = f"at {at}, turned by {angle:.4g}° about {axis}"
-        finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
-    question = "the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)"
-    finding.ask(question, UNIT)
-
-
-def _add_index(finding: Finding, form: Format) -> None:
-    index = form.read(finding.file)
-    finding.count(index.counts)
-    if len(index.time) > 1:
-        _add_times(finding, index.time)
-    _add_frames(finding, index.files)
-
-
-def _add_times(finding: Finding, time: np.ndarray) -> None:
-    finding.count({"dropped_frames": (dropped := dropped_frames(time))})
-    finding.duration = float(time[-1] - time[0])
-    finding.rate = round((len(time) - 1 + dropped) / finding.duration, 3)
-
-
-def describe_numbered(pattern: Path) -> Finding:
-    """Return the finding of the numbered frames that match ``pattern``."""
-    frames = named_frames(pattern.parent, pattern.name)
-    finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
-    time = np.array(frames.values) - frames.values[0]
-    if frames.timed:
-        finding.facts["times"] = "in the names"
-        _add_times(finding, time * 1e-9)
-    else:
-        step = float(np.median(np.diff(time)))
-        finding.count({"dropped_frames": dropped_frames(time)})
-        words = f"; the numbers step by {step:g}: state how many a second has" * (step != 1)
-        question = f"numbered frames have no times: their rate is not stated{words}"
-        finding.ask(question, "dataset.depth.rate")
-    _add_frames(finding, [file.name for file in frames.files])
-    return finding
-
-
-def _add_frames(finding: Finding, names: Sequence[str]) -> None:
-    """Add the frames ``names``, and the finding of the first frame that exists."""
-    finding.files = [finding.file.parent / name for name in names]
-    finding.facts["frames"] = len(names)
-    exists = [frame.is_file() for frame in finding.files]
-    if not all(exists):
-        count = f"{exists.count(False)} of {len(names)} frames of the index do not exist"
-        finding.stops.append(f"{count}: {names[exists.index(False)]} …")
-    if not any(exists):
-        return
-    first = Finding(frame := finding.files[exists.index(True)])
-    try:
-        _read(first, cloud.FORMAT if cloud.is_cloud(frame) else image.IMAGE)
-    except RecordingError as error:
-        finding.stops.append(f"{frame.name}: {error.message}")
-        return
-    finding.version = ", ".join(filter(None, [first.format, first.version]))
-    finding.facts |= {name: first.facts[name] for name in first.facts if name in SIZE}
-    finding.facts["frames_are"] = str(first.kind)
-    finding.open += first.open
-
-
 def _add_bag(finding: Finding, form: Format) -> None:
     summary = form.read(finding.file)
     types = {kind for kind, count in summary.topics.values() if count}
     if types & ANALYSED == {JOINT_STATE}:
         _read(finding, BAG)
+        finding.facts["passed_over"] = summary.passed_over
         return
     finding.version, finding.duration = f"ROS {summary.version}", summary.duration
+    finding.count(summary.counts)
+    finding.facts["passed_over"] = summary.passed_over
     topics = finding.facts["topics"] = {n: [*summary.topics[n]] for n in sorted(summary.topics)}
     finding.facts["frames_are"] = str(Kind.IMAGE if rosbag.IMAGE in types else Kind.CLOUD)
     for option, kinds in TOPICS.items():
@@ -339,10 +264,10 @@ ADD: dict[str, Callable[[Finding, Format], None]] = {
     Kind.JOINTS: add_joint_log,
     Kind.FORCE: _add_force,
     Kind.CALIBRATION: _add_calibration,
-    Kind.IMAGE: _add_image,
-    Kind.CLOUD: _add_cloud,
+    Kind.IMAGE: add_image,
+    Kind.CLOUD: add_cloud,
     Kind.INTRINSICS: _add_calibration,
-    Kind.SEQUENCE: _add_index,
+    Kind.SEQUENCE: add_index,
     Kind.BAG: _add_bag,
     Kind.TABLE: add_table,
     ROBOT: _add_robot,

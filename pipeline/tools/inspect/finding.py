@@ -16,8 +16,8 @@ WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
 PRINTED_FACTS = """bodies markers columns rows columns_without_numbers width height
     points organised share_without_position viewpoint share_not_above_zero samples steps
-    first_frame rate_from times robot joints signals joint_names
-    command motions topics fx separator decimal serial frames""".split()  # in their order
+    first_frame rate_from times robot joints signals joint_names command motions topics passed_over
+    fx separator decimal serial frames""".split()  # in their order
 
 
 class Question(NamedTuple):
@@ -56,8 +56,10 @@ class Finding:
         return {one.option.rpartition(".")[2]: one.suggested for one in self.open if one.suggested}
 
     def count(self, counts: dict[str, int]) -> None:
-        """Add the ``counts`` that are not zero."""
-        self.gaps |= {name: number for name, number in counts.items() if number}
+        """Add the ``counts`` that are not zero; announced and found numbers are facts."""
+        facts = {n: number for n, number in counts.items() if n.startswith(("announced", "found"))}
+        self.facts |= facts
+        self.gaps |= {n: number for n, number in counts.items() if number and n not in facts}
 
     def ask(self, question: str, option: str, suggested: str | None = None) -> None:
         """Add a question."""

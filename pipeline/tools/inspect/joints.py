@@ -66,7 +66,8 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     if len(time) < 2:
         return
     # a bag's message defines its units
-    record = _in_units(finding, record, *[form.name == BAG.name] * 2)
+    bag = form.name == BAG.name
+    record = _in_units(finding, record, bag or bool(record.time_unit), bag)
     time = record.time
     finding.duration = float(time[-1] - time[0])
     finding.rate = round((len(time) - 1) / finding.duration, 3)

@@ -1,0 +1,107 @@
+"""Findings of depth images, point clouds and their sequences."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.core.bounds import read_whole
+from pipeline.core.errors import RecordingError
+from pipeline.formats.depth import cloud, image
+from pipeline.formats.depth.image import dropped_frames, median_step, named_frames
+from pipeline.formats.format import Format, Kind
+from pipeline.tools.inspect.finding import Finding
+
+UNIT, SIZE = "dataset.depth.units_per_metre", ("width", "height")
+
+
+def add_image(finding: Finding, form: Format) -> None:
+    shape = image.depth_size(read_whole(finding.file), file=finding.file)
+    pixels = image.read_depth(finding.file, shape=shape).pixels
+    measured, span = pixels[pixels > 0], ""
+    # values above 0 may also be missing depths, depending on the encoding
+    share = round(1 - measured.size / pixels.size, 4)
+    finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
+    finding.version = f"{8 * pixels.itemsize} bits"
+    if measured.size:
+        span = f", {float(measured.min()):g} to {float(measured.max()):g}"
+    known = "1000 for millimetres, 5000 for TUM RGB-D, 1 for metres"
+    finding.ask(f"the unit of the values{span}, is not stated ({known})", UNIT)
+    known = "plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)"
+    finding.ask(f"the encoding of the values is not stated ({known})", "dataset.depth.encoding")
+
+
+def add_cloud(finding: Finding, form: Format) -> None:
+    from scipy.spatial.transform import Rotation
+
+    read = form.read(read_whole(finding.file), file=finding.file)
+    share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
+    finding.facts = {"points": len(read.points), "organised": read.organised}
+    finding.facts["share_without_position"] = share
+    finding.version = read.format
+    finding.count(read.counts)
+    if read.viewpoint != cloud.UNTURNED:
+        *place, w, x, y, z = read.viewpoint
+        turn = np.degrees(Rotation.from_quat([x, y, z, w]).as_rotvec())
+        angle = float(np.linalg.norm(turn))
+        at, axis = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
+        turned = f"at {at}, turned by {angle:.4g}° about {axis}"
+        finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
+    question = "the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)"
+    finding.ask(question, UNIT)
+
+
+def add_index(finding: Finding, form: Format) -> None:
+    index = form.read(finding.file)
+    finding.count(index.counts)
+    if len(index.time) > 1:
+        _add_times(finding, index.time)
+    _add_frames(finding, index.files)
+
+
+def _add_times(finding: Finding, time: np.ndarray) -> None:
+    finding.count({"dropped_frames": (dropped := dropped_frames(time))})
+    finding.duration = float(time[-1] - time[0])
+    finding.rate = round((len(time) - 1 + dropped) / finding.duration, 3)
+
+
+def describe_numbered(pattern: Path) -> Finding:
+    """Return the finding of the numbered frames that match ``pattern``."""
+    frames = named_frames(pattern.parent, pattern.name)
+    finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
+    time = np.array(frames.values) - frames.values[0]
+    if frames.timed:
+        finding.facts["times"] = "in the names"
+        _add_times(finding, time * 1e-9)
+    else:
+        step = median_step(time)
+        finding.count({"dropped_frames": dropped_frames(time)})
+        words = f"; the numbers step by {step:g}: state how many a second has" * (step != 1)
+        question = f"numbered frames have no times: their rate is not stated{words}"
+        finding.ask(question, "dataset.depth.rate")
+    _add_frames(finding, [file.name for file in frames.files])
+    return finding
+
+
+def _add_frames(finding: Finding, names: Sequence[str]) -> None:
+    """Add the frames ``names``, and the finding of the first frame that exists."""
+    finding.files = [finding.file.parent / name for name in names]
+    finding.facts["frames"] = len(names)
+    exists = [frame.is_file() for frame in finding.files]
+    if not all(exists):
+        count = f"{exists.count(False)} of {len(names)} frames of the index do not exist"
+        finding.stops.append(f"{count}: {names[exists.index(False)]} …")
+    if not any(exists):
+        return
+    first = Finding(frame := finding.files[exists.index(True)])
+    form, add = (cloud.FORMAT, add_cloud) if cloud.is_cloud(frame) else (image.IMAGE, add_image)
+    first.format, first.kind = form.name, form.kind
+    try:
+        add(first, form)
+    except RecordingError as error:
+        finding.stops.append(f"{frame.name}: {error.message}")
+        return
+    finding.version = ", ".join(filter(None, [first.format, first.version]))
+    finding.facts |= {name: first.facts[name] for name in first.facts if name in SIZE}
+    finding.facts["frames_are"] = str(first.kind)
+    finding.open += first.open
