@@ -10,7 +10,9 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -159,8 +161,12 @@ def test_the_fingerprint_tells_arithmetic_apart_and_nothing_else(changed):
 SMALL = Reading(seconds=1, memory_mib=256)
 
 
-def _crash() -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
+def _crash(by: signal.Signals) -> None:
+    os.kill(os.getpid(), by)
+
+
+def _fill() -> None:
+    Path("/dev/full").write_text("no space")
 
 
 def _recurse(level: int = 0) -> int:
@@ -178,7 +184,11 @@ def _outcome(sandbox: Sandbox, function, *arguments: object) -> object:
 @pytest.mark.parametrize(
     ("function", "arguments", "words"),
     [
-        (_crash, (), r"ends the process \(exit code -9\)"),
+        (_crash, (signal.SIGSEGV,), r"ends the process \(SIGSEGV\)"),
+        (_crash, (signal.SIGKILL,), "was killed, as where a machine lacks memory"),
+        (_fill, (), "no space left on device at .*: free some space, or set TMPDIR"),
+        (import_module, ("pipeline.absent",), r"a package is missing \(No module named"),
+        (os.listdir, ("/absent",), r"cannot be read \(No such file"),
         (time.sleep, (60,), r"not read within 1 s.*dataset\.reading\.seconds"),
         (np.ones, (1 << 29,), r"more than 256 MiB of memory.*dataset\.reading\.memory_mib"),
         (_recurse, (), "nests too deeply"),

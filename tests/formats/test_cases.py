@@ -71,7 +71,7 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "sparse.csv": ("time,q_0,q_1\n0,1,\n1,,2\n2,1,\n3,,2\n", "4 missing cells; columns time"),
     "text.pgm": ("P2\n2 2\n65535\n1 2 3 4\n", "whose pixels are text (PBM, PGM, PPM) is not read"),
     "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
-    "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "distortion; the file has cam0"),
+    "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "matrix; the file has cam0"),
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
     "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
     "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),

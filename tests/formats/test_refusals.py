@@ -103,7 +103,7 @@ FORMATS = {
         ("525.5", "7e4", "are of no camera", None),
         ("319.5", "700.", "are of no camera of 640 × 480", None),
         ("camera_matrix", "camera", "no camera matrix", None),
-        ("distortion_coefficients", "distortion", "no distortion", None),
+        ("distortion_coefficients", "bends", "no distortion", None),
         ("rows: 3", "rows: 4", "camera_matrix must be 12 decimal numbers", None),
         # YAML 1.1 takes them for true, octal, hexadecimal and sexagesimal numbers
         *(("525.5", word, "must be 9 decimal numbers", None)

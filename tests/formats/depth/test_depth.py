@@ -252,7 +252,7 @@ def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp
     file, camera = tmp_path / "c.json", {"K": [[500, 0, 4], [0, 501, 3], [0, 0, 1]]}
     other, four = camera | {"distortion_model": "equidistant"}, [0.1, 0.2, 0.3, 0.4]
     assert "equidistant" in refusal(file, json.dumps(other | {"D": four}))
-    for key in ("dist", "distortion", "coeffs", "k1"):
+    for key in ("dist", "lens_distortion", "radial_coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: four}))
     realsense = {"fx": 5, "fy": 6, "ppx": 4, "ppy": 3, "coeffs": [0.1, 0, 0, 0, 0]}
     found = read(file, json.dumps(realsense | {"model": "distortion.brown_conrady"}))
