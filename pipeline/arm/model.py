@@ -1,6 +1,6 @@
 """Planar and spatial arms from URDF files; the only module that imports Pinocchio."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -93,11 +93,6 @@ def arm_of(robot: Robot) -> Arm:
         raise ConfigError(message, file=layout.file)
     place = _plane_of(layout)
     return Arm(_planar(layout.in_frame(*place)), *place)
-
-
-def load_arm(urdf: str | Path, joints: list[str], tool: str | None, locked: Mapping) -> Arm:
-    """Arm of three parallel ``joints`` of a URDF; raises ConfigError as :func:`arm_of`."""
-    return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))
 
 
 def planar_tools(tree: Tree, joints: list[str]) -> list[str]:

@@ -2,6 +2,7 @@
 serialization makes rosbags refuse the whole bag are passed over.
 """
 
+import json
 import re
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -10,7 +11,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import yaml
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
 from rosbags.rosbag2 import storage_mcap
@@ -19,6 +19,7 @@ from rosbags.typesys.store import Typestore
 
 from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.formats.format import Head
 
 # suffix of a bag's files → command that writes its index again
@@ -63,7 +64,7 @@ def open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
             text = read_whole(metadata)  # raises for a file beyond the bounds
             if {*SERIALIZATION.findall(text)} - {ROS2.encode()}:
                 folder = Path(stack.enter_context(TemporaryDirectory()))
-                foreign = _link_without_foreign(text, file, folder)
+                foreign = _link_without_foreign(file, folder)
         for part in (file, *file.glob("*")) if file.is_dir() else (file,):
             if part.is_file():
                 _require_sound(part)
@@ -89,11 +90,11 @@ def _require_sound(file: Path) -> None:
         raise ValueError(f"{file.name} is cut short")
 
 
-def _link_without_foreign(text: bytes, file: Path, folder: Path) -> dict[str, str]:
-    """Write metadata ``text`` without topics of another serialization into ``folder``, link the
+def _link_without_foreign(file: Path, folder: Path) -> dict[str, str]:
+    """Write metadata without topics of another serialization into ``folder``, link the
     files of the bag ``file`` beside it, and return topic → reason.
     """
-    metadata, foreign = yaml.safe_load(text), {}
+    metadata, foreign = read_yaml(file / "metadata.yaml"), {}
     information, kept = metadata["rosbag2_bagfile_information"], []
     for entry in information["topics_with_message_count"]:
         topic = entry["topic_metadata"]
@@ -102,7 +103,7 @@ def _link_without_foreign(text: bytes, file: Path, folder: Path) -> dict[str, st
         else:
             foreign[topic["name"]] = FOREIGN.format(topic["type"], form)
     information["topics_with_message_count"] = kept
-    (folder / "metadata.yaml").write_text(yaml.safe_dump(metadata))
+    (folder / "metadata.yaml").write_text(json.dumps(metadata))  # JSON is YAML
     for part in file.iterdir():
         if part.name != "metadata.yaml":
             (folder / part.name).symlink_to(part.resolve())

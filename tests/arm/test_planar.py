@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planar_poses import load_arm
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
-from pipeline.arm.model import arm_of, chain_of, load_arm
+from pipeline.arm.model import arm_of, chain_of
 from pipeline.arm.serial import SerialChain
 from pipeline.arm.urdf import read_urdf
 from pipeline.core.errors import ConfigError, SingularJacobianError

@@ -11,10 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from marker_takes import marker_places
+from planar_poses import load_arm
 from sample_options import made
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.model import Arm, load_arm
+from pipeline.arm.model import Arm
 from pipeline.configuration.config import compose_config
 from pipeline.core.columns import values
 from pipeline.core.errors import PipelineError

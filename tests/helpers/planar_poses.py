@@ -1,9 +1,13 @@
 """A planar chain with the arm's link lengths, poses along its motion, and a commanded step."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pipeline.arm.chain import PlanarChain
+from pipeline.arm.model import Arm, arm_of
+from pipeline.core.options.dataset import Robot
 
 
 @pytest.fixture(scope="session")
@@ -32,3 +36,8 @@ def poses() -> np.ndarray:
 @pytest.fixture(scope="session")
 def step() -> np.ndarray:
     return np.array([0.004, -0.003, 0.03])
+
+
+def load_arm(urdf: str | Path, joints: list[str], tool: str | None, locked: dict) -> Arm:
+    """Arm of three parallel ``joints`` of a URDF."""
+    return arm_of(Robot(str(urdf), list(joints), tool, locked=dict(locked), plane=True))

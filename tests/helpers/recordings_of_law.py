@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
+from planar_poses import load_arm
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.model import load_arm
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.columns import PLANE, spread

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
+from planar_poses import load_arm
 
-from pipeline.arm.model import Arm, load_arm
+from pipeline.arm.model import Arm
 from pipeline.configuration.config import CONF
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from planar_poses import load_arm
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 import pipeline
 import pipeline.arm
-from pipeline.arm.model import load_arm
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.kinect import (
     DepthCamera,

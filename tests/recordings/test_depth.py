@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from planar_poses import load_arm
 from ros_bags import camera_info, cloud, image, write_bag
 from sample_options import made
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.model import Arm, load_arm
+from pipeline.arm.model import Arm
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth, write_index

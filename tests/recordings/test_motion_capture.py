@@ -17,10 +17,11 @@ from marker_takes import (
     tracked,
     written,
 )
+from planar_poses import load_arm
 from sample_options import made
 from space_arms import LWR4, UR5, motion
 
-from pipeline.arm.model import chain_of, load_arm
+from pipeline.arm.model import chain_of
 from pipeline.core.columns import members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Body, Dataset, Motion, Pose

@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import log, read_movement, table
+from planar_poses import load_arm
 from sample_options import made
 from written_logs import write_joint_log
 
 from pipeline.arm.interface import trajectory_table
-from pipeline.arm.model import load_arm
 from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Encoders, Robot

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from joint_files import read_joint_log, read_movement
 from joint_logs import AWAY, FILES, HOME, quality, write_movement
+from planar_poses import load_arm
 from written_logs import write_joint_log
 
-from pipeline.arm.model import load_arm
 from pipeline.core import contracts
 from pipeline.core.columns import values
 from pipeline.core.errors import ConfigError, RecordingError

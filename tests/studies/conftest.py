@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from planar_poses import load_arm
 from recordings_of_law import JOINTS, ROOT, write_project
 
-from pipeline.arm.model import load_arm
 from pipeline.core import contracts
 from pipeline.core.columns import spread, triangle
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
