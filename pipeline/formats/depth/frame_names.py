@@ -6,11 +6,12 @@ with a fraction, or an integer since 1970 (s, ms, µs or ns by its digits).
 
 import re
 from collections.abc import Iterable, Sequence
-from datetime import datetime
 from functools import partial
 from glob import escape
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 NANO = 10**9
 EPOCH = range(9 * 10**8, 41 * 10**8)  # s since 1970: 1998 to 2099
@@ -126,11 +127,10 @@ def _fraction(mark: str, digits: str, even: bool) -> int:
 
 def _date(match: re.Match, even: bool) -> int | None:
     try:
-        passed = datetime(*map(int, match.groups()[:6])) - datetime(1970, 1, 1)
+        seconds = np.datetime64("{}-{}-{}T{}:{}:{}".format(*match.groups()[:6])).astype(int)
     except ValueError:
         return None
-    fraction = _fraction(match[7], match[8], even) if match[8] else 0
-    return (passed.days * 86400 + passed.seconds) * NANO + fraction
+    return int(seconds) * NANO + (_fraction(match[7], match[8], even) if match[8] else 0)
 
 
 def _decimal(match: re.Match, even: bool) -> int | None:
