@@ -11,13 +11,8 @@ from joint_logs import FILES, ROOT, ingested, quality
 from omegaconf import OmegaConf
 from planar_poses import load_arm
 
-<<<<<<< HEAD
-from pipeline.arm.model import load_arm
 from pipeline.configuration import datasheet
 from pipeline.core import contracts
-=======
-from pipeline.core import contracts, datasheet
->>>>>>> 1fcfaca2 (Tests: an arm of three joints is a helper)
 from pipeline.core.columns import members, values
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.repetitions import excursions
