@@ -4,9 +4,10 @@ from importlib import import_module
 from pathlib import Path
 
 
-def load(file: str | Path):
+def load(file: str | Path, period: float | None = None):
     """Read an exported model (:class:`pipeline.models.exported.ExportedModel`) from ``file`` with
-    NumPy alone. Raises ContractError if ``file`` is not one.
+    NumPy alone. Raises ContractError if ``file`` is not one, ModelDomainError where the model is
+    not of steps of ``period`` (s).
     """
     exported = "pipeline.models.exported"  # imported by name: no dependency of the stages
-    return import_module(exported).read_exported(Path(file))
+    return import_module(exported).read_exported(Path(file), period)

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,18 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
-from pipeline.models.joint_steps import KIND, JointStepModel, build_joint_steps
+from pipeline.models.joint_steps import KIND, build_joint_steps
 from pipeline.models.kinds import build_model
-from pipeline.models.model import MotionModel
+from pipeline.models.model import TOLERANCE
 
-FORMAT = "motion model 1"
+FORMAT = "motion model 2"
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
 # a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
 MARGIN, SLACK = 0.05, 1e-3
+LARGEST = 1e9  # greatest parameter of a law
+SAME_PERIOD = 1e-6  # greatest relative difference of two periods
+LIMITS = {"lower": -np.inf, "upper": np.inf}
+COVARIANCES = ("noise_covariance", "floor", "gain")  # parameters that are covariances
 
 
 class OutsideRanges(UserWarning):
@@ -30,79 +34,26 @@ class OutsideRanges(UserWarning):
 
 
 @dataclass(frozen=True)
-class ExportedModel:
-    """Fitted law p(q_{k+1} | q_k) for the command v of a step of 1/rate s.
-
-    ``q`` (..., n) are joint angles in rad, ``v`` (m,) or (..., m) task steps in m and rad, (m + n)
-    for an arm with more joints than task rows. Each method warns :class:`OutsideRanges` once for
-    each joint and row outside the ranges of the fit. All raise SingularJacobianError. They raise
-    ModelDomainError for a wrong number of joints or rows, and for moments that do not exist or that
-    the recordings do not determine.
+class Exported:
+    """A fitted law for steps of 1/rate s, and the ``record`` of its file. Methods warn
+    :class:`OutsideRanges` once for each joint and row outside the ranges of the fit.
     """
 
-    law: MotionModel | JointStepModel
-    chain: Chain
+    law: Any
     record: Mapping[str, Any]  # contents of the file
+    chain: Chain | None = None
     _warned: set[str] = field(default_factory=set, compare=False)
 
     def __repr__(self) -> str:
         joints, rate = ", ".join(self.record.get("joints", [])), self.record["rate_per_s"]
         return f"<motion model {self.record['model']}: {joints} at {rate:g}/s>"
 
-    def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
-        """Covariance (..., n, n) in rad² for commanded joint steps ``dq`` (..., n) in rad. Raises
-        ModelDomainError for a model whose noise depends on more than the joint step.
-        """
-        dq = self._array("dq", dq, (len(self.chain.lower),), "rad a step")
-        of_step = getattr(self.law, "covariance_of_joint_step", None)
-        if of_step is None:
-            message = f"the noise of {self.record['model']} depends on the pose"
-            raise ModelDomainError(f"{message}; use covariance(q, v)")
-        self._warn("joint speed", self.record["rate_per_s"] * dq)
-        return of_step(dq)
-
-    def mean(self, q: ndarray, v: ndarray) -> ndarray:
-        """(..., n) E[q_{k+1}] in rad."""
-        return self.law.mean(self.chain, *self._arrays(q, v))
-
-    def covariance(self, q: ndarray, v: ndarray) -> ndarray:
-        """(..., n, n) Cov(q_{k+1}) in rad²."""
-        return self.law.covariance(self.chain, *self._arrays(q, v))
-
-    def step(self, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
-        """(..., n) one random next pose in rad for each of ``q``, as in a particle filter."""
-        return self.law.sample(self.chain, *self._arrays(q, v), rng)
-
-    def sample(self, q: ndarray, v: ndarray, size: int, rng: Generator) -> ndarray:
-        """(size, ..., n) independent next poses in rad from the same ``q``."""
-        q, v = self._arrays(q, v)
-        return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
-
-    def log_density(self, q: ndarray, v: ndarray, q_next: ndarray, measurement=None) -> ndarray:
-        """(...,) ln p(q_next | q) in rad⁻ⁿ. With a covariance ``measurement`` (n, n) in rad²,
-        ``q_next`` includes normal measurement noise (a Wishart model then needs numba). Raises
-        ModelDomainError for a step without a density, e.g. of a matrix model at rest.
-        """
-        q, v = self._arrays(q, v)
-        return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
-
-    def command(self, q: ndarray, v: ndarray, target: ndarray) -> ndarray:
-        """Command (..., m) or (..., m + n): ``v`` plus κ times the displacement from the tip's pose
-        at ``q`` to its ``target`` pose. κ = 0 for an open loop.
-        """
-        off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
-        command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
-        command[..., : len(self.chain.task)] += self.record["closed_loop_share"] * off
-        return command
-
-    def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
-        """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""
-        n, m = len(self.chain.lower), len(self.chain.task)
-        q = self._array("q", q, (n,), "rad")
-        v = self._array("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
-        self._warn("pose", q)
-        self._warn("speed", self.record["rate_per_s"] * v)
-        return q, v
+    def require_period(self, period: float | None) -> None:
+        """Raise ModelDomainError where ``period`` in s is not the period of the fit."""
+        own = 1 / self.record["rate_per_s"]
+        if period is not None and not abs(period / own - 1) <= SAME_PERIOD:
+            message = f"the model {self.record['model']} is of steps of {own:.9g} s, not {period:g}"
+            raise ModelDomainError(f"{message}: resample the commands, or fit a model at this rate")
 
     def _array(self, name: str, values: Any, sizes: tuple[int, ...], unit: str) -> ndarray:
         array = np.asarray(values, dtype=float)
@@ -127,6 +78,75 @@ class ExportedModel:
                 warnings.warn(f"{found} is outside the range {where}", OutsideRanges, stacklevel=4)
 
 
+class ExportedModel(Exported):
+    """Fitted law p(q_{k+1} | q_k) for the command v of a step of 1/rate s.
+
+    ``q`` (..., n) are joint angles in rad. ``task_step`` v (m,) or (..., m) are task steps in m and
+    rad, (m + n) for an arm with more joints than task rows; it is an argument by name, so that a
+    step of the joints cannot be taken for it. All methods raise SingularJacobianError. They raise
+    ModelDomainError for a wrong number of joints or rows, and for moments that do not exist or that
+    the recordings do not determine.
+    """
+
+    def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
+        """Covariance (..., n, n) in rad² for commanded joint steps ``dq`` (..., n) in rad. Raises
+        ModelDomainError for a model whose noise depends on more than the joint step.
+        """
+        dq = self._array("dq", dq, (len(self.chain.lower),), "rad a step")
+        of_step = getattr(self.law, "covariance_of_joint_step", None)
+        if of_step is None:
+            message = f"the noise of {self.record['model']} depends on the pose"
+            raise ModelDomainError(f"{message}; use covariance(q, v)")
+        self._warn("joint speed", self.record["rate_per_s"] * dq)
+        return of_step(dq)
+
+    def mean(self, q: ndarray, *, task_step: ndarray) -> ndarray:
+        """(..., n) E[q_{k+1}] in rad."""
+        return self.law.mean(self.chain, *self._arrays(q, task_step))
+
+    def covariance(self, q: ndarray, *, task_step: ndarray) -> ndarray:
+        """(..., n, n) Cov(q_{k+1}) in rad²."""
+        return self.law.covariance(self.chain, *self._arrays(q, task_step))
+
+    def step(self, q: ndarray, *, task_step: ndarray, rng: Generator) -> ndarray:
+        """(..., n) one random next pose in rad for each of ``q``, as in a particle filter."""
+        return self.law.sample(self.chain, *self._arrays(q, task_step), rng)
+
+    def sample(self, q: ndarray, *, task_step: ndarray, size: int, rng: Generator) -> ndarray:
+        """(size, ..., n) independent next poses in rad from the same ``q``."""
+        q, v = self._arrays(q, task_step)
+        return self.law.sample(self.chain, np.broadcast_to(q, (size, *q.shape)), v, rng)
+
+    def log_density(
+        self, q: ndarray, q_next: ndarray, *, task_step: ndarray, measurement=None
+    ) -> ndarray:
+        """(...,) ln p(q_next | q) in rad⁻ⁿ. With a covariance ``measurement`` (n, n) in rad²,
+        ``q_next`` includes normal measurement noise (a Wishart model then needs numba). Raises
+        ModelDomainError for a step without a density, e.g. of a matrix model at rest.
+        """
+        q, v = self._arrays(q, task_step)
+        return self.law.log_density(self.chain, q, v, np.asarray(q_next, float), measurement)
+
+    def command(self, q: ndarray, target: ndarray, *, task_step: ndarray) -> ndarray:
+        """Command (..., m) or (..., m + n): ``task_step`` plus κ times the displacement from the
+        tip's pose at ``q`` to its ``target`` pose. κ = 0 for an open loop.
+        """
+        off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
+        shape = (*off.shape[:-1], np.shape(task_step)[-1])
+        command = np.array(np.broadcast_to(task_step, shape), float)
+        command[..., : len(self.chain.task)] += self.record["closed_loop_share"] * off
+        return command
+
+    def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
+        """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""
+        n, m = len(self.chain.lower), len(self.chain.task)
+        q = self._array("q", q, (n,), "rad")
+        v = self._array("v", v, (m, m + n) if n > m else (m,), f"steps of {self.chain.task}")
+        self._warn("pose", q)
+        self._warn("speed", self.record["rate_per_s"] * v)
+        return q, v
+
+
 def chain_record(chain: Chain) -> dict[str, Any]:
     """Parameters of ``chain`` as plain values, enough to rebuild it without a URDF file."""
     plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
@@ -147,15 +167,86 @@ def _chain(record: Mapping[str, Any]) -> Chain:
     return {"planar": PlanarChain, "serial": SerialChain}[values.pop("kind")](**values)
 
 
-def read_exported(file: Path) -> ExportedModel:
-    """Read the model that the tool export wrote to ``file``, or raise ContractError."""
+def read_exported(file: Path, period: float | None = None) -> ExportedModel:
+    """Read the model that the tool export wrote to ``file``. Raises ContractError for another file,
+    with the key and value of what is not valid, and ModelDomainError for another ``period`` in s.
+    """
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
-        if record["format"] != FORMAT:
-            raise ValueError(f"format {record['format']!r}, not {FORMAT!r}")
-        parameters = record["parameters"]
-        build = build_joint_steps if parameters["kind"] == KIND else build_model
-        return ExportedModel(build(parameters), _chain(record["arm"]), record)
-    except (ContractError, OSError, ValueError, KeyError, TypeError) as error:
-        message = f"not an exported model ({error!r}); write one by python -m pipeline export MODEL"
+        record = _require_valid(json.loads(file.read_text("utf-8"), object_pairs_hook=_unique))
+        kind = record["parameters"]["kind"]
+        build = build_joint_steps if kind == KIND else build_model
+        try:
+            law = build(record["parameters"])
+        except (ContractError, KeyError):
+            message = f"parameters are not the parameters of a model of kind {kind!r}"
+            raise ContractError(message) from None
+        model = ExportedModel(law, record, _chain(record["arm"]))
+    except ContractError as error:
+        raise ContractError(error.message, file=file) from None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, ModelDomainError) as error:
+        found = f"no key {error}" if isinstance(error, KeyError) else f"{error}"
+        message = f"not an exported model ({found}); write one by python -m pipeline export MODEL"
         raise ContractError(message, file=file) from None
+    model.require_period(period)
+    return model
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the pairs as a dict; ContractError for a key that occurs twice."""
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        raise ContractError(f"the key {twice} occurs {keys.count(twice)} times; keep one of them")
+    return values
+
+
+def _require_valid(record: Any) -> dict[str, Any]:
+    """Return the contents of a file; ContractError with key and value for an invalid one."""
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        found = record.get("format") if isinstance(record, dict) else type(record).__name__
+        raise ContractError(f"format must be {FORMAT!r}, got {found!r}; export the model again")
+
+    def require(true: Any, key: str, rule: str, value: Any) -> None:
+        if not true:
+            raise ContractError(f"{key} must be {rule}, got {value!r}; export the model again")
+
+    rate, share = record["rate_per_s"], record["closed_loop_share"]
+    number = isinstance(rate, int | float) and not isinstance(rate, bool)
+    require(number and 0 < rate < LARGEST, "rate_per_s", "a finite number > 0", rate)
+    number = isinstance(share, int | float) and not isinstance(share, bool)
+    require(number and 0 <= share <= 1, "closed_loop_share", "a number from 0 to 1", share)
+    for key, value in _leaves(record):
+        if isinstance(value, int | float):
+            require(np.isfinite(value), key, "a finite number", value)
+            if key.startswith("parameters."):
+                require(abs(value) <= LARGEST, key, f"at most {LARGEST:g} in size", value)
+    for section in ("parameters", "ranges"):
+        require(isinstance(record[section], dict), section, "an object", record[section])
+    for key, value in record["parameters"].items():
+        matrix = isinstance(value, list) and value and isinstance(value[0], list)
+        if matrix and len(value) == len(value[0]) and key in COVARIANCES:
+            least = np.linalg.eigvalsh(np.array(value, float))[0]
+            symmetric = np.allclose(value, np.transpose(value))
+            positive = least >= -TOLERANCE * np.abs(value).max()
+            require(symmetric and positive, f"parameters.{key}", "a covariance", value)
+    for quantity, ranges in record["ranges"].items():
+        for name, ends in ranges.items():
+            ordered = ends["least"] <= ends["greatest"]
+            require(ordered, f"ranges.{quantity}.{name}", "least ≤ greatest", ends)
+    if (arm := record.get("arm")) is not None:
+        low, high = ([x if x is not None else s for x in arm[k]] for k, s in LIMITS.items())
+        for j, (least, greatest) in enumerate(zip(low, high, strict=True)):
+            require(least <= greatest, f"arm.lower[{j}]", f"at most arm.upper {greatest}", least)
+    return record
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted key and value of every number and text in nested objects and lists."""
+    items = value.items() if isinstance(value, dict) else enumerate(value)
+    for name, each in items:
+        place = f"{key}[{name}]" if isinstance(value, list) else f"{key}.{name}".lstrip(".")
+        if isinstance(each, dict | list):
+            yield from _leaves(each, place)
+        else:
+            yield place, each

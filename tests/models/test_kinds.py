@@ -58,9 +58,11 @@ def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(tmp_path, cha
     model = load(write_model(tmp_path / "model.json", "additive", chain, share=0.25))
     target = chain.pose(poses[0])
     off = chain.displacement(chain.pose(poses), target)
-    np.testing.assert_allclose(model.command(poses, step, target), step + 0.25 * off)
+    np.testing.assert_allclose(model.command(poses, target, task_step=step), step + 0.25 * off)
     opened = load(write_model(tmp_path / "open.json", "additive", chain))
-    assert np.array_equal(opened.command(poses, step, target), np.tile(step, (len(poses), 1)))
+    assert np.array_equal(
+        opened.command(poses, target, task_step=step), np.tile(step, (len(poses), 1))
+    )
 
 
 def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, chain):
@@ -69,21 +71,21 @@ def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, c
     bent = np.array([0.3, 2.4, -0.4])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        model.mean(q, v)
+        model.mean(q, task_step=v)
     with pytest.warns(OutsideRanges, match=r"b: 2\.4 rad is outside the range 1\.071 to 2\.071"):
-        model.mean(bent, v)
+        model.mean(bent, task_step=v)
     with pytest.warns(OutsideRanges, match=r"speed of phi: 5 rad/s is outside the range -4 to 4"):
-        model.step(q, v * 5, np.random.default_rng(1))
+        model.step(q, task_step=v * 5, rng=np.random.default_rng(1))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        model.covariance(bent, v * 5)
+        model.covariance(bent, task_step=v * 5)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("{", "JSONDecodeError"),
-        ('{"kind": "additive"}', "KeyError"),
+        ("{", "Expecting property name"),
+        ('{"kind": "additive"}', "format must be 'motion model 2', got None"),
         ('{"format": "motion model 0"}', "motion model 0"),
     ],
 )

@@ -46,7 +46,7 @@ def test_innovations_are_as_large_as_predicted_and_white(kind, share, chain, tmp
         path.append(path[-1] + model.chain.nominal_step(path[-1], each))
     targets, true = model.chain.pose(np.array(path)), [q]
     for each, target in zip(v, targets, strict=False):
-        q = model.step(q, model.command(q, each, target), rng)
+        q = model.step(q, task_step=model.command(q, target, task_step=each), rng=rng)
         true.append(q)
     poses = np.stack(true, axis=1) + rng.multivariate_normal(np.zeros(3), POSE, (60, 41))
 

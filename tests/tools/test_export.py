@@ -15,7 +15,7 @@ import pytest
 from exported_models import PARAMETERS, write_model
 from source_code import ROOT
 
-from pipeline.core.errors import ModelDomainError
+from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.core.options.dataset import Robot
 from pipeline.models import load
 from pipeline.models.exported import FORMAT, chain_record
@@ -48,13 +48,13 @@ import numpy as np
 model = importlib.import_module(sys.argv[1]).load(sys.argv[2])
 took, rng = time.process_time() - begun, np.random.default_rng(1)
 q, v = np.array([[0.3, 1.5, -0.4]] * 5), np.array([0.001, -0.001, 0.01])
-mean = model.mean(q, v)
+mean = model.mean(q, task_step=v)
 out = {"mean": mean.tolist(), "repr": repr(model), "took": took}
-assert model.command(q, v, model.chain.pose(mean)).shape == (5, 3)
+assert model.command(q, model.chain.pose(mean), task_step=v).shape == (5, 3)
 try:
-    out["covariance"] = model.covariance(q, v).tolist()
-    out["density"] = model.log_density(q, v, model.step(q, v, rng)).tolist()
-    assert model.sample(q, v, 7, rng).shape == (7, 5, 3)
+    out["covariance"] = model.covariance(q, task_step=v).tolist()
+    out["density"] = model.log_density(q, model.step(q, task_step=v, rng=rng), task_step=v).tolist()
+    assert model.sample(q, task_step=v, size=7, rng=rng).shape == (7, 5, 3)
 except Exception as error:
     out["refused"] = str(error)
 print(json.dumps(out))
@@ -98,12 +98,12 @@ def test_both_readers_give_the_projects_numbers_by_numpy_alone(kind, module, fol
     got, model = json.loads(done.stdout), load(file)
     assert got["took"] < 1.0
     q, v = np.array([[0.3, 1.5, -0.4]] * 5), np.array([0.001, -0.001, 0.01])
-    np.testing.assert_array_equal(got["mean"], model.mean(q, v))
+    np.testing.assert_array_equal(got["mean"], model.mean(q, task_step=v))
     assert "\n" not in got["repr"] and got["repr"] == repr(model)
     if kind == "untold":
         assert "noise of b at a step of" in got["refused"]
         return
-    np.testing.assert_array_equal(got["covariance"], model.covariance(q, v))
+    np.testing.assert_array_equal(got["covariance"], model.covariance(q, task_step=v))
     assert np.isfinite(got["density"]).all()
 
 
@@ -114,10 +114,10 @@ def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain
     np.testing.assert_allclose(np.diag(model.covariance_of_joint_step(dq)), expected)
     matrix = load(write_model(folder / "wishart.json", "wishart", chain))
     for call, words in (
-        (lambda: model.covariance(straight, np.zeros(3)), "singular"),
+        (lambda: model.covariance(straight, task_step=np.zeros(3)), "singular"),
         (lambda: model.covariance_of_joint_step(np.zeros(4)), r"dq must have 3 numbers.*\(4,\)"),
-        (lambda: model.mean(np.zeros(2), np.zeros(3)), r"q must have 3 numbers.*\(2,\)"),
-        (lambda: model.mean(np.zeros(3), np.zeros(6)), r"v must have 3 numbers.*\(6,\)"),
+        (lambda: model.mean(np.zeros(2), task_step=np.zeros(3)), r"q must have 3 numbers.*\(2,\)"),
+        (lambda: model.mean(np.zeros(3), task_step=np.zeros(6)), r"v must have 3 numbers.*\(6,\)"),
         (lambda: matrix.covariance_of_joint_step(dq), "depends on the pose"),
     ):
         with pytest.raises(Exception, match=words):
@@ -125,6 +125,61 @@ def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain
     scaled = load(write_model(folder / "scaled.json", "scaled", chain))
     known = 1e-7 * np.eye(3) + np.diag(0.09 * dq**2)
     np.testing.assert_allclose(scaled.covariance_of_joint_step(dq), known)
+
+
+EDITS = {  # name of the edit → text replaced, new text, and the key and value of the message
+    "rate": ('"rate_per_s": 100.0', '"rate_per_s": -5.0', r"rate_per_s .*> 0, got -5"),
+    "text": ('"rate_per_s": 100.0', '"rate_per_s": "fast"', r"rate_per_s .*got 'fast'"),
+    "share": (
+        '"closed_loop_share": 0.0',
+        '"closed_loop_share": 1e9',
+        "share must .*got 1000",
+    ),
+    "limits": ('"lower": [-3.0', '"lower": [4.0', r"arm.lower\[0\] .*upper 3.0, got 4.0"),
+    "level": ('"alpha": 0.05', '"alpha": 1e30', r"parameters.alpha .*got 1e\+30"),
+    "twice": (
+        '"model": "gaussian"',
+        '"model": "gaussian", "model": "b"',
+        "model occurs 2 times",
+    ),
+    "nan": ('"alpha": 0.05', '"alpha": NaN', "parameters.alpha .*finite number, got nan"),
+    "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
+    "cut": ('"closed_loop_share": 0.0', '"share": 0.0', "no key 'closed_loop_share'"),
+    "kind": ('"kind": "gaussian"', '"kind": "laplace"', "laplace"),
+}
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edited_model_is_refused_with_key_and_value(edit, tmp_path, chain):
+    file = write_model(tmp_path / "model.json", "gaussian", chain)
+    text = json.dumps(json.loads(file.read_text()))
+    old, new, words = EDITS[edit]
+    assert old in text and load(file)
+    file.write_text(text.replace(old, new))
+    with pytest.raises(ContractError, match=words) as caught:
+        load(file)
+    assert caught.value.evidence["file"] == file
+
+
+def test_covariances_are_covariances_and_nothing_is_nested_without_end(tmp_path, chain):
+    file = write_model(tmp_path / "model.json", "additive", chain)
+    record = json.loads(file.read_text())
+    record["parameters"]["noise_covariance"][0][0] = -1.0
+    file.write_text(json.dumps(record))
+    with pytest.raises(ContractError, match=r"parameters.noise_covariance must be a covariance"):
+        load(file)
+    file.write_text("[" * 100_000 + "]" * 100_000)
+    with pytest.raises(ContractError, match="not an exported model"):
+        load(file)
+
+
+def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chain):
+    file = write_model(tmp_path / "model.json", "gaussian", chain)
+    model = load(file, period=0.01)
+    with pytest.raises(ModelDomainError, match=r"steps of 0\.01 s, not 0\.008"):
+        load(file, period=0.008)
+    with pytest.raises(TypeError):  # a step is named: of the task or of the joints
+        model.mean(np.zeros(3), np.zeros(3))
 
 
 def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):

@@ -162,9 +162,10 @@ def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) ->
     shifts = DIFFERENCE * np.concatenate([np.eye(n), -np.eye(n)])[:, None]
     for k, (v, target) in enumerate(zip(commands.v, commands.path, strict=False)):
         places = np.concatenate([x[None], x + shifts])
-        ahead = model.mean(places, model.command(places, v, target))
+        ahead = model.mean(places, task_step=model.command(places, target, task_step=v))
         F = np.moveaxis(ahead[1 : n + 1] - ahead[n + 1 :], 0, -1) / (2 * DIFFERENCE)
-        P = F @ P @ np.swapaxes(F, -1, -2) + model.covariance(x, model.command(x, v, target))
+        Q = model.covariance(x, task_step=model.command(x, target, task_step=v))
+        P = F @ P @ np.swapaxes(F, -1, -2) + Q
         x, S = ahead[0], P + noise
         e = poses[:, k + 1] - x
         steps.append((e, S))

@@ -267,7 +267,7 @@ def reader_source() -> str:
         if changed:  # where it is defined or called; a method has a dot before it
             pattern = rf"(?<![\w.])({'|'.join(changed)})(?=\()"
             body = re.sub(pattern, lambda match, new=changed: new[match[0]], body)
-        modules.append(body)
+        modules.append(re.sub(r"\bnp\.(matvec|vecmat|vecdot)\(", r"\1(", body))
     build = [f'"{kind}": {renamed[law].get("build", "build")}' for law, kind in laws.items()]
     parts = {"imports": "\n".join(sorted(imports)), "modules": "\n\n".join(modules)}
     template = (HERE / "reader.txt").read_text(encoding="utf-8")
