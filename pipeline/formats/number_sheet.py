@@ -169,7 +169,7 @@ def _sheet(
         raise RecordingError(f"this is a {other[0]}, which is not read; {other[1]}", file=file)
     places = [number for number, line in enumerate(text.lines, start=1) if line.strip(' \t,;"')]
     if not places:
-        raise RecordingError("the file has no complete line; record again", file=file)
+        raise RecordingError("no samples: the file has no complete line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     tail = lines[: -REMARKS - 1 : -1]
     likely = next((line for line in tail if delimited.is_rowlike(line)), lines[-1])
@@ -189,7 +189,10 @@ def _sheet(
     last, numeric = split[-1], _numeric_columns(split)
     top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
     if top is None:
-        message = f"no row of numbers up to the line {lines[end - 1][:80]!r}; export it again"
+        message = (
+            f"no samples: no row of numbers up to the line {lines[end - 1][:80]!r}; record it "
+        )
+        message += "or export it again"
         raise RecordingError(message, file=file)
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:

@@ -16,6 +16,7 @@ from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
 from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
+from pipeline.formats.joints.names import match_joints
 from pipeline.recordings import commands
 from pipeline.recordings.repetitions import commanded_speeds
 
@@ -107,7 +108,8 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
     chosen = format_of(file, formats_in(joint_formats, Kind.JOINTS)) or TABLE
     log = chosen.read(file, options)
     names, signals, jumps = options.names or log.joints, {}, 0
-    if log.joints and options.names and log.joints != tuple(options.names):
+    stated = match_joints(log.joints, options.names) if log.joints else []
+    if {*stated} == {*options.names} and stated != [*options.names]:
         message = f"the joints of the log are {', '.join(log.joints)}"
         raise RecordingError(message, file=file, key=f"{OPTION}.joints")
     for name in (name for name in log.signals if name in (options.signals or log.signals)):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from kinds import FileKind
+from scipy.io import savemat
 
 RATE = 125.0  # Hz
 HOME = np.array([0.9, -1.1, 0.35, -1.4, 0.3, 0.5])  # rad, of UR below
@@ -113,6 +114,24 @@ def in_turn(time, actual, target):
     return stamps, *rows
 
 
+def text(name: str, content: str) -> Callable[[Path], None]:
+    """A file of ``content``."""
+    return lambda folder: (folder / name).write_text(content)
+
+
+def arrays(name: str, **others: object) -> Callable[[Path], None]:
+    """Arrays of joints × samples beside the times, and ``others``."""
+
+    def make(folder: Path) -> None:
+        time, actual, target = motion()
+        write_arrays = (
+            savemat if name.endswith("mat") else lambda file, data: np.savez(file, **data)
+        )
+        write_arrays(folder / name, {"time": time, "q": actual.T, "q_target": target.T} | others)
+
+    return make
+
+
 def counts(turn: int, zero: int) -> Callable[..., Sequence[object]]:
     """A change to counts of an encoder, ``turn`` per turn and ``zero`` at 0 rad."""
     return lambda time, *angles: (time, *(np.rint(zero + q * turn / (2 * np.pi)) for q in angles))
@@ -207,4 +226,21 @@ KINDS = [
              ("without numbers",)),
     FileKind("43", log([], lambda t, *q: in_turn(t, *q[::-1])),
              ("400 rows without measured angle",), never=("without numbers",), **OWN),
+    *(FileKind("across", arrays(name, **others),
+               ("joints 6; signals actual, target", TRACKED, words), never=("transpose", "None ()"), public=False)
+      for name, others, words in (
+          ("log.npz", {}, "samples 400"),
+          ("log.mat", {"None": np.array(["x"])}, "samples 400"),
+          ("names.npz", {"joint_names": np.array(UR)}, NAMED))),
+    *(FileKind("episode", log(["timestamp", *(f"observation.state.{j}{end}" for j in each),
+                               *(f"action.{j}{end}" for j in each)]),
+               ("follows", TRACKED), never=("not stated: a log of joints",), **OWN)
+      for each, end in ((UR, ".pos"), (range(6), ""))),
+    *(FileKind("empty", text("log.csv", content), ("no samples",), "log.csv", stops=stops,
+               public=False)
+      for content, stops in (
+          ("time,Fx,Fy,Fz,Tx,Ty,Tz\n", False),
+          ("time [s];Fx [N];Fy [N];Fz [N]\n", False),
+          ('"Force X (N)","Force Y (N)","Force Z (N)","Frequency = 100"\n', True),
+          ("RDT Sample Rate: 100\nStatus (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz\n", True))),
 ]  # fmt: skip

@@ -4,10 +4,12 @@ suggested and asked answers, each checked at once; the motion by its number.
 
 import builtins
 import os
+import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
+import joint_kinds
 import numpy as np
 import pytest
 from motive_files import START, random_take, rows_file
@@ -214,6 +216,54 @@ def test_labelled_tables_are_joint_logs_only_if_their_labels_say_it(root, tmp_pa
 
 def urdf() -> str:
     return os.path.relpath(ROOT / "pipeline/arm/ur5.urdf")
+
+
+UR_JOINTS = ["shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"]
+ALPHABETIC = [f"{joint}_joint" for joint in joint_kinds.UR]
+NAMELESS = {  # labels of the measured and commanded angles: joints that are suggested, and a note
+    "numbers": (joint_kinds.numbered("q", "q_cmd"), UR_JOINTS, "beyond the limits: none"),
+    "other words": ([f"{signal}_{joint}" for signal in ("q", "q_cmd")
+                     for joint in "hip knee ankle heel toe sole".split()], None,
+                    "the logs name, in this order, hip, knee, ankle, heel, toe, sole"),
+}  # fmt: skip
+
+
+def named_urdf(file: Path, limit: float = 6.3) -> None:
+    """A UR5 whose joints have the names of UR's drivers, with a ``limit`` of the elbow."""
+    text = Path(urdf()).read_text()
+    for number, joint in enumerate(UR_JOINTS, start=1):
+        text = text.replace(f'"joint_{number}"', f'"{joint}_joint"')
+    before, elbow, after = text.partition('"elbow_joint"')
+    after = re.sub('upper="[^"]*"', f'upper="{limit}"', after, count=1)
+    file.write_text(before + elbow + after)
+
+
+@pytest.mark.parametrize("kind", [k for k in joint_kinds.KINDS if k.number in ("19", "20")
+                                  and not k.stops], ids=lambda kind: kind.number)  # fmt: skip
+def test_joints_follow_the_names_in_the_logs_whatever_the_order_of_the_urdf(root, tmp_path, kind):
+    (tmp_path / "logs").mkdir()
+    kind.make(tmp_path / "logs")
+    named_urdf(tmp_path / "logs/arm.urdf")
+    run("lab", "--from", tmp_path / "logs", "--suggested", "--set", "robot.tool=flange")
+    assert written()[0]["joint_log"]["joints"] == ALPHABETIC
+
+
+@pytest.mark.parametrize("labels", NAMELESS)
+def test_without_names_the_limits_support_the_positions_and_other_names_contradict_them(
+    root, tmp_path, labels
+):
+    columns, joints, note = NAMELESS[labels]
+    (tmp_path / "logs").mkdir()
+    joint_kinds.log(["time", *columns])(tmp_path / "logs")
+    named_urdf(tmp_path / "logs/arm.urdf")
+    run("lab", "--from", tmp_path / "logs", "--suggested", "--set", "robot.tool=flange")
+    expected = [f"{joint}_joint" for joint in joints] if joints else "???"
+    assert written()[0]["joint_log"]["joints"] == expected
+    assert note in datasheet.path_of("lab").read_text()
+    # control: angles beyond a limit of the joint at their position
+    named_urdf(tmp_path / "logs/arm.urdf", limit=0.2)
+    run("other", "--from", tmp_path / "logs", "--suggested", "--set", "robot.tool=flange")
+    assert written("other")[0]["joint_log"]["joints"] == "???"
 
 
 @pytest.mark.slow

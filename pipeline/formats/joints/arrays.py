@@ -17,9 +17,12 @@ from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
     TIME,
     columns_by_name,
+    is_names,
+    joint_parts,
     named_like,
     possibly_speed,
     signals_of_groups,
+    states_joints,
     words_of,
 )
 
@@ -39,8 +42,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
     data = read_alone(read, Path(file), file=file, advice="save it again")
+    stated = [[*map(str, one)] for n, one in data.items() if one.dtype.kind == "U" and is_names(n)]
     dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
     data |= {name: _seconds(data[name]) for name in dated}
+    data = {name: one for name, one in data.items() if one.dtype.kind != "U"}
     lengths = {len(data[name]) for name in _clocks(data)}
     for name, one in data.items():  # one row per joint beside a time of that length
         if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
@@ -57,8 +62,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         if not labels or len(chosen) < len(labels) or len({*map(len, chosen)}) > 1:
             shapes = [f"{name} {one.shape}" for name, one in sorted(data.items())]
             message = f"the {quantity} must be an array with one row of numbers per time, found "
-            message += f"{names}; name the array, or its columns as ARRAY:COLUMN. The file has "
-            message += ", ".join(shapes) or "no arrays"
+            message += f"{', '.join(labels) or 'no such name'}; name the array, or its columns as "
+            message += f"ARRAY:COLUMN. The file has {', '.join(shapes) or 'no arrays'}"
             key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
             raise RecordingError(message, file=file, key=key)
         require("part_mib", sum(map(len, chosen)) * 8 / MIB, f"MiB of the {quantity}", file)
@@ -101,7 +106,9 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         rows = ", ".join(f"{count} of {name}" for name, count in length.items())
         message = f"{len(time)} times for {rows} angles; save one row of joints for each time"
         raise RecordingError(message, file=file, array=clock)
-    log = JointLog(time, signals, {}, time_unit="s" if clock in dated else "")
+    width = {rows.shape[1] for rows in signals.values()}
+    joints = next((tuple(names) for names in stated if {len(names)} == width), ())
+    log = JointLog(time, signals, {}, joints, time_unit="s" if clock in dated else "")
     return increasing(log, file, lambda row: {"array": clock, "row": row})
 
 
@@ -141,13 +148,15 @@ def _npz(file: Path) -> Arrays:
 
 
 def _numeric(value: object) -> np.ndarray:
-    """Return ``value`` as an array of numbers, dates or durations, lists of equal length as rows.
-    Any other ``value`` becomes an array of shape ().
+    """Return ``value`` as an array of numbers, dates, durations or words, lists of equal length as
+    rows. Any other ``value`` becomes an array of shape ().
     """
     kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
+    if kind == "O" and value.ndim == 1 and {*map(type, value)} == {str}:
+        return value.astype(str)
     if kind == "O" and value.ndim == 1 and len({np.shape(row) for row in value}) == 1:
         return _numeric(np.stack(value)) if np.shape(value[0]) else np.empty(())
-    return value if kind and kind in "fiumM" else np.empty(())
+    return value if kind and kind in "fiumMU" else np.empty(())
 
 
 def _seconds(value: np.ndarray) -> np.ndarray:
@@ -183,6 +192,8 @@ def _parquet(file: Path) -> Arrays:
     for name, group in columns_by_name([*arrays]).items():
         if name not in arrays and len(group) > 1:
             arrays[name] = np.column_stack([arrays[label] for label in group])
+            if states_joints(group):
+                arrays["joint_names"] = np.array(joint_parts(group))
     return arrays
 
 

@@ -16,7 +16,7 @@ from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled, split_line
 from pipeline.formats.format import Format, Head, Kind, is_bag
-from pipeline.formats.joints.names import match_joints, named_like, states_joints, words_of
+from pipeline.formats.joints.names import is_names, match_joints, named_like, states_joints
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 OPTION = "dataset.joint_log"
@@ -26,7 +26,6 @@ FLAT = (
 )
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ANGLES = ("actual", "target")
-NAMES = {"name", "names"}  # one of the last two words of a label above joints' names
 # signal → field of a message; other signals are in the field effort
 FIELDS = {"speed": "velocity", "velocity": "velocity"}
 FIELDS |= dict.fromkeys((*ANGLES, "position"), "position")
@@ -135,7 +134,7 @@ def names_in_cells(sheet: Sheet, count: int) -> list[str]:
     """Return the ``count`` joints' names in the cells of columns such as ``field.joint_names0``, or
     no names. Raises RecordingError with the line where the names change.
     """
-    columns = {n for n, label in enumerate(sheet.labels) if NAMES & {*words_of(label)[-2:]}}
+    columns = {n for n, label in enumerate(sheet.labels) if is_names(label)}
     if not (columns := sorted(columns - {*sheet.numeric})):
         return []
     cells = (split_line(row, sheet.separator) for row in sheet.rows)

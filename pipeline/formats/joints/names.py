@@ -130,6 +130,11 @@ def is_counter(name: str) -> bool:
     return not COUNTERS.isdisjoint(words_of(name))
 
 
+def is_names(name: str) -> bool:
+    """Return whether an array or column of this ``name`` holds joints' names: joint_names0."""
+    return not {"name", "names"}.isdisjoint(words_of(name)[-2:])
+
+
 def joint_parts(names: Sequence[str]) -> list[str]:
     """Return the part of each of ``names`` that the others lack: a joint's name, or its number."""
     words = [*map(words_of, names)]
@@ -194,6 +199,13 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         groups = {name: group for name, group in groups.items() if not used & {*group}}
         order = [*named.get("actual", named.get("target", {}))]
         groups |= {role: [parts[part] for part in order] for role, parts in named.items()}
+        others: dict[str, dict[str, str]] = {}  # labels of the same joints without a role
+        for label in (label for label in labels if label not in used):
+            text = f"_{'_'.join(words_of(label))}_"
+            for part in (part for part in order if f"_{part}_" in text):
+                others.setdefault(text.replace(part, "*"), {})[part] = label
+        for name, parts in others.items():
+            groups |= {name: [parts[part] for part in order]} if {*parts} == {*order} else {}
     return groups
 
 

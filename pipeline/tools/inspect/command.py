@@ -56,6 +56,7 @@ ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # message types
 TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
 TOPICS |= {"depth.camera_info": (rosbag.CAMERA_INFO,)}
 NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
+NO_SAMPLES = "labels and no samples: text without rows of numbers below the first line"
 NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
 BINARY = (
     "binary data of no known format: unpack an archive, save arrays (HDF5, NPY, pickle) with their "
@@ -133,7 +134,9 @@ def describe_file(file: Path) -> Finding:
             finding.format, advice = known
             raise RecordingError(f"{finding.format} is not read: {advice}")
         else:
-            finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else NO_TABLE
+            labels = len(head.lines) == 1 and max(map(head.lines[0].count, ",;\t")) > 1
+            reason = NO_SAMPLES if labels else NO_TABLE
+            finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else reason
     except OSError as error:
         finding.refuse(RecordingError(f"the file cannot be read ({error.strerror})"))
     except PipelineError as error:

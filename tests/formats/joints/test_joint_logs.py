@@ -9,14 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import read_joint_log, table
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 from written_logs import refusal
 
 from pipeline.formats import joints
 from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.joints.arrays import read_arrays
 from pipeline.formats.joints.log import LogOptions
-from pipeline.formats.joints.names import signals_of
+from pipeline.formats.joints.names import match_joints, signals_of
+from pipeline.recordings.movement import read_log
 
 KEY = "dataset.joint_log"
 
@@ -84,6 +85,25 @@ LABELS = [
 @pytest.mark.parametrize(("labels", "signals"), LABELS)
 def test_labels_say_which_columns_are_a_signal(labels, signals):
     assert signals_of(labels) == (signals, {})
+
+
+UR_JOINTS = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"]
+UR_JOINTS += [f"wrist_{j}_joint" for j in (1, 2, 3)]
+ORDERED = [  # names in a file, joints of a URDF, the joints that the names mean
+    (["actual_elbow", "actual_shoulder_pan", "actual_wrist_2"], UR_JOINTS,
+     ["elbow_joint", "shoulder_pan_joint", "wrist_2_joint"]),
+    (["Wrist3Pos", "Wrist1Pos"], UR_JOINTS, ["wrist_3_joint", "wrist_1_joint"]),
+    (n("q_{}", 3, 1), n("arm_joint_{}", 3, 1), n("arm_joint_{}", 3, 1)),
+    (n("A{}", 3, 1), n("joint_a{}", 3, 1), n("joint_a{}", 3, 1)),
+    (["elbow", "finger"], UR_JOINTS, ["elbow_joint", "finger"]),
+    (["base", "shoulder"], UR_JOINTS, ["base", "shoulder"]),
+    (["elbow", "elbow_joint"], UR_JOINTS, []),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("names", "known", "meant"), ORDERED)
+def test_names_in_a_file_mean_joints_of_the_urdf_whatever_their_order(names, known, meant):
+    assert match_joints(names, known) == meant
 
 
 TIME = np.arange(400) / 125
@@ -160,6 +180,22 @@ def test_tables_are_read_by_labels_or_numbers_in_any_form(tmp_path, header, row,
     result = read_joint_log(file, joints=3, columns=columns, options=options)
     np.testing.assert_allclose(result.signals["actual"], [[0.1, 0.2, 0.3]] * 4, rtol=1e-12)
     np.testing.assert_allclose(result.time, np.arange(4) * 0.008, atol=1e-12)
+
+
+def test_columns_whose_labels_or_cells_name_other_joints_are_refused(tmp_path):
+    labels = table(tmp_path, "t,q_elbow,q_wrist", "0,1,2", "1,1,2")
+    named = ["q_elbow", "q_wrist"]
+    options = LogOptions("t", names=("wrist_joint", "elbow_joint"))
+    error = refusal(partial(read_joint_log, joints=2, columns=named, options=options), labels)
+    assert error.evidence["key"] == f"{KEY}.joints" and "elbow_joint, wrist_joint" in error.message
+    cells = table(tmp_path, "t,name0,name1,q0,q1", "0,elbow,wrist,1,2", "1,elbow,wrist,1,2")
+    for names in (("elbow", "wrist"), ("wrist", "elbow")):
+        options = LogOptions("t", names=names)
+        read = partial(read_joint_log, joints=2, columns=["q0", "q1"], options=options)
+        if names[0] == "elbow":
+            assert read(cells).signals["actual"].tolist() == [[1, 2]] * 2
+        else:
+            assert refusal(read, cells).evidence["key"] == f"{KEY}.joints"
 
 
 UNITS = [  # header, option, unit, last time in s
@@ -294,6 +330,31 @@ def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_pat
     )
     file.write_bytes(b"MATLAB 7.3 MAT-file, " + file.read_bytes()[21:])
     assert "-v7" in refusal(read_arrays, file, PLAIN).message
+
+
+@pytest.mark.parametrize("form", ["npz", "mat"])
+def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path, form):
+    beside = {"joint_names": np.array(["a", "b", "c"]), "None": np.array(["x"])}
+    turned = {name: one.T for name, one in ARRAYS.items()}
+    log = read_arrays(archive(tmp_path, form, **turned | beside), PLAIN)
+    np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
+    assert log.joints == ("a", "b", "c")
+    options = LogOptions("absent", joints=3)
+    message = refusal(read_arrays, archive(tmp_path, form, **turned | beside), options).message
+    assert "None" not in message and "positions (3, 6)" in message
+    shuffled = LogOptions("times", joints=3, names=("b", "a", "c"))
+    error = refusal(read_log, archive(tmp_path, form, **turned | beside), shuffled)
+    assert "the joints of the log are a, b, c" in error.message
+
+
+def test_a_real_matlab_file_of_joints_times_samples_is_what_scipy_reads(shared):
+    file = shared / "recordings/kr300/run_A.mat"
+    signals = {"actual": ["rec.act_pos_se_deg"], "target": ["rec.ref_pos_deg"]}
+    log = read_arrays(file, LogOptions("rec.time_cont", angle_unit="deg", signals=signals))
+    read = loadmat(file, simplify_cells=True)["rec"]
+    for name, (array,) in signals.items():
+        angles = np.deg2rad(read[array.removeprefix("rec.")].T)
+        np.testing.assert_array_equal(log.signals[name], angles)
 
 
 def test_a_real_archive_holds_both_angles_of_seven_joints(shared):
