@@ -227,7 +227,8 @@ KINDS = [
     FileKind("43", log([], lambda t, *q: in_turn(t, *q[::-1])),
              ("400 rows without measured angle",), never=("without numbers",), **OWN),
     *(FileKind("across", arrays(name, **others),
-               ("joints 6; signals actual, target", TRACKED, words), never=("transpose", "None ()"), public=False)
+               ("joints 6; signals actual, target", TRACKED, words),
+               never=("transpose", "None ()"), public=False)
       for name, others, words in (
           ("log.npz", {}, "samples 400"),
           ("log.mat", {"None": np.array(["x"])}, "samples 400"),
