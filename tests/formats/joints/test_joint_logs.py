@@ -221,7 +221,7 @@ def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path
     assert log.joints == ("a", "b", "c")
     options = LogOptions("absent", joints=3)
     message = refusal(read_arrays, archive(tmp_path, form, **turned | beside), options).message
-    assert "None" not in message and "positions (3, 6)" in message
+    assert "None" not in message and "positions (6, 3)" in message
     shuffled = LogOptions("times", joints=3, names=("b", "a", "c"))
     error = refusal(read_log, archive(tmp_path, form, **turned | beside), shuffled)
     assert "the joints of the log are a, b, c" in error.message
