@@ -40,7 +40,7 @@ def run() -> None:
     ]
     claims = {"datasets": datasets, "claims": verdict_data(decided)}
     parts = {
-        "Figures": pages.figures(captions, items, sources),
+        "Figures": pages.figures(here, decided, captions, items, sources),
         "The gravest errata of the paper": pages.gravest_errata(errata),
     }
     written = {

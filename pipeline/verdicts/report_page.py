@@ -8,21 +8,23 @@ import pandas as pd
 from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
-from pipeline.verdicts.claims import PROJECT, Claim
+from pipeline.verdicts.claims import CONSTRUCTION, PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
-from pipeline.verdicts.paper import Erratum, Item, Source
+from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
+from pipeline.verdicts.wording import TEXTS, interval, join_names, number, page, table
 
 TEXT = TEXTS["report"]
 ROBOTS: dict[str, str] = TEXT["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
 MARKS: dict[str, str] = TEXT["marks"]
+WIDTHS = "joint_std"  # figure whose caption names the joints that the models miss
+FIGURE = re.compile(r"Fig\. (\w+)")  # label of the figure that shows a claim
 COMPARE = "Compare"  # first word of the caption's sentence that the report prints
 UNKNOWN = "no evidence"  # value in the table ``readings``
 # name in summary.json → model and name of its estimate
-SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "alpha_u": ("gaussian", "noise_level")}
+SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "noise_level": ("gaussian", "noise_level")}
 # names of counts of losses
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
@@ -31,20 +33,24 @@ BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL
 def report_page(
     here: Run, runs: Sequence[Run], decided: Sequence[Decided], parts: Mapping[str, str]
 ) -> str:
-    """Return ``report.md`` of ``here`` with further sections ``parts``; no verdicts if smoke."""
+    """Return ``report.md`` of ``here`` with the sections ``parts``, of which ``Figures`` is first;
+    no verdicts if smoke.
+    """
     own = {**parts, "More": TEXT["links"]}
     if here.scale == SMOKE:
         return page([TEXT["trial"].format(here.dataset)], own)
-    counts = TEXT["counts"].format(_counts(here, decided).replace(" / ", "/"))
     head = [f"# Results: dataset {here.dataset}, scale {here.scale}", TEXT["limits"]]
-    head += [" ".join([counts, *scores.result(here)]), claims_table(here, decided)]
+    counts = TEXT["counts"].format(_counts(here, decided).replace(" / ", "/"))
+    head += [" ".join([counts, *_synthetic_rules(here, decided), *scores.result(here)])]
+    head += [" ".join([*estimates(here, decided), *speeds(here)])]
     predictors = filter(None, [scores.spread_note(here), scores.predictors(here)])
     sections = {
-        "Claims that fail": failures(here, decided),
-        "Readings of LU or QR": readings([r for r in runs if r is here or r.dataset in ROBOTS]),
+        "Figures of the paper": own.pop("Figures", ""),
         "Published against ours": published_and_ours(here, decided),
         "Predictors": "\n\n".join(predictors),
         "Filters": scores.filters(here),
+        "Claims that fail": failures(here, decided),
+        "Readings of LU or QR": readings([r for r in runs if r is here or r.dataset in ROBOTS]),
     }
     return page(head, sections | own)
 
@@ -55,13 +61,35 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
     lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
-    if ours := here.metrics.get("fit_wishart", {}).get("sigma_b"):
-        (claim,) = (v.claim for v in decided[0].verdicts if v.claim.id == "sigma-b")
-        lines.append(TEXT["dispersion"].format(number(ours), claim.published))
-    if "predictions" in here.tables:
-        best = plain_name(scores.log_scores(here)["mean"].idxmax())
-        lines.append(f"The {best} has the highest log score of the next pose.")
+    lines += [*estimates(here, decided), *scores.result(here)[:2]]
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
+
+
+def estimates(here: Run, decided: Sequence[Decided]) -> list[str]:
+    """Return a sentence on σ̂_B by each estimator beside the published value, if it was fitted."""
+    fitted, few = here.metrics.get("fit_wishart", {}), few_takes(here)
+    cells = [
+        f"{_estimate(fitted, 'sigma_b', estimator, few)} by {name}"
+        for estimator, name in TEXT["estimators"].items()
+        if f"sigma_b_{estimator}" in fitted
+    ]
+    (claim,) = (v.claim for v in decided[0].verdicts if v.claim.id == "sigma-b")
+    sentence = TEXT["dispersion"].format(here.dataset, join_names(cells), claim.published)
+    return [sentence] if cells else []
+
+
+def speeds(here: Run) -> list[str]:
+    """Return a sentence on the speeds of the true joint angles, if they are known."""
+    known = here.metrics.get("recordings", {})
+    reached = {joint: known.get(f"true_{joint}_greatest_speed_rad_per_s") for joint in here.joints}
+    if None in reached.values() or not reached:
+        return []
+    fastest = max(reached, key=reached.get)
+    limit = known[f"true_{fastest}_speed_limit_rad_per_s"]
+    numbers = {"reached": number(reached[fastest], 3), "limit": number(limit, 3)}
+    numbers["beyond"] = f"{known['true_moving_steps_beyond_a_speed_limit_share']:.1%}"
+    numbers["backwards"] = f"{known[f'true_{fastest}_fast_steps_backwards_share']:.1%}"
+    return [TEXT["speeds"].format(joint=fastest, **numbers)]
 
 
 def count_claims(verdicts: Sequence[Verdict]) -> tuple[int, int]:
@@ -77,7 +105,7 @@ def _counts(here: Run, decided: Sequence[Decided]) -> str:
 
 
 def summary_numbers(here: Run, decided: Sequence[Decided]) -> dict[str, float]:
-    """Return at most seven numbers that compare experiments: claims, σ̂_B, α̂û, log scores."""
+    """Return at most seven numbers that compare experiments: claims, σ̂_B, L, log scores."""
     numbers = {}
     if here.scale != SMOKE:
         own = next(whose for whose in decided if whose.dataset == here.dataset)
@@ -104,12 +132,41 @@ def _rows(columns: Sequence[Decided]) -> Iterator[tuple[Verdict, ...]]:
     return zip(*(whose.verdicts for whose in columns), strict=True)
 
 
-def claims_table(here: Run, decided: Sequence[Decided]) -> str:
-    """Return a row for each claim, the paper's first, with its verdict in every column."""
-    columns = _columns(here, decided)
-    rows = sorted(_rows(columns), key=lambda row: row[0].claim.source == PROJECT)
-    body = [[statement(row[0].claim), *map(verdict_cell, row)] for row in rows]
-    return f"{table(['claim', *map(_robot, columns)], body)}\n\n{TEXT['key']} {TEXT['cell']}"
+def _synthetic_rules(here: Run, decided: Sequence[Decided]) -> list[str]:
+    """Return a sentence on the rules of claims that synthetic recordings cannot decide."""
+    own = next(whose for whose in decided if whose.dataset == here.dataset)
+    undecided = [v for v in own.verdicts if v.verdict == d.SYNTHETIC_CANNOT]
+    undecided = [verdict for verdict in undecided if verdict.claim.source != PROJECT]
+    passing = sum(rule_passes(verdict) for verdict in undecided)
+    if not undecided:
+        return []
+    return [TEXT["undecided"].format(len(undecided), passing, len(undecided) - passing)]
+
+
+def rule_passes(verdict: Verdict) -> bool:
+    """Return True if no case of a verdict fails the claim's rule."""
+    return not any(case.holds is False for case in verdict.cases)
+
+
+def claim_lines(here: Run, decided: Sequence[Decided], label: str | None) -> tuple[list[str], ...]:
+    """Return a line for each claim on the figure ``label``, or without a figure, with its verdicts,
+    the paper's claims first; and the statements of the claims without evidence.
+    """
+    columns, lines, without = _columns(here, decided), [], []
+    for row in sorted(_rows(columns), key=lambda row: row[0].claim.source == PROJECT):
+        claim = row[0].claim
+        if (FIGURE.findall(claim.where)[:1] or [None]) != [label]:
+            continue
+        robots = [_robot(whose).partition(",")[0] for whose in columns]
+        cells = zip(robots, map(verdict_cell, row), strict=True)
+        shown = " · ".join(f"{robot} {cell}" for robot, cell in cells if cell)
+        if shown and claim.by == CONSTRUCTION:
+            lines.append(f"- {statement(claim)}")
+        elif shown:
+            lines.append(f"- {statement(claim)}<br>**{shown}**")
+        else:
+            without.append(statement(claim))
+    return lines, without
 
 
 def statement(claim: Claim) -> str:
@@ -121,14 +178,19 @@ def statement(claim: Claim) -> str:
 
 
 def verdict_cell(verdict: Verdict) -> str:
-    """Return the sign of a verdict with the value of its case or the share of cases that hold."""
-    sign = MARKS[verdict.verdict]
+    """Return a verdict's words with the value of its case or the number of cases that hold; "" if
+    there is no evidence.
+    """
     decided = [case for case in verdict.cases if case.holds is not None]
-    if verdict.verdict in (d.NO_RECORDING, d.FORCED, d.NO_EVIDENCE) or not decided:
-        return sign
+    if verdict.verdict in (d.NO_RECORDING, d.NO_EVIDENCE):
+        return ""
+    if verdict.verdict == d.FORCED or not decided:
+        return MARKS[d.FORCED]
+    undecided = f"synthetic: rule {'passes' if rule_passes(verdict) else 'fails'}"
+    mark = MARKS.get(verdict.verdict, undecided)
     if len(verdict.cases) == 1:
-        return f"{sign} {number(decided[0].value)}"
-    return f"{sign} {sum(case.holds for case in decided)}/{len(decided)}"
+        return f"{mark} {number(decided[0].value)}"
+    return f"{mark} {sum(case.holds for case in decided)}/{len(decided)}"
 
 
 def failures(here: Run, decided: Sequence[Decided]) -> str:
@@ -156,7 +218,7 @@ def readings(runs: Sequence[Run]) -> str:
         first = ruled.iloc[:, 0]
         changes = (ruled.ne(first, axis=0) & ruled.ne(UNKNOWN)).any(axis=1) & first.ne(UNKNOWN)
         for claim, words in ruled[changes].iterrows():
-            signs = words.map(MARKS)
+            signs = words.map(TEXT["signs"])
             signs.iloc[0] = f"**{signs.iloc[0]}**"
             rows.append({"claim": claim, "dataset": run.dataset, **signs})
         lacking = own[own["holds"].eq(UNKNOWN) & own["refused"].astype(object).fillna("").ne("")]
@@ -176,12 +238,16 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
     few, without = few_takes(here), decided[-1]
     own = next(whose for whose in decided if whose.dataset == here.dataset)
     claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
-    rows, others = [], []
+    rows, others, noted = [], [], ""
     for name, (file, key, claim) in TEXT["parameters"].items():
         fitted = here.metrics.get(file, {})
         cells = [_estimate(fitted, key, estimator, few) for estimator in TEXT["estimators"]]
         if any(cell != "–" for cell in cells):
             rows.append([name, claims[claim].published if claim in claims else "–", *cells])
+    stated = {name: claims[name].published for name in ("alpha", "u") if name in claims}
+    if here.arm.numbered and (levels := noise_levels(here.metrics.get("fit_gaussian", {}), stated)):
+        rows[-1][1] = f"{number(levels['published'])} (of û and α̂)"
+        noted = TEXT["levels"].format(**{n: number(value, 3) for n, value in levels.items()})
     for pair in _rows([own, without]):
         claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
         cases = [case for case in cases if case.value is not None]
@@ -195,6 +261,7 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
             others.append([name, printed, " / ".join(ours)])
     parts = ["No interval: fewer than ten takes." if few else "Brackets have 95 % intervals."]
+    parts[0] += f" {noted}" * bool(noted)
     parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
@@ -203,53 +270,70 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
     """Return an estimate with its interval, or "unbounded" at the end of the searched interval."""
     name = f"{key}_{estimator}"
+    if fitted.get(f"{name}_unbounded"):
+        return "unbounded"
     if name not in fitted:
         return "–"
-    if fitted.get(f"{name}_unbounded", fitted.get(f"{key}_unbounded", 0)):
-        return "unbounded"
     ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
     text = number(fitted[name])
     text = text if few or None in ends else f"{text} {interval(*ends)}"
     limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
-    return f"{text}, no covariance" if "sigma_b" in key and fitted[name] >= limit else text
+    return f"{text} (no covariance)" if "sigma_b" in key and fitted[name] >= limit else text
 
 
 def figures(
-    captions: Mapping[str, Mapping], items: Sequence[Item], sources: Mapping[str, Sequence[Source]]
+    here: Run,
+    decided: Sequence[Decided],
+    captions: Mapping[str, Mapping],
+    items: Sequence[Item],
+    sources: Mapping[str, Sequence[Source]],
 ) -> str:
     """Return the paper's figures in order, each with one sentence of the caption (the COMPARE
-    sentence, else the first), then links to other figures; ``sources`` name an item's figures.
+    sentence, else the first) and the verdicts on the claims that it shows; then the claims without
+    a figure, and links to other figures. ``sources`` name an item's figures.
     """
-    ours, lines = dict(captions), []
+    ours, sections, absent, unseen = dict(captions), [], [], []
     for item in (item for item in items if item.kind == "figure"):
+        if item.without_code:
+            absent.append(f"{item.title}: {item.without_code}.")
+        lines, without = claim_lines(here, decided, item.label)
+        unseen += without
         for name in (source.name.rpartition(".")[2] for source in sources[item.cited_as]):
             if caption := ours.pop(name, None):
                 sentences = re.split(r"(?<=[.!?]) (?=[A-Z(])", caption["caption"])
                 look = next((s for s in sentences if s.startswith(COMPARE)), sentences[0])
-                lines.append(f"- **{item.title}.** {look}")
-                lines.append(f"  ![{caption['title']}](figures/{name}.png)")
+                look = " ".join([look, *scores.widths(here)] if name == WIDTHS else [look])
+                image = f"![{caption['title']}](figures/{name}.png)"
+                sections.append("\n".join([f"### {item.title}", image, look, *lines]))
+                lines = []
+        unseen += [line.removeprefix("- ").partition("<br>")[0] for line in lines]
+    lines, without = claim_lines(here, decided, None)
+    sections += ["\n".join(["### Without a figure", *lines])] if lines else []
+    if unseen := unseen + without:
+        sections.append(TEXT["unseen"].format(len(unseen), " ".join(unseen)))
     links = "; ".join(f"[{own['title']}](figures/{name}.png)" for name, own in ours.items())
-    return "\n".join([*lines, *[f"- Not in the paper: {links}."] * bool(links)])
+    sections += [f"Figures that are not in the paper: {links}."] if links else []
+    return "\n\n".join(filter(None, [" ".join([TEXT["key"], *absent]), *sections]))
 
 
 def gravest_errata(errata: Sequence[Erratum]) -> str:
     """Return the titles of the gravest errata as links, and the number of all errata."""
     titles = {erratum.id: erratum.title for erratum in errata}
-    lines = [f"- [{titles[name]}](errata.md#{name})" for name in TEXT["gravest"] if name in titles]
-    return "\n".join([*lines, f"\nAll {len(errata)}: [errata.md](errata.md)."])
+    links = [f"[{titles[name]}](errata.md#{name})" for name in TEXT["gravest"] if name in titles]
+    return f"{'; '.join(links)}. All {len(errata)}: [errata.md](errata.md)."
 
 
 def datasets_page(decided: Sequence[Decided]) -> str:
     """Return ``reports/datasets.md``, with the sign of every verdict by claim and dataset."""
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
-    rows = [[row[0].claim.id, *(MARKS[each.verdict] for each in row)] for row in _rows(decided)]
+    rows = [[row[0].claim.id, *map(verdict_cell, row)] for row in _rows(decided)]
     tally = []
     for name, whose, own in decided:
         forced = sum(verdict.verdict == d.FORCED for verdict in own)
         tally.append([name, TEXTS["whose"][whose], "{} / {}".format(*count_claims(own)), forced])
     head = ["# Every claim in every dataset", TEXTS["datasets"]]
     head.append(table(["dataset", "recordings", "hold / fail", "by construction"], tally))
-    return page([*head, table(["claim", *(w.dataset for w in decided)], rows), TEXT["key"]])
+    return page([*head, table(["claim", *(w.dataset for w in decided)], rows)])
 
 
 def recordings_page(run: Run) -> str:

@@ -10,6 +10,8 @@ from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import TEXTS, interval, join_names, number, plain_name, table
 
 MATRIX_KINDS = ("wishart", "gaussian")
+ADDITIVE = "additive"  # name of the paper's own rival
+NO_NOISE = "no_noise"  # rival in the tables of standard deviations: zero
 ALL = "all"  # name of the group of all steps
 FILTERS = "filter_against_none"
 BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
@@ -32,12 +34,13 @@ def result(run: Run) -> list[str]:
         kinds = {n: run.models.get(n, n.partition("_")[0]) in MATRIX_KINDS for n in means.index}
         others = [name for name in means.index if kinds[name] != kinds[best]]
         name = plain_name(best).removesuffix(" (this motion)")
-        text = TEXT["best"].format(number(means[best]), name)
+        text = TEXT["best"].format(run.dataset, number(means[best]), name)
         if others:
             pair = pairs.set_index(["model", "rival"]).loc[(best, others[0])]
             text += f", {_offset(pair)} the highest of a "
             text += "baseline" if kinds[best] else "matrix model"
         sentences.append(f"{text}.")
+        sentences += _against_additive(run, pairs)
     if FILTERS in run.tables:
         rows = run.tables[FILTERS].query("score == 'log_score' and difference.notna()")
         rows = rows.set_index("model").sort_values("difference", ascending=False)
@@ -45,6 +48,40 @@ def result(run: Run) -> list[str]:
         parts = [TEXT["particle"].format(_offset(rows.loc[particle[0]]))] if len(particle) else []
         parts += [TEXT["linear"].format(_offset(rows.loc[MEMORY]))] if MEMORY in rows.index else []
         sentences += [f"{'; '.join(parts)}."] if len(particle) else []
+    return sentences
+
+
+def _against_additive(run: Run, pairs: pd.DataFrame) -> list[str]:
+    """Return a sentence on the matrix models' log scores against the additive model's (``pairs``),
+    the paper's own comparison.
+    """
+    rows = pairs[pairs["rival"] == ADDITIVE].dropna(subset="difference").set_index("model")
+    named = [name for name in ("gaussian", "wishart") if name in rows.index]
+    parts = [f"{plain_name(name)} is {_offset(rows.loc[name])}" for name in named]
+    return [f"{TEXT['additive']}{' and of the '.join(parts)}."] if parts else []
+
+
+def widths(run: Run) -> list[str]:
+    """Return a sentence for each matrix model on the joints where its standard deviation is widest
+    and narrowest beside the recordings, and where its error is above the error of no noise.
+    """
+    motion, sentences = run.metrics.get("motion", {}), []
+    errors = run.tables.get("spread_comparison", pd.DataFrame(columns=["rival", "model"]))
+    errors = errors[errors["rival"] == NO_NOISE]
+    for model in (name for name, kind in run.models.items() if kind in MATRIX_KINDS):
+        own, recorded = (
+            pd.Series({j: motion.get(f"{source}_std_{j}_rms_rad") for j in run.joints}, dtype=float)
+            for source in (model, "recorded")
+        )
+        if (own / recorded).isna().any() or own.empty:
+            continue
+        ratio = own / recorded
+        ends = {"most": ratio.max(), "least": ratio.min()}
+        words = {end: number(value, 3) for end, value in ends.items()}
+        words |= {"widest": ratio.idxmax(), "narrowest": ratio.idxmin(), "name": plain_name(model)}
+        above = errors[(errors["model"] == model) & (errors["low"] > 0)]["joint"]
+        beyond = TEXT["no_noise"].format(join_names(above)) if len(above) else ""
+        sentences.append(f"{TEXT['widths'].format(**words)}{beyond}.")
     return sentences
 
 

@@ -50,5 +50,5 @@ def join_names(names: Iterable[str]) -> str:
 
 def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
     """Return the paragraphs ``parts``, then the ``sections`` by heading; empty ones are dropped."""
-    headed = [f"## {heading}\n\n{text}" for heading, text in (sections or {}).items() if text]
+    headed = [f"## {heading}\n{text}" for heading, text in (sections or {}).items() if text]
     return "\n\n".join([*filter(None, parts), *headed]) + "\n"

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import permutations
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,13 +10,13 @@ import pytest
 
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ContractError
-from pipeline.verdicts import report_page
+from pipeline.verdicts import paper, report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.report_page import datasets_page, recordings_page
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.scores import choice, filter_verdict, filters, result
+from pipeline.verdicts.scores import choice, filter_verdict, filters, result, widths
 from pipeline.verdicts.wording import TEXTS
 
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
@@ -24,14 +25,17 @@ STUDY |= {"published": 0.25, "parameter": "error"}
 STUDY |= {"value": {"file": "metrics/wrench", "key": "error"}}
 STD = STATED | {"id": "std", "about": "method", "rule": "below", "limit": 0.5}
 STD |= {"each": {"joint": "every"}, "value": {"file": "metrics/motion", "key": "std_{joint}"}}
-STD |= {"why": {"youbot": "it mixes units"}}
+STD |= {"why": {"youbot": "it mixes units"}, "where": "Sec. 1, Fig. Shown (a)"}
 SIGMA = STATED | {"id": "sigma-b", "about": "specimen", "rule": "within_relative"}
 SIGMA |= {"tolerance": 0.2, "published": 0.25, "parameter": "σ̂"}
 SIGMA |= {"value": {"file": "metrics/fit_wishart", "key": "sigma_b_paper"}}
-CLAIMS = parse_claims([STUDY, STD, SIGMA])
+ABSENT = STUDY | {"id": "absent", "value": {"file": "metrics/wrench", "key": "absent"}}
+CLAIMS = parse_claims([STUDY, STD, SIGMA, ABSENT])
 FIT = {"sigma_b": 0.227, "sigma_b_paper": 0.28765, "sigma_b_moments": 0.227}
 FIT |= {"sigma_b_moments_interval_low": 0.22, "sigma_b_moments_interval_high": 0.235}
 GAUSSIAN = {"u_paper": 18.0, "u_moments": 1000.0, "u_moments_unbounded": 1}
+GAUSSIAN |= {"noise_level_moments": 3.36}
+LEVEL = {"noise_level": 3.3643, "rms_norm_of_the_inverse_jacobian": 14.5073}
 
 
 def a_run(dataset: str, *stds: float, scale: str = "paper") -> Run:
@@ -50,28 +54,50 @@ def decided():
     return decide_each(CLAIMS, RUNS, [])
 
 
-def test_the_first_table_has_a_column_a_robot_and_no_tried_out_dataset(decided):
-    page = report_page.report_page(RUNS[0], RUNS, decided, {"Empty": "", "Ours": "x"})
+FIGURES = paper.parse_items(
+    [
+        {"kind": "figure", "label": "Shown", "place": "1", "says": "x", "tests": ["a::b"]},
+        {"kind": "figure", "label": "Photo", "place": "1", "says": "x", "without_code": "a photo"},
+    ]
+)
+CAPTIONS = {name: {"title": f"The {name}", "caption": "Red. Compare."} for name in ("own", "more")}
+
+
+def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_dataset(decided):
+    sources = {"Shown": [paper.Source("m.own", Path("m.py"), False)], "Photo": []}
+    parts = {"Figures": report_page.figures(RUNS[0], decided, CAPTIONS, FIGURES, sources)}
+    page = report_page.report_page(RUNS[0], RUNS, decided, parts | {"Empty": "", "Ours": "x"})
     assert page.startswith("# Results: dataset youbot, scale paper\n")
-    assert f"| claim | {WITHOUT_RECORDING} | youBot, synthetic | UR5, real |" in page
-    assert "| the statement | ✓ 0.2 |  |  |" in page
-    assert "| the statement |  | ✗ 2/3 | ✗ 0/2 |" in page
-    assert "| the statement *(the paper's own arm)* |  | ? 0.2877 | – |" in page
-    assert "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1.\n" in page
-    assert "| mine" not in page and "## Empty" not in page and "## Ours" in page
+    figure, _, others = page.partition(
+        "### Fig. 1 (Shown)\n![The own](figures/own.png)\nCompare.\n"
+    )
+    assert "Fig. 2 (Photo): a photo." in figure
+    first, _, others = others.partition("### Without a figure")
+    assert first.startswith("- the statement<br>**youBot ✗ 2/3 · UR5 ✗ 0/2**\n")
+    assert "- the statement<br>**no recording ✓ 0.2**\n" in others
+    assert "*(the paper's own arm)*<br>**youBot synthetic: rule passes 0.2877**" in others
+    assert (
+        "<summary>1 claims without evidence" in others and "[The more](figures/more.png)" in others
+    )
+    assert (
+        "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1. Synthetic " in page
+    )
+    assert "cannot decide 1 claims; the rule passes 1 and fails 0." in page
+    assert "mine ✓" not in page and "## Empty" not in page and "## Ours" in page
     failures = report_page.failures(RUNS[0], decided).splitlines()
     assert failures[0].endswith("b: 0.75. Reason: it mixes units.")
     assert "a: 0.6 and 1 more cases" in failures[1] and len(failures) == 2
     page = datasets_page(decided)
     assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
-    assert "| std | ✓ | ✗ | ✗ |  |" in page and "| study |  |  |  | ✓ |" in page
+    assert "| std | ✓ 0.1 | ✗ 0/2 | ✗ 2/3 |  |" in page and "| study |  |  |  | ✓ 0.2 |" in page
 
 
 def test_the_results_of_the_readme_are_between_its_marks(decided):
     before, after = "A.\n\n<!-- results -->\n", "<!-- /results -->\n\nB.\n"
     text = report_page.readme_with_results(f"{before}earlier\n{after}", RUNS[0], decided)
     assert text.startswith(before) and text.endswith(after) and "earlier" not in text
-    assert "σ̂_B is 0.227; the printed value is 0.25.\n" in text
+    estimates = "0.2877 by the paper's estimator and 0.227 [0.22, 0.235] by moments"
+    assert f"On youbot the Wishart model's σ̂_B is {estimates}; the paper prints 0.25.\n" in text
     with pytest.raises(ContractError, match="put them back"):
         report_page.readme_with_results(before, RUNS[0], decided)
 
@@ -101,11 +127,47 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(de
     text = report_page.published_and_ours(RUNS[0], decided)
     assert "| σ̂_B | 0.25 | 0.2877 | 0.227 [0.22, 0.235] | – |" in text
     assert "| û | – | 18 | unbounded | – |" in text
-    assert "| error | 0.25 | 0.2 |" in text and "no covariance" not in text
+    assert "| error | 0.25 | 0.2 |" in text and "(no covariance)" not in text
     beyond = {"fit_wishart": FIT | {"sigma_b_limit_of_the_covariance": 0.25}}
     run = replace(RUNS[0], metrics=RUNS[0].metrics | beyond)
     text = report_page.published_and_ours(run, decided)
-    assert "| 0.2877, no covariance | 0.227 [0.22, 0.235] | – |" in text
+    assert "αu = " not in text
+    assert "| 0.2877 (no covariance) | 0.227 [0.22, 0.235] | – |" in text
+
+
+def test_the_level_of_the_published_pair_is_beside_the_fitted_level():
+    claims = [SIGMA | {"id": name, "published": n} for name, n in (("u", 18.0), ("alpha", 0.1))]
+    known = {"fit_gaussian": GAUSSIAN | LEVEL}
+    run = replace(RUNS[0], joints=["a", "b", "c"], metrics=RUNS[0].metrics | known)
+    text = report_page.published_and_ours(run, decide_each(parse_claims(claims), [run], []))
+    assert "| L = α√(u² − ⟨‖J⁻¹‖²⟩) | 1.066 (of û and α̂) | – | 3.36 | – |" in text
+    assert "is 3.16 times the L" in text and "α = 0.316 and αu = 5.68." in text
+
+
+def test_the_speeds_of_the_truth_are_a_sentence_of_simulated_recordings_alone():
+    known = {"true_moving_steps_beyond_a_speed_limit_share": 0.476}
+    for joint, speed in (("a", 5.2), ("b", 15.16), ("c", 8.0)):
+        known[f"true_{joint}_greatest_speed_rad_per_s"] = speed
+        known[f"true_{joint}_speed_limit_rad_per_s"] = 1.571
+        known[f"true_{joint}_fast_steps_backwards_share"] = speed / 100
+    (text,) = report_page.speeds(replace(RUNS[0], metrics={"recordings": known}))
+    assert (
+        "b reaches 15.2 rad/s (limit 1.57), 47.6% of the moving" in text and "15.2% of its" in text
+    )
+    assert report_page.speeds(RUNS[0]) == []
+
+
+def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
+    stds = {"recorded": (1.0, 2.0), "wishart": (2.25, 1.0)}
+    motion = {f"{name}_std_a_rms_rad": of_a for name, (of_a, _) in stds.items()}
+    motion |= {f"{name}_std_b_rms_rad": of_b for name, (_, of_b) in stds.items()}
+    rows = [("wishart", "a", "no_noise", 0.3), ("wishart", "b", "no_noise", -0.2)]
+    table = pd.DataFrame(rows, columns=["model", "joint", "rival", "low"])
+    known = {"joints": ["a", "b"], "models": {"wishart": "wishart", "additive": "scaled"}}
+    run = replace(RUNS[1], **known, metrics={"motion": motion}, tables={"spread_comparison": table})
+    (text,) = widths(run)
+    assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
+    assert text.endswith("above the error of no noise, 1, in a.")
 
 
 def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
@@ -154,7 +216,7 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
     run.tables["predictions"] = pd.DataFrame(rows)
     run.tables["prediction_pairs"] = pd.DataFrame([pair | {"low": 1.5, "high": 2.5}])
     assert result(run) == [
-        "The highest log score of a predictor is 12 nats a step (autoregressive baseline), "
+        "On lab the highest log score of a predictor is 12 nats a step (autoregressive baseline), "
         "2 [1.5, 2.5] above the highest of a matrix model.",
         "The highest log score of a particle filter is 0.75 [0.65, 0.85] below the training "
         "mean's; the linear autoregressive filter's log score is 0.5 [0.4, 0.6] above the "

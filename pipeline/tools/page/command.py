@@ -23,10 +23,13 @@ TEMPLATE = Path(__file__).with_name("page.html")
 PARTS, HELP = ["results", "studies"], "content of the page (default results)"
 ARGUMENTS = {"part": {"nargs": "?", "choices": PARTS, "default": PARTS[0], "help": HELP}}
 COLOURS = 64  # of a figure on the page, enough for its lines and shades
-WIDE = 1.4  # least ratio of width to height of a figure that scrolls on a narrow screen
+WIDE = 900  # px, least width of a figure of two columns, which scrolls on a narrow screen
 # attributes of a frame that scrolls and can be focused by keyboard
 FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
 TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
+FOLDED = "model_card"  # page whose sections are folded
+FOLD = r"<details><summary>\1</summary>\2</details>\n"
+FIGURE = re.compile(r'(<p [^>]*class="figure"[^>]*><img [^>]*>)\s+(.+?)</p>', re.DOTALL)
 DEPTH = 2  # levels of headings in the table of contents
 
 
@@ -84,7 +87,7 @@ def _section(
             twins = [name for _, name, _ in headings if re.fullmatch(rf"{anchor}(-\d+)?", name)]
             token.attrs["id"] = f"{anchor}-{len(twins) + 1}" if twins else anchor
             headings.append((int(token.tag[1]), token.attrs["id"], escape(text)))
-        elif token.type == "inline" and {child.type for child in token.children} == {"image"}:
+        elif token.type == "inline" and token.children and token.children[0].type == "image":
             tokens[place - 1].attrs |= FRAME | {"class": "figure"}
         for child in token.children or []:
             if child.type == "image":
@@ -93,7 +96,29 @@ def _section(
                 child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
     html = parser.renderer.render(tokens, parser.options, {})
     html = html.replace("<table>", f"{TABLE}\n<table>").replace("</table>", "</table>\n</div>")
-    return html.replace("&lt;br&gt;", "<br>"), headings  # line ends in the cells of a table
+    html = re.sub(r"&lt;(br|/?details|/?summary)&gt;", r"<\1>", html)
+    html = re.sub(r"<p>(<details>.*?</details>)</p>", r"\1", html, flags=re.DOTALL)
+    html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
+    return (_folded(html) if file.stem == FOLDED else _side_by_side(html)), headings
+
+
+def _side_by_side(html: str) -> str:
+    """Return ``html`` with the parts under headings of level 3 beside each other."""
+    parts, cards = re.split(r"(?=<h[1-3] )", html), []
+    for part in parts:
+        if not part.startswith("<h3 "):
+            cards += ["</div>\n"] * bool(cards and cards[-1].startswith("<div")) + [part]
+        else:
+            cards += ['<div class="cards">\n'] * (not cards[-1].startswith("<div"))
+            cards.append(f'<div class="card">\n{part}</div>\n')
+    return "".join([*cards, "</div>\n" * cards[-1].startswith("<div")])
+
+
+def _folded(html: str) -> str:
+    """Return ``html`` with the text under each heading of level 2 folded."""
+    first, *parts = re.split(r"(?=<h2 )", html)
+    part = re.compile(r"(<h2 .*?</h2>)(.*)", re.DOTALL)
+    return first + "".join(part.sub(FOLD, each) for each in parts)
 
 
 def _anchor(file: Path, slug: str) -> str:
@@ -117,7 +142,7 @@ def _figure_attributes(file: Path) -> dict[str, str]:
     if not picture.is_file():
         raise ContractError("no such figure; run the stage that draws it", file=picture)
     with Image.open(picture) as image:
-        shape = "wide" if image.width > WIDE * image.height else "high"
+        shape = "wide" if image.width > WIDE else "high"
         few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
     few.save(written, "PNG", optimize=True)
     address = f"data:image/png;base64,{b64encode(written.getvalue()).decode('ascii')}"
