@@ -10,10 +10,10 @@ from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
 from pipeline.verdicts.claims import CONSTRUCTION, PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
-from pipeline.verdicts.model_card import few_takes
-from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
+from pipeline.verdicts.estimates import estimates, published_and_ours
+from pipeline.verdicts.paper import Erratum, Item, Source
 from pipeline.verdicts.run import Run
-from pipeline.verdicts.wording import TEXTS, interval, join_names, number, page, table
+from pipeline.verdicts.wording import TEXTS, number, page, table
 
 TEXT = TEXTS["report"]
 ROBOTS: dict[str, str] = TEXT["robots"]
@@ -63,19 +63,6 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
     lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
     lines += [*estimates(here, decided), *scores.result(here)[:2]]
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
-
-
-def estimates(here: Run, decided: Sequence[Decided]) -> list[str]:
-    """Return a sentence on σ̂_B by each estimator beside the published value, if it was fitted."""
-    fitted, few = here.metrics.get("fit_wishart", {}), few_takes(here)
-    cells = [
-        f"{_estimate(fitted, 'sigma_b', estimator, few)} by {name}"
-        for estimator, name in TEXT["estimators"].items()
-        if f"sigma_b_{estimator}" in fitted
-    ]
-    (claim,) = (v.claim for v in decided[0].verdicts if v.claim.id == "sigma-b")
-    sentence = TEXT["dispersion"].format(here.dataset, join_names(cells), claim.published)
-    return [sentence] if cells else []
 
 
 def speeds(here: Run) -> list[str]:
@@ -231,54 +218,6 @@ def readings(runs: Sequence[Run]) -> str:
     header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
     parts = [f"{TEXT['default']} {TEXT['again']}", table(header, changed.to_numpy())]
     return "\n\n".join([*parts, *["\n".join(notes)] * bool(notes)])
-
-
-def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
-    """Return the fitted parameters by estimator, then the other published numbers and ours."""
-    few, without = few_takes(here), decided[-1]
-    own = next(whose for whose in decided if whose.dataset == here.dataset)
-    claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
-    rows, others, noted = [], [], ""
-    for name, (file, key, claim) in TEXT["parameters"].items():
-        fitted = here.metrics.get(file, {})
-        cells = [_estimate(fitted, key, estimator, few) for estimator in TEXT["estimators"]]
-        if any(cell != "–" for cell in cells):
-            rows.append([name, claims[claim].published if claim in claims else "–", *cells])
-    stated = {name: claims[name].published for name in ("alpha", "u") if name in claims}
-    if here.arm.numbered and (levels := noise_levels(here.metrics.get("fit_gaussian", {}), stated)):
-        rows[-1][1] = f"{number(levels['published'])} (of û and α̂)"
-        noted = TEXT["levels"].format(**{n: number(value, 3) for n, value in levels.items()})
-    for pair in _rows([own, without]):
-        claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
-        cases = [case for case in cases if case.value is not None]
-        shown = claim.id in {each for *_, each in TEXT["parameters"].values()}
-        if claim.parameter and cases and not shown:
-            unit = f" ({claim.unit})" if claim.unit else ""
-            names = " / ".join(filter(None, (case.case for case in cases)))
-            name = ", ".join(filter(None, [claim.parameter, names])) + unit
-            printed = " / ".join(number(case.published) for case in cases)
-            ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
-            ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
-            others.append([name, printed, " / ".join(ours)])
-    parts = ["No interval: fewer than ten takes." if few else "Brackets have 95 % intervals."]
-    parts[0] += f" {noted}" * bool(noted)
-    parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
-    parts += [table(["number", "published", here.dataset], others)] if others else []
-    return "\n\n".join(parts)
-
-
-def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """Return an estimate with its interval, or "unbounded" at the end of the searched interval."""
-    name = f"{key}_{estimator}"
-    if fitted.get(f"{name}_unbounded"):
-        return "unbounded"
-    if name not in fitted:
-        return "–"
-    ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
-    text = number(fitted[name])
-    text = text if few or None in ends else f"{text} {interval(*ends)}"
-    limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
-    return f"{text} (no covariance)" if "sigma_b" in key and fitted[name] >= limit else text
 
 
 def figures(
