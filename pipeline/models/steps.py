@@ -41,6 +41,7 @@ class Recorded:
     noise: ndarray  # (takes, M, n) rad, ω of each step
     joints: tuple[str, ...]  # names of the joints, base to tip
     known_measurement: ndarray | None = None  # (n, n) rad², Σ_m if it is known
+    rate: float | None = None  # steps per second, for laws with a memory
 
     @cached_property
     def measurement(self) -> ndarray:

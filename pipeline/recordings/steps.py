@@ -23,7 +23,8 @@ def training_steps(robot: Robot, motion: Motion) -> Recorded:
     _, noise = contracts.stacked(contracts.read("process_noise", TRACK), "w")
     stated = motion.pose_noise
     known = None if stated is None else 2 * stated**2 * np.eye(len(robot.joints))
-    return Recorded(chain_of(robot), q[:, :-1], v, noise, tuple(robot.joints), known)
+    motions = q[:, :-1], v, noise
+    return Recorded(chain_of(robot), *motions, tuple(robot.joints), known, motion.rate)
 
 
 def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:

@@ -1,0 +1,136 @@
+"""Options and estimator of the joint error law."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy import ndarray
+
+from pipeline.core import validation
+from pipeline.core.errors import ModelDomainError
+from pipeline.models import steps as base
+from pipeline.models.joint_error.law import (
+    GROWTH,
+    INPUTS,
+    SATURATING,
+    JointErrorModel,
+    drive,
+)
+from pipeline.models.joint_error.samples import counted, horizons
+from pipeline.models.joint_error.search import fit_one, joint_of
+from pipeline.models.runs import JointRun
+from pipeline.models.steps import Estimate, Recorded, Truth
+
+
+@validation.options(kw_only=True)
+class Options(base.Options):
+    """``memory``: False if the error persists; ``power`` p of the growth of the variance with the
+    commanded speed, or ``saturating``; ``tails``: ``normal`` or ``student``.
+    """
+
+    memory: bool
+    power: Literal["saturating", "0", "1", "2"]
+    tails: Literal["normal", "student"]
+
+    def law(self) -> dict[str, Any]:
+        """Return the arguments of :func:`fit_joint_error`."""
+        power = self.power if self.power == SATURATING else float(self.power)
+        return {"memory": self.memory, "power": power, "tails": self.tails == "student"}
+
+
+def estimate(recorded: Recorded, options: Options) -> Estimate:
+    """Fit the law to the takes of ``recorded``; raises as :func:`fit_joint_error`."""
+    law = fit_joint_error(runs_of(recorded), **options.law())
+    values = {}
+    for j, joint in enumerate(law.joints):
+        dq = np.zeros(len(law.joints))
+        dq[j] = law.reach[j] / law.rate
+        for name, step in (("at_rest", np.zeros_like(dq)), ("at_greatest_speed", dq)):
+            std = float(np.sqrt(law.covariance_of_joint_step(step)[j, j]))
+            values[f"innovation_std_{name}_{joint}_rad"] = std
+    return Estimate(law.parameters(), values, {})
+
+
+def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
+    """Return the parameters fitted to ``recorded`` as the known ones."""
+    known = estimate(recorded, options)
+    return [Truth("joint error", known.parameters, known.estimates)]
+
+
+def runs_of(recorded: Recorded) -> list[JointRun]:
+    """Return the takes of ``recorded`` as runs of one motion. The commanded angles start at the
+    mean of the first poses and follow the nominal steps of the command. Raises ModelDomainError
+    without a rate.
+    """
+    if recorded.rate is None:
+        raise ModelDomainError("the joint error law needs the rate of the recorded steps")
+    poses, chain = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1), recorded.chain
+    command = np.empty_like(poses)
+    command[:, 0] = poses[:, 0].mean(axis=0)
+    for k in range(command.shape[1] - 1):
+        v = recorded.v[..., k, :]
+        command[:, k + 1] = command[:, k] + chain.nominal_step(command[:, k], v)
+    noise = recorded.known_measurement
+    pose_noise = None if noise is None else float(np.sqrt(np.trace(noise) / 2 / len(noise)))
+    zero = np.zeros(poses.shape[-1])
+    return [
+        JointRun(
+            name=f"take {number}",
+            rate=recorded.rate,
+            command=target,
+            measured=measured,
+            joints=recorded.joints,
+            lag=zero,
+            quantum=zero,
+            pose_noise=pose_noise,
+            motion="1",
+        )
+        for number, (target, measured) in enumerate(zip(command, poses, strict=True), 1)
+    ]
+
+
+def fit_joint_error(
+    runs: Sequence[JointRun],
+    *,
+    memory: bool = True,
+    power: float | str = SATURATING,
+    tails: bool = True,
+) -> JointErrorModel:
+    """Fit the law to ``runs`` of one arm at one rate. Without ``memory`` the error persists and
+    only one sample ahead counts; ``tails`` fits Student's t. Raises ModelDomainError without
+    errors.
+    """
+    if not runs or not any(np.any(run.measured != run.command) for run in runs):
+        raise ModelDomainError("the recorded runs have no error", runs=len(runs))
+    first = runs[0]
+    n, rate = len(first.joints), first.rate
+    reach = np.max([np.abs(np.diff(run.command, axis=0)).max(axis=0) for run in runs], axis=0)
+    quantum = np.max([run.quantum for run in runs], axis=0)
+    empty = np.zeros((n, len(INPUTS)))
+    law = JointErrorModel(
+        joints=first.joints,
+        rate=rate,
+        memory=np.tile([1.0, 0.0, 0.0], (n, 1)),
+        mean_gain=empty,
+        scale=np.zeros((n, len(GROWTH))),
+        drift=np.zeros(n),
+        degrees=np.full(n, np.inf),
+        reach=reach * rate,
+        quantum=quantum,
+        power=power,
+    )
+    inputs = [drive(run.command, rate, power) for run in runs]
+    masks = {steps: [counted(run, steps) for run in runs] for steps in horizons(rate)}
+    groups = _groups(runs)
+    for j in range(n):
+        joint = joint_of(runs, inputs, masks, groups, j, memory)
+        law = fit_one(law, joint, j, memory, tails)
+    return law
+
+
+def _groups(runs: Sequence[JointRun]) -> list[ndarray]:
+    """Number of the held-out part at each sample of each run: its motion, or its quarter."""
+    motions = sorted({run.motion for run in runs})
+    if len(motions) > 1:
+        return [np.full(len(run.command), motions.index(run.motion)) for run in runs]
+    return [np.arange(len(run.command)) * 4 // len(run.command) for run in runs]

@@ -1,0 +1,335 @@
+"""Error of a position-controlled joint about its command, with memory:
+
+    e_k = q_k − c_k = m_k + r_k,   r_{k+1} = φr_k + ψr_{k−1} + χz_k + s_{k+1}η_{k+1},
+
+c are the commanded angles after the run's own lag, z is the exponential mean of r over
+:data:`MEMORY` s. The mean m = βᵀx depends on the command alone: x has a constant, the commanded
+speed, its step from sample to sample (acceleration), its sign, and the part of the sign that is
+younger than :data:`REVERSALS` s (a reversed joint first sticks). The scale
+
+    s² = a + b·g(|ċ|) + c·|ċ| + d·ρ²,   g = |ċ|ᵖ and c = 0, or g = ċ²/(ċ² + SLOW²),
+
+ρ is the last of these parts. η has mean 0 and variance 1, normal or Student's t. It is the sum of a
+white part and a drift u that decays over :data:`DRIFT` s and has the share κ of the variance: it
+widens predictions at long horizons. Given r and z at sample k, the mean h samples ahead follows
+from powers of the companion matrix; the variance is, with the impulse response ψ_i,
+
+    Σ_{i<h} (1 − κ)ψ_i²s² + κ·Var Σ_{i<h} ψ_i s u.
+
+Without memory, φ = 1 and ψ = χ = κ = 0, m = 0: the error persists, and its steps are white. Joints
+are independent. The law needs no Jacobian.
+"""
+
+from dataclasses import dataclass, fields, replace
+from math import lgamma
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
+
+from pipeline.arm.interface import Chain, Mechanism
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.model import Traits, trace_factor
+
+MEMORY, DRIFT = 0.1, 0.1  # s, time constants of z and u
+REVERSALS = (0.05, 0.2)  # s
+TURN = 0.01  # rad/s, speed at which the smoothed sign is tanh 1
+SLOW = 0.0125  # rad/s, speed at which a saturating variance has half of its growth
+GROWTH = ("rest", "growth", "speed", "late sign")  # terms of the variance s²
+INPUTS = ("offset", "speed", "acceleration", "sign", "fresh sign", "late sign")
+SATURATING = "saturating"
+
+
+class Drive(NamedTuple):
+    """Inputs of the law at N samples of a command of n joints."""
+
+    mean: ndarray  # (N, n, len(INPUTS)) x
+    growth: ndarray  # (N, n, len(GROWTH)) factors of a, b, c and d
+
+
+class Outlook(NamedTuple):
+    """Law of the errors h samples after the last of the known ones, Student's t or normal."""
+
+    mean: ndarray  # (..., n) rad
+    variance: ndarray  # (..., n) rad²
+    degrees: ndarray  # (n,)
+
+    def std_share(self, error: ndarray) -> ndarray:
+        """(..., n) deviation of ``error`` from the mean in predicted standard deviations."""
+        return (error - self.mean) / np.sqrt(self.variance)
+
+    def log_probability(self, error: ndarray, quantum: ndarray) -> ndarray:
+        """(..., n) ln of the probability of the cell of width ``quantum`` (n,) in rad around
+        ``error``, divided by the width; ln of the density where ``quantum`` is 0. In nats (1/rad).
+        """
+        scale = np.sqrt(self.variance * unit_variance_factor(self.degrees))
+        z, half = np.abs(error - self.mean) / scale, quantum / scale / 2
+        degrees = np.broadcast_to(self.degrees, z.shape)
+        density = standard_log_density(z, degrees) - np.log(scale)
+        if not np.any(quantum > 0):
+            return density
+        from scipy.special import ndtr, stdtr
+
+        normal = np.isinf(degrees)
+        finite = np.where(normal, 1.0, degrees)
+        low, high = -(z + half), -(z - half)
+        student = stdtr(finite, high) - stdtr(finite, low)
+        cell = np.where(normal, ndtr(high) - ndtr(low), student)
+        width = np.where(quantum > 0, quantum, 1.0)
+        return np.where(cell > 1e-280, np.log(np.maximum(cell, 1e-300) / width), density)
+
+
+def unit_variance_factor(degrees: ndarray) -> ndarray:
+    """(n,) squared scale of Student's t of variance 1."""
+    finite = np.where(np.isinf(degrees), 3.0, degrees)
+    return np.where(np.isinf(degrees), 1.0, (finite - 2) / finite)
+
+
+def standard_log_density(z: ndarray, degrees: ndarray) -> ndarray:
+    """(...,) log density of Student's t of scale 1, or of the normal law for infinite degrees."""
+    nu = np.where(np.isinf(degrees), 4.0, degrees)
+    gamma = np.vectorize(lambda d: lgamma((d + 1) / 2) - lgamma(d / 2), otypes=[float])
+    known, places = np.unique(nu, return_inverse=True)
+    constant = gamma(known)[places].reshape(nu.shape) - 0.5 * np.log(nu * np.pi)
+    student = constant - (nu + 1) / 2 * np.log1p(z**2 / nu)
+    return np.where(np.isinf(degrees), -0.5 * (np.log(2 * np.pi) + z**2), student)
+
+
+def smoothed(x: ndarray, keep: float) -> ndarray:
+    """Exponential mean of ``x`` (N, ...) over time, from its first value; the weight of a value
+    falls by the factor ``keep`` a sample.
+    """
+    result = np.empty_like(x)
+    mean = x[0]
+    for k in range(len(x)):
+        mean = keep * mean + (1 - keep) * x[k]
+        result[k] = mean
+    return result
+
+
+def past_of(r: ndarray, keep: float) -> ndarray:
+    """(N, ..., 3) r, previous r and z at every sample of ``r`` (N, ...)."""
+    return np.stack([r, np.concatenate([r[:1], r[:-1]]), smoothed(r, keep)], axis=-1)
+
+
+def growth_of(speed: ndarray, power: float | str) -> ndarray:
+    """Growth g of the variance at the commanded ``speed`` in rad/s."""
+    if power == SATURATING:
+        return speed**2 / (speed**2 + SLOW**2)
+    return (np.abs(speed) > 0) * np.abs(speed) ** power
+
+
+def drive(command: ndarray, rate: float, power: float | str) -> Drive:
+    """Inputs at every sample of ``command`` (N, n) in rad at ``rate`` samples per second."""
+    speed = np.zeros_like(command)
+    speed[1:] = rate * np.diff(command, axis=0)
+    if len(speed) > 1:
+        speed[0] = speed[1]
+    change = np.zeros_like(speed)
+    change[1:] = rate * np.diff(speed, axis=0)
+    sign = np.tanh(speed / TURN)
+    young = [sign - smoothed(sign, np.exp(-1 / (rate * each))) for each in REVERSALS]
+    return _terms(speed, change, sign, young, power)
+
+
+def _terms(speed: ndarray, change: ndarray, sign: ndarray, young, power: float | str) -> Drive:
+    """Return the inputs of speed in rad/s, acceleration, sign and its ``young`` parts."""
+    one = np.ones_like(speed)
+    mean = np.stack([one, speed, change, sign, *young], axis=-1)
+    far = np.abs(speed) if power == SATURATING else np.zeros_like(speed)
+    terms = [one, growth_of(speed, power), far, young[-1] ** 2]
+    return Drive(mean, np.stack(terms, axis=-1))
+
+
+@dataclass(frozen=True)
+class JointErrorModel:
+    """Law of the errors of n joints about their command."""
+
+    joints: tuple[str, ...]
+    rate: float  # samples per second
+    memory: ndarray  # (n, 3) φ, ψ, χ
+    mean_gain: ndarray  # (n, len(INPUTS)) β: rad per unit of the input, s
+    scale: ndarray  # (n, len(GROWTH)) a, b, c, d: rad² per unit of the growth
+    drift: ndarray  # (n,) κ
+    degrees: ndarray  # (n,) ν; infinite for normal noise
+    reach: ndarray  # (n,) rad/s, greatest recorded commanded speed
+    quantum: ndarray  # (n,) rad, step of the recorded angles
+    power: float | str = SATURATING  # p
+    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False, compiled=False, memory=True)
+
+    @property
+    def keep(self) -> float:
+        """Weight of the last exponential mean in z."""
+        return float(np.exp(-1 / (self.rate * MEMORY)))
+
+    @property
+    def persistence(self) -> float:
+        """Autocorrelation of the drift u at one sample."""
+        return float(np.exp(-1 / (self.rate * DRIFT)))
+
+    def companion(self) -> ndarray:
+        """(n, 3, 3) matrix that maps (r_k, r_{k−1}, z_k) to its mean one sample later."""
+        result = np.zeros((len(self.joints), 3, 3))
+        result[:, 0], result[:, 1, 0] = self.memory, 1.0
+        result[:, 2] = (1 - self.keep) * self.memory
+        result[:, 2, 2] += self.keep
+        return result
+
+    def response(self, steps: int) -> tuple[ndarray, ndarray]:
+        """Weights (steps, n, 3) of (r, previous r, z) in the mean 1 … ``steps`` samples ahead, and
+        impulse response (steps, n) ψ_0 … of an innovation.
+        """
+        step, row = self.companion(), np.zeros((len(self.joints), 1, 3))
+        row[:, 0, 0] = 1.0
+        into = np.array([1.0, 0.0, 1 - self.keep])
+        weights, impulse = [], []
+        for _ in range(steps):
+            impulse.append(row[:, 0] @ into)
+            row = row @ step
+            weights.append(row[:, 0])
+        return np.array(weights), np.array(impulse)
+
+    def residuals(self, error: ndarray, inputs: Drive) -> ndarray:
+        """(N, n, 3) r, previous r and z in rad at every sample of ``error`` (N, n)."""
+        r = error - np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
+        return past_of(r, self.keep)
+
+    def variance(self, std: ndarray, ends: ndarray, steps: int, impulse: ndarray) -> ndarray:
+        """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
+        samples before, for innovations of standard deviation ``std`` (N, n) at each sample.
+        """
+        keep, share = self.persistence, self.drift
+        total, sum_ = np.zeros((2, len(ends), len(self.joints)))
+        for i in range(steps):
+            each = impulse[i] * std[ends - i]
+            sum_ = keep * sum_ + each
+            total += (1 - share) * each**2 + share * (1 - keep**2) * sum_**2
+        return total + share * keep**2 * sum_**2
+
+    def outlook(self, error: ndarray, inputs: Drive, steps: int) -> Outlook:
+        """Law at samples ``steps`` … N−1 of ``error`` (N, n) in rad, each given the errors until
+        ``steps`` samples before and the commands. Shapes (N − steps, n).
+        """
+        weights, impulse = self.response(steps)
+        before = self.residuals(error, inputs)[: len(error) - steps]
+        mean = np.einsum("kji,ji->kj", before, weights[-1])
+        mean += np.einsum("kji,ji->kj", inputs.mean[steps:], self.mean_gain)
+        variance = self.variance(
+            self.innovation_std(inputs), np.arange(steps, len(error)), steps, impulse
+        )
+        return Outlook(mean, variance, self.degrees)
+
+    def predict(self, errors: ndarray, commands: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+        """Return mean (n,) in rad and covariance (n, n) in rad² of the error ``steps`` samples
+        after the last of the known ``errors`` (K, n). ``commands`` (K + steps, n) are the commanded
+        angles at these samples and the next ``steps``.
+        """
+        if len(commands) != len(errors) + steps or steps < 1:
+            message = f"commands must have a row for each of the {len(errors)} errors and each of "
+            raise ModelDomainError(f"{message}the {steps} next samples, got {len(commands)}")
+        known = np.concatenate([errors, np.tile(errors[-1:], (steps, 1))])
+        inputs = drive(commands, self.rate, self.power)
+        law = self.outlook(known, inputs, steps)
+        return law.mean[-1], np.diag(law.variance[-1])
+
+    def innovation_std(self, inputs: Drive) -> ndarray:
+        """(N, n) s in rad at every sample."""
+        return np.sqrt(np.einsum("kji,ji->kj", inputs.growth, self.scale))
+
+    def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
+        """(..., n, n) covariance in rad² of the next error, given the errors until now, for
+        commanded steps ``dq`` (..., n) in rad of constant speed.
+        """
+        command = np.stack([np.zeros(dq.size), dq.ravel()])
+        growth = drive(command, self.rate, self.power).growth[-1].reshape(*dq.shape, -1)
+        variance = np.einsum("...ji,ji->...j", growth, self.scale)
+        return variance[..., None] * np.eye(dq.shape[-1])
+
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        dq = chain.nominal_step(q, v)
+        return self.covariance_of_joint_step(np.broadcast_to(dq, np.shape(q)))
+
+    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        """(..., n) pose in rad after the commanded step, without the part that memory explains."""
+        return q + chain.nominal_step(q, v)
+
+    def log_density(
+        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+    ) -> ndarray:
+        """(...,) ln p in rad⁻ⁿ of one step without memory; a ``measurement`` (n, n) in rad² adds
+        the variances of its diagonal.
+        """
+        variance = np.diagonal(self.covariance(chain, q, v), axis1=-2, axis2=-1)
+        variance = variance + (0.0 if measurement is None else np.diag(measurement))
+        law = Outlook(self.mean(chain, q, v), variance, self.degrees)
+        return law.log_probability(q_next, np.zeros(len(self.joints))).sum(axis=-1)
+
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float):
+        """Return the law with all variances times one factor; ModelDomainError for zero noise."""
+        factor = trace_factor(self.covariance(chain, q, v), trace)
+        return replace(self, scale=factor * self.scale)
+
+    def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
+        """(..., n) draws of a step without memory."""
+        variance = np.diagonal(self.covariance(chain, q, v), axis1=-2, axis2=-1)
+        return self.mean(chain, q, v) + np.sqrt(variance) * self.unit_noise(np.shape(q), rng)
+
+    def unit_noise(self, shape: tuple[int, ...], rng: Generator) -> ndarray:
+        """Draws of ``shape`` (..., n) with mean 0, variance 1 and the tails of the law."""
+        noise = rng.standard_normal(shape)
+        for j in np.flatnonzero(np.isfinite(self.degrees)):
+            chi = rng.chisquare(self.degrees[j], shape[:-1])
+            noise[..., j] *= np.sqrt((self.degrees[j] - 2) / chi)
+        return noise
+
+    def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
+        """(P, 8n) memory of first poses ``q`` (P, n) in rad at rest at ``commanded`` (n,):
+        commanded pose, its speed, the two means of the sign, m, previous r and z, and u.
+        """
+        still, offset = np.zeros_like(q), np.zeros_like(q) + self.mean_gain[:, 0]
+        r, command = q - commanded - offset, np.zeros_like(q) + commanded
+        drift = rng.standard_normal(q.shape)
+        return np.concatenate([command, still, still, still, offset, r, r, drift], axis=-1)
+
+    def advance(
+        self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
+    ) -> tuple[ndarray, ndarray]:
+        """Return draws (P, n) of the next poses in rad, and their memory (P, 8n), after ``q``
+        (P, n) and ``memory`` under the commands ``v`` (m,) or (P, m) of the commanded pose.
+        """
+        command, speed, *means, mean, before, z, drift = np.split(memory, 8, axis=-1)
+        dq = chain.nominal_step(command, v) + np.zeros_like(q)
+        now = self.rate * dq
+        keeps = [np.exp(-1 / (self.rate * each)) for each in REVERSALS]
+        sign = np.tanh(now / TURN)
+        means = [k * old + (1 - k) * sign for k, old in zip(keeps, means, strict=True)]
+        young = [sign - each for each in means]
+        inputs = _terms(now, self.rate * (now - speed), sign, young, self.power)
+        r = q - command - mean
+        z = self.keep * z + (1 - self.keep) * r
+        moved = np.einsum("kji,ji->kj", np.stack([r, before, z], axis=-1), self.memory)
+        fade = self.persistence
+        drift = fade * drift + np.sqrt(1 - fade**2) * rng.standard_normal(q.shape)
+        noise = np.sqrt(1 - self.drift) * self.unit_noise(q.shape, rng)
+        noise += np.sqrt(self.drift) * drift
+        moved += self.innovation_std(inputs) * noise
+        mean = np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
+        after = [command + dq, now, *means, mean, r, z, drift]
+        return command + dq + mean + moved, np.concatenate(after, axis=-1)
+
+    def parameters(self) -> dict[str, Any]:
+        """Plain values for :func:`build`; null for infinite degrees of freedom."""
+        plain = {each.name: getattr(self, each.name) for each in fields(self)}
+        plain = {key: np.asarray(value).tolist() for key, value in plain.items()}
+        plain["degrees"] = [each if np.isfinite(each) else None for each in plain["degrees"]]
+        return {"kind": "joint_error"} | plain
+
+
+def build(parameters: dict[str, Any]) -> JointErrorModel:
+    """Build the law from the values of :meth:`JointErrorModel.parameters`."""
+    values = {each.name: parameters[each.name] for each in fields(JointErrorModel)}
+    values["degrees"] = [np.inf if each is None else each for each in values["degrees"]]
+    whole = {name: values.pop(name) for name in ("joints", "rate", "power")}
+    arrays = {name: np.array(each, float) for name, each in values.items()}
+    return JointErrorModel(**arrays, **whole | {"joints": tuple(whole["joints"])})

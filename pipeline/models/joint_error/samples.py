@@ -1,0 +1,45 @@
+"""Predictions that count: horizons, commanded samples and jumps of the commanded speed."""
+
+import numpy as np
+from numpy import ndarray
+
+from pipeline.models.runs import JointRun
+
+HORIZONS = (0.0, 0.1, 0.5)  # s; the first is one sample
+SETTLING = 0.6  # s after a jump of the commanded speed
+JUMP = 5.0  # times the 0.8 quantile of the commanded acceleration: a jump of the speed
+SMALL = 0.2  # rad/s², acceleration below which nothing counts as a jump
+STANDING = 2e-4  # rad/s, commanded speed below which a joint stands still
+
+
+def settled(command: ndarray, rate: float) -> ndarray:
+    """(N, n) True where no jump of the commanded speed lies within the last SETTLING s."""
+    change = np.zeros_like(command)
+    change[2:] = rate**2 * np.abs(np.diff(command, 2, axis=0))
+    moving = np.where(change > 1e-3, change, np.nan)
+    usual = np.array([np.nanquantile(a, 0.8) if np.any(a > 0) else 0.0 for a in moving.T])
+    jump = change > JUMP * np.maximum(usual, SMALL)
+    count = np.cumsum(np.concatenate([np.zeros_like(jump[:1]), jump]), axis=0)
+    now = np.arange(1, len(command) + 1)
+    since = np.maximum(now - 1 - round(SETTLING * rate), 0)
+    return count[now] == count[since]
+
+
+def commanded(command: ndarray, rate: float) -> ndarray:
+    """(N, n) True at samples to which a joint was commanded to move."""
+    result = np.zeros(command.shape, dtype=bool)
+    result[1:] = np.abs(np.diff(command, axis=0)) * rate > STANDING
+    return result
+
+
+def counted(run: JointRun, steps: int) -> ndarray:
+    """(N − steps, n) True where a prediction ``steps`` samples ahead counts: the joint is commanded
+    to move, and neither end is within SETTLING s of a jump of the commanded speed.
+    """
+    calm = settled(run.command, run.rate)
+    return (calm & commanded(run.command, run.rate))[steps:] & calm[: len(calm) - steps]
+
+
+def horizons(rate: float) -> list[int]:
+    """Numbers of samples of HORIZONS."""
+    return [max(1, round(each * rate)) for each in HORIZONS]
