@@ -20,10 +20,10 @@ SOURCES = {
     "recorded": {"linestyle": "-", "label": "training takes"},
     "drawn": {"linestyle": ":", "label": "takes drawn from the model"},
 }
-PLAIN = {
-    "scaled_all": {"color": style.BLACK, "label": "speed-scaled"},
-    "scaled_t": {"color": style.VERMILLION, "ls": "--", "label": "speed-scaled, t"},
-    "distance_t": {"color": style.BLUE, "ls": "-.", "label": "distance-scaled, t"},
+LAWS = {
+    "joint_step": {"color": style.BLACK, "label": "white steps"},
+    "joint_error_normal": {"color": style.BLUE, "ls": "-.", "label": "memory, normal"},
+    "joint_error": {"color": style.VERMILLION, "ls": "--", "label": "memory, Student's t"},
 }
 
 
@@ -133,7 +133,7 @@ def sigma_b_over_weight(sigma_b_weights: pd.DataFrame, models: list[str]) -> Fig
 
 
 def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
-    """Draw a panel for each joint, a line for each of three plain models."""
+    """Draw a panel for each joint, a line for each of three joint error laws."""
     joints = list(noise_quantiles["joint"].unique())
     across = style.panels_across(len(joints))
     size = style.TWO_COLUMNS, 1.6, 0.6
@@ -141,7 +141,7 @@ def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
     ends = noise_quantiles["normal"].min(), noise_quantiles["normal"].max()
     for joint, axes in zip(joints, row, strict=True):
         axes.plot(ends, ends, color=style.LIGHT_GREY, label="normal law")
-        for model, line in PLAIN.items():
+        for model, line in LAWS.items():
             chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
             axes.plot(*noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line)
         axes.set_title(joint.replace("_", " "))

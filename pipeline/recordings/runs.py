@@ -5,14 +5,17 @@ run, cut where the command rests. Runs with equal commands are one motion.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.angles import apart
 from pipeline.core.errors import RecordingError
+from pipeline.core.options.dataset import Dataset
 from pipeline.models.runs import JointRun
 from pipeline.recordings.commands import standing_joints
+from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     REACH,
@@ -85,6 +88,14 @@ def joint_runs(
         found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
         raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
     return RunsOfLogs(runs, unused)
+
+
+def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
+    """Return :func:`joint_runs` of the robot's joints in the dataset's logs."""
+    places = find_movements(Path(dataset.recordings), dataset).items()
+    movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}
+    rate, noise = dataset.motion.rate, dataset.motion.pose_noise
+    return joint_runs(movements, rate, dataset.robot.joints, noise)
 
 
 def _runs_of(

@@ -9,15 +9,18 @@ import pandas as pd
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import ModelDomainError
+from pipeline.core.errors import ModelDomainError, RecordingError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.closed_loop import measured_poses
+from pipeline.models.joint_error.fit import FAMILY, runs_of
+from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.other_motions import motion_of, other_motions
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Options, Recorded
 from pipeline.recordings.motions import logged_motions
+from pipeline.recordings.runs import runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 
@@ -42,6 +45,7 @@ def run() -> None:
         options = {**settings.models, **beside}
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
         tables = {"ranges": ranges} | _other_motions(settings, recorded, options)
+        tables |= _joint_tables(settings, recorded)
         for name, table in (tables | _predictions(settings, recorded, options)).items():
             contracts.write(table, name, folder)
 
@@ -61,6 +65,18 @@ def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, p
         )
     except ModelDomainError as error:
         print(f"predict: no plain model: {error}")
+        return {}
+
+
+def _joint_tables(settings, recorded: Recorded) -> dict[str, pd.DataFrame]:
+    """Return the tables of the joint error laws on all runs of the dataset's logs, or its takes."""
+    each = partial(run_trials, compute=settings.compute, label="predict: held-out motions")
+    try:
+        logged = runs_of_dataset(settings.dataset) if settings.dataset.joint_log else None
+        runs, unused = (runs_of(recorded), {}) if logged is None else logged
+        return joint_tables(runs, config.model_options(FAMILY), unused, each)
+    except (ModelDomainError, RecordingError) as error:
+        print(f"predict: no joint error law: {error}")
         return {}
 
 

@@ -21,6 +21,9 @@ from pipeline.models.joint_error.search import fit_one, joint_of
 from pipeline.models.runs import JointRun
 from pipeline.models.steps import Estimate, Recorded, Truth
 
+# options of pipeline/conf/model that a run compares, the simplest first
+FAMILY = ("joint_step", "joint_step_t", "joint_error_normal", "joint_error")
+
 
 @validation.options(kw_only=True)
 class Options(base.Options):

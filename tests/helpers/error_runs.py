@@ -1,0 +1,75 @@
+"""Runs of joints whose errors follow a known joint error law."""
+
+import numpy as np
+
+from pipeline.models.joint_error.law import GROWTH, INPUTS, JointErrorModel
+from pipeline.models.runs import JointRun
+
+RATE, JOINTS = 100.0, ("a", "b")
+# φ, ψ, χ: a fast part of 3 samples and a slow one; b persists with a little pull
+MEMORY = np.array([[1.2, -0.45, 0.2], [0.9, 0.0, 0.05]])
+
+
+class JointSpace:
+    """An arm whose command is the joint step."""
+
+    def nominal_step(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return v + np.zeros_like(q)
+
+
+def known_law(**changes) -> JointErrorModel:
+    """A law of two joints with memory, a mean that depends on speed and sign, normal noise."""
+    gain = np.zeros((2, len(INPUTS)))
+    gain[:, INPUTS.index("speed")] = [2e-3, -1e-3]
+    gain[:, INPUTS.index("sign")] = [3e-4, 2e-4]
+    scale = np.zeros((2, len(GROWTH)))
+    scale[:, GROWTH.index("rest")] = [1e-10, 1e-10]
+    scale[:, GROWTH.index("growth")] = [1e-8, 4e-8]
+    values = {
+        "joints": JOINTS,
+        "rate": RATE,
+        "memory": MEMORY,
+        "mean_gain": gain,
+        "scale": scale,
+        "drift": np.zeros(2),
+        "degrees": np.full(2, np.inf),
+        "reach": np.full(2, 1.0),
+        "quantum": np.zeros(2),
+    }
+    return JointErrorModel(**values | changes)
+
+
+def persistent_law(**changes) -> JointErrorModel:
+    """The law without memory: white steps of constant variance."""
+    scale = np.zeros((2, len(GROWTH)))
+    scale[:, 0] = [1e-8, 4e-8]
+    empty = {"mean_gain": np.zeros((2, len(INPUTS))), "scale": scale}
+    return known_law(memory=np.tile([1.0, 0.0, 0.0], (2, 1)), **empty | changes)
+
+
+def sweep(number: int, samples: int = 600) -> np.ndarray:
+    """(samples, 2) commanded angles in rad of the motion ``number``, at rest at both ends."""
+    share = np.clip((np.arange(samples) - 20) / (samples - 40), 0, 1)
+    turn = 2 * np.pi * share[:, None] * np.array([1.0 + 0.37 * (number % 5), 2.0 + 0.23 * number])
+    return 0.3 * np.sin(turn) * np.sin(np.pi * share[:, None]) ** 2
+
+
+def runs_of_law(
+    law: JointErrorModel, rng: np.random.Generator, motions: int = 4, repeats: int = 2
+) -> list[JointRun]:
+    """Simulate ``repeats`` runs of each of several motions under ``law``."""
+    runs, zero = [], np.zeros(len(law.joints))
+    for number in range(motions):
+        command = sweep(number)
+        steps = np.diff(command, axis=0)
+        q = np.tile(command[0], (repeats, 1))
+        memory, path = law.first_memory(q, command[0], rng), [q]
+        for step in steps:
+            q, memory = law.advance(JointSpace(), q, step, memory, rng)
+            path.append(q)
+        for take, measured in enumerate(np.stack(path, axis=1)):
+            name, motion = f"{number}.{take}", str(number)
+            runs.append(
+                JointRun(name, law.rate, command, measured, law.joints, zero, zero, None, motion)
+            )
+    return runs

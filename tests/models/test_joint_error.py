@@ -1,0 +1,114 @@
+"""Joint error law: predictions at any horizon, draws, cells of quantised angles, recovery by its
+fit, and scores on held-out motions.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from error_runs import JOINTS, MEMORY, RATE, JointSpace, known_law, runs_of_law, sweep
+
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.joint_error.fit import fit_joint_error
+from pipeline.models.joint_error.held_out import score_runs
+from pipeline.models.joint_error.law import Outlook, build, drive
+from pipeline.models.joint_error.samples import counted, settled
+
+LAWS = {
+    "normal": known_law(),
+    "tails and drift": known_law(degrees=np.array([5.0, 8.0]), drift=np.array([0.3, 0.1])),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("steps", [1, 10, 50])
+def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
+    law, rng, known, draws = LAWS[name], np.random.default_rng(5), 200, 4000
+    command = sweep(1)[: known + steps + 1]
+    q = np.tile(command[0], (draws, 1))
+    memory, path = law.first_memory(q, command[0], rng), [q]
+    for k in range(known):
+        q, memory = law.advance(JointSpace(), q, command[k + 1] - command[k], memory, rng)
+        q[:], memory[:] = q[:1], memory[:1]  # one past
+        path.append(q[0])
+    drift = np.split(memory, 8, axis=-1)[-1]
+    drift[:] = rng.standard_normal(drift.shape)  # which the errors do not show
+    errors = np.stack([path[0][0], *path[1:]]) - command[: known + 1]
+    for k in range(known, known + steps):
+        q, memory = law.advance(JointSpace(), q, command[k + 1] - command[k], memory, rng)
+    drawn = q - command[known + steps]
+    mean, covariance = law.predict(errors, command, steps)
+    std = np.sqrt(np.diag(covariance))
+    # five standard errors; the kurtosis of t with 5 degrees of freedom is 9
+    assert np.all(np.abs(drawn.mean(axis=0) - mean) < 5 * std / np.sqrt(draws))
+    np.testing.assert_allclose(drawn.std(axis=0), std, rtol=5 * np.sqrt(8 / draws / 4))
+    # control: the persistent law with the same innovations is another one
+    other = replace(law, memory=np.tile([1.0, 0.0, 0.0], (2, 1)), drift=np.zeros(2))
+    wide = np.sqrt(np.diag(other.predict(errors, command, steps)[1]))
+    assert steps < 50 or np.any(np.abs(np.log(wide / drawn.std(axis=0))) > 0.3)
+
+
+def test_predictions_of_a_whole_run_are_those_of_each_sample():
+    law, rng = LAWS["tails and drift"], np.random.default_rng(6)
+    run = runs_of_law(law, rng, motions=1, repeats=1)[0]
+    error, steps = run.measured - run.command, 7
+    outlook = law.outlook(error, drive(run.command, RATE, law.power), steps)
+    for k in (50, 200, 431):
+        mean, covariance = law.predict(error[: k + 1], run.command[: k + 1 + steps], steps)
+        np.testing.assert_allclose(outlook.mean[k], mean, atol=1e-15)
+        np.testing.assert_allclose(outlook.variance[k], np.diag(covariance), rtol=1e-12)
+    with pytest.raises(ModelDomainError, match="the 7 next samples, got 8"):
+        law.predict(error[:3], run.command[:8], 7)
+
+
+@pytest.mark.parametrize("degrees", [np.inf, 4.5])
+def test_the_cells_of_quantised_angles_have_probability_one_together(degrees):
+    law = Outlook(np.array([3e-5]), np.array([1e-9]), np.array([degrees]))
+    for quantum in (1e-6, 5e-5, 2e-3):
+        cells = quantum * (np.arange(-20000, 20001))[:, None]
+        mass = np.exp(law.log_probability(cells, np.array([quantum]))) * quantum
+        assert mass.sum() == pytest.approx(1.0, abs=1e-4)
+    fine = law.log_probability(np.array([[5e-5]]), np.array([1e-9]))
+    assert fine == pytest.approx(law.log_probability(np.array([[5e-5]]), np.array([0.0])), abs=1e-4)
+
+
+def test_a_law_comes_back_from_its_plain_parameters():
+    law = LAWS["tails and drift"]
+    again = build(law.parameters())
+    assert again.parameters() == law.parameters() and again.joints == JOINTS
+    assert build(known_law(power=1.0).parameters()).power == 1.0
+
+
+def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
+    law, rng = known_law(), np.random.default_rng(7)
+    fitted = fit_joint_error(runs_of_law(law, rng), tails=False)
+    # least squares of 4800 samples: about .014 a coefficient; the composite likelihood moves them
+    impulse, known = fitted.response(50)[1], law.response(50)[1]
+    np.testing.assert_allclose(impulse[:10], known[:10], atol=0.12)
+    assert np.abs(MEMORY - [1.0, 0.0, 0.0]).max() > 0.4  # control: not that of a persistent error
+    rows, _ = score_runs(fitted, runs_of_law(law, rng))
+    for row in (row for row in rows if row["samples"] == "commanded"):
+        assert 0.85 < row["predicted_rad"] / row["measured_rad"] < 1.18, row
+        assert abs(row["one_sigma"] - 0.683) < 0.06 and row["two_sigma"] > 0.92, row
+    white = fit_joint_error(runs_of_law(law, rng), memory=False, tails=False)
+    rows, _ = score_runs(white, runs_of_law(law, rng))
+    ratio = [r["predicted_rad"] / r["measured_rad"] for r in rows if r["horizon"] == "0.5 s"]
+    assert max(ratio) > 2.0
+
+
+def test_samples_after_a_jump_of_the_commanded_speed_do_not_count():
+    command = np.zeros((300, 1))
+    ramp = np.cumsum(np.clip(np.arange(300) - 50, 0, 40) / 40) * 1e-3
+    command[:, 0] = ramp
+    assert settled(command, 100.0).all()
+    command[200:, 0] = command[200, 0]  # from full speed to rest within a sample
+    calm = settled(command, 100.0)[:, 0]
+    assert calm[:200].all() and not calm[202:258].any() and calm[270:].all()
+
+
+def test_runs_without_errors_are_refused():
+    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=1)
+    still = [replace(run, measured=run.command) for run in runs]
+    with pytest.raises(ModelDomainError, match="no error"):
+        fit_joint_error(still)
+    assert counted(runs[0], 1).any()
