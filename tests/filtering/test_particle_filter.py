@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
-from compiled_calls import chosen_by
+from compiled_calls import chosen_by, from_python
 from numpy_filter import plain_filter
 from numpy_laws import plain_steps
 from printed_algorithms import READINGS
@@ -20,7 +20,7 @@ from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.options.analysis import Filter
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
-from pipeline.filtering.sampling import SCHEMES
+from pipeline.filtering.sampling import SCHEMES, keep_inside
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, Traits, open_loop
@@ -225,6 +225,19 @@ def test_particles_that_leave_the_domain_or_are_no_numbers_end_the_filter_by_nam
             filtered(EXACT, arm, steps, STILL, particles=20)
         assert caught.value.evidence == {"take": "test01", "step": step, "time": DT * step}
     assert filtered(EXACT, ELBOW, stretching(0.9), STILL, particles=5).outside.sum() == 0
+
+
+def test_a_particle_outside_the_domain_loses_its_weight_and_is_moved_back():
+    """A serial arm near a singular pose would otherwise continue from NaN."""
+    before = np.array([[0.1, 0.2, 0.3, 0.4], [1.0, 1.1, 1.2, 1.3]])
+    q = before + 0.05
+    q[0, 1], q[1, 2], q[:, 3] = 9.0, np.nan, -9.0
+    moved, log_weights = q.copy(), np.array([np.log(0.4), np.log(0.3), np.log(0.3), -np.inf])
+    domain = np.full(2, -2.0), np.full(2, 2.0), 0.0, 0.0
+    lost = from_python(keep_inside)(domain, before, moved, log_weights, np.empty(4))
+    assert lost == 2  # the fourth had no weight
+    assert np.array_equal(moved, np.where([True, False, False, False], q, before))
+    assert log_weights[0] == np.log(0.4) and np.all(log_weights[1:] == -np.inf)
 
 
 @pytest.mark.parametrize(

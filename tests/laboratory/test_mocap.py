@@ -125,6 +125,17 @@ def test_lost_labels_reappear_as_unlabeled_columns(take):
     np.testing.assert_array_equal(observed, true)
 
 
+def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column(take):
+    options = replace(SILENT, lost_label_rate=0.02, lost_label_frames=8, occlusion_rate=0.02)
+    result = take(options, 3000)
+    hidden = np.isnan(labelled(take(replace(options, lost_label_rate=0), 3000))[..., 0])
+    strays = [column for name, column in result.items() if name not in NAMES]
+    seen = np.stack([~np.isnan(column[:, 0]) for column in strays])
+    assert hidden.any() and np.all(seen.any(axis=1))
+    # a column is one stretch without a gap: it ends where the marker is hidden
+    assert all(np.all(np.diff(np.flatnonzero(row)) == 1) for row in seen)
+
+
 def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
     places = np.array([[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]])
     mount, q = (places.mean(axis=0), [0.2, -0.4, 1.1]), rng.uniform(-1.5, 1.5, (20, 7))

@@ -78,6 +78,16 @@ def test_known_dispersions_come_back_but_from_the_papers_estimator(
         assert 0.69 < free < 0.79 and free + 0.02 < share(data) < 0.9
 
 
+def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recorded_ones(
+    chain, poses, step
+):
+    data = recorded(chain, poses, step, GaussianModel(0.05, 30.0), measured=100 * MEASUREMENT)
+    fitted = estimate(data, Gaussian("gaussian", "")).model
+    modelled = fitted.covariance(chain, data.q, data.v).mean(axis=(0, 1))
+    total, measured = (np.trace(each) for each in (mean_covariance(data.noise), data.measurement))
+    assert np.trace(modelled) + measured == pytest.approx(total, rel=1e-9) and measured > total / 4
+
+
 @pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian", "")])
 def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
     chain, poses, step, options

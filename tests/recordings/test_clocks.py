@@ -165,6 +165,15 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_controllers_lag_is_no_offset_of_two_clocks_where_the_unit_is_wrong_too(kind):
+    for late in (0.6 * commands.LATEST, 1.6 * commands.LATEST):
+        actual, target = logged(kind, lag=late)
+        pair = find_pairing(actual, np.degrees(target), RATE)
+        np.testing.assert_allclose(pair.factor, np.pi / 180)
+        assert pair.delay == (round(late * RATE) if late > commands.LATEST else 0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
     require_pair(actual, target, **HELD)

@@ -4,6 +4,7 @@ not fitted to; readings decides what the recordings without a camera have eviden
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from pipeline.models.closed_loop import fitted_closed_loop
 from pipeline.models.kinds import build_model, fitted_model
 from pipeline.models.prediction import score_steps
 from pipeline.models.steps import Recorded, process_noise
+from pipeline.recordings.steps import training_steps
 from pipeline.stages import configure, fit, predict, readings
 
 
@@ -121,6 +123,13 @@ def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, 
 def log_scores() -> pd.DataFrame:
     rows = contracts.read("predictions", predict.OUT)
     return rows[(rows["steps"] == "all") & (rows["score"] == "log_score")].set_index("model")
+
+
+def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
+    settings = config.composed_config().dataset
+    stated = training_steps(settings.robot, replace(settings.motion, pose_noise=3e-3))
+    np.testing.assert_allclose(stated.measurement, 2 * 9e-6 * np.eye(len(JOINTS)))
+    assert training_steps(settings.robot, settings.motion).known_measurement is None
 
 
 def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project, choose):

@@ -274,6 +274,9 @@ def test_standard_errors_add_in_squares():
     known = (case.distance, case.low, case.high, case.holds)
     assert known == pytest.approx((2.0, 4.02, 5.98, True), abs=1e-4)
     assert verdict(**changes, limit=1.5).verdict == d.NOT_REPRODUCED
+    # each of them is a number that the claim refers to
+    claim = parse_claims([CLAIM | {k: v for k, v in changes.items() if k != "more"}])[0]
+    assert {reference.key for reference in claim.references()} == {"e", "se", "ee"}
 
 
 @pytest.mark.parametrize("joints", [("slide",), tuple("abcdefg")])
