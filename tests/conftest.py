@@ -19,6 +19,7 @@ os.register_at_fork(after_in_child=faulthandler.disable)
 # a user without a home, with private files and the locale of a bare container
 BARE = {"home": False, "umask": 0o077, "LANG": "C"}
 STARTED = monotonic()  # s
+BESIDE = ("shared", "recordings", "beside")  # words of the reason of a skip
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -27,9 +28,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
-    """Write the wall clock, the total, and setup, call and teardown of the tests of each module,
-    over all workers, longest first.
+    """Say in one line how many tests had no recordings beside the project. Write the wall clock, the
+    total, and setup, call and teardown of the tests of each module, over all workers, longest first.
     """
+    skipped = [str(one.longrepr) for one in terminalreporter.stats.get("skipped", [])]
+    if absent := sum(any(word in reason for word in BESIDE) for reason in skipped):
+        folder = Path(__file__).parents[2] / "shared"
+        terminalreporter.write_line(f"{absent} tests need the recordings in {folder}: skipped")
     if (file := config.getoption("durations_file")) is None:
         return
     reports = [each for kind in terminalreporter.stats.values() for each in kind]
