@@ -28,8 +28,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_terminal_summary(terminalreporter, config: pytest.Config) -> None:
-    """Say in one line how many tests had no recordings beside the project. Write the wall clock, the
-    total, and setup, call and teardown of the tests of each module, over all workers, longest first.
+    """Say in one line how many tests had no recordings beside the project. Write the wall clock,
+    the total, and setup, call and teardown of the tests of each module, over all workers, longest
+    first.
     """
     skipped = [str(one.longrepr) for one in terminalreporter.stats.get("skipped", [])]
     if absent := sum(any(word in reason for word in BESIDE) for reason in skipped):
