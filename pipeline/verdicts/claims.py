@@ -91,7 +91,7 @@ class Claim:
       values replace the names in references;
     - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
     - ``standard_error``: one reference, or several that add in squares;
-    - ``by``: the construction of the models forces the claim (no verdict), or the models' level
+    - ``by``: the construction of the models forces the claim (no verdict), or their total variance
       decides the claim; ``because`` has the reason;
     - ``why``: reasons for a failure of the claim, by name of the dataset.
     """

@@ -61,7 +61,7 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
     lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
-    lines += [*estimates(here, decided), *scores.result(here)[:2]]
+    lines += [*estimates(here, decided), *scores.comparison(here)]
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 

@@ -31,7 +31,7 @@ def result(run: Run) -> list[str]:
     if "predictions" in run.tables:
         means = log_scores(run)["mean"].sort_values(ascending=False, kind="stable")
         best, pairs = means.index[0], run.tables["prediction_pairs"].query("steps == @ALL")
-        kinds = {n: run.models.get(n, n.partition("_")[0]) in MATRIX_KINDS for n in means.index}
+        kinds = {name: _is_matrix(run, name) for name in means.index}
         others = [name for name in means.index if kinds[name] != kinds[best]]
         name = plain_name(best).removesuffix(" (this motion)")
         text = TEXT["best"].format(run.dataset, number(means[best]), name)
@@ -49,6 +49,15 @@ def result(run: Run) -> list[str]:
         parts += [TEXT["linear"].format(_offset(rows.loc[MEMORY]))] if MEMORY in rows.index else []
         sentences += [f"{'; '.join(parts)}."] if len(particle) else []
     return sentences
+
+
+def comparison(run: Run) -> list[str]:
+    """Return the sentence on the paper's own comparison, and one on the highest log score."""
+    if "predictions" not in run.tables:
+        return []
+    best = plain_name(log_scores(run)["mean"].idxmax())
+    pairs = run.tables["prediction_pairs"].query("steps == @ALL")
+    return [*_against_additive(run, pairs), TEXT["highest"].format(run.dataset, best)]
 
 
 def _against_additive(run: Run, pairs: pd.DataFrame) -> list[str]:
@@ -85,6 +94,11 @@ def widths(run: Run) -> list[str]:
     return sentences
 
 
+def _is_matrix(run: Run, name: str) -> bool:
+    """Return True for a matrix model of the run, or a control named after one."""
+    return run.models.get(name, name.partition("_")[0]) in MATRIX_KINDS
+
+
 def _offset(row: pd.Series) -> str:
     """Return the size of a difference with its interval, and "above" or "below"."""
     if row["difference"] > 0:
@@ -100,8 +114,9 @@ def spread_note(run: Run) -> str:
 def choice(run: Run) -> str:
     """Return sentences: matrix model with a log score above all baselines; highest log score."""
     means = log_scores(run)["mean"]
-    matrix = [name for name, kind in run.models.items() if kind in MATRIX_KINDS and name in means]
-    above = {name: _not_below(run, name, means.index.difference(matrix, False)) for name in matrix}
+    every = [name for name in means.index if _is_matrix(run, name)]  # the controls too
+    matrix = [name for name in run.models if name in every]
+    above = {name: _not_below(run, name, means.index.difference(every, False)) for name in matrix}
     if passing := [name for name in matrix if not above[name]]:
         name = plain_name(means[passing].idxmax())
         parts = [f"The log score of the **{name}** is above every baseline's."]

@@ -1,4 +1,4 @@
-"""filters: scores of the run's filters against the training mean and the best linear filter."""
+"""filters: the run's filters against the training mean and a linear filter with the true law."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -44,7 +44,7 @@ from pipeline.verdicts.wording import join_names, table
 
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 AGAINST_NONE = "reports/{}/tables/filter_against_none.csv"
-YARDSTICK = "yardstick"  # best linear filter, which uses the law of the arm's deviations
+YARDSTICK = "yardstick"  # linear filter that uses the law of the arm's deviations
 RMS, COVERAGE, LOG, ALL = "rms error", "coverage", "log score", "all"
 LABELS = {NONE: "training mean", MEMORY: "linear, autocorrelation", YARDSTICK: "yardstick"}
 LASTS = float(np.exp(-1))  # autocorrelation after a frame above which a deviation outlasts a frame
