@@ -235,7 +235,7 @@ KINDS = [
           ("names.npz", {"joint_names": np.array(UR)}, NAMED))),
     *(FileKind("episode", log(["timestamp", *(f"observation.state.{j}{end}" for j in each),
                                *(f"action.{j}{end}" for j in each)]),
-               ("follows", TRACKED), never=("not stated: a log of joints",), **OWN)
+               ("follow ", TRACKED), never=("not stated: a log of joints",), **OWN)
       for each, end in ((UR, ".pos"), (range(6), ""))),
     *(FileKind("empty", text("log.csv", content), ("no samples",), "log.csv", stops=stops,
                public=False)

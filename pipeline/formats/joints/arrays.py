@@ -15,11 +15,10 @@ from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
-    TIME,
+    clocks_of,
     columns_by_name,
     is_names,
     joint_parts,
-    named_like,
     possibly_speed,
     signals_of_groups,
     states_joints,
@@ -46,7 +45,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
     data |= {name: _seconds(data[name]) for name in dated}
     data = {name: one for name, one in data.items() if one.dtype.kind != "U"}
-    lengths = {len(data[name]) for name in _clocks(data)}
+    times = clocks_of({name: one for name, one in data.items() if one.ndim == 1})
+    lengths = {len(data[name]) for name in times}
     for name, one in data.items():  # one row per joint beside a time of that length
         if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
             data[name] = one.T
@@ -74,9 +74,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
             raise RecordingError(message, file=file, array=labels[column], row=row)
         return values
 
-    named = [options.time]
-    if isinstance(options.time, int):
-        named = _clocks(data)
+    named = times if isinstance(options.time, int) else [options.time]
     clock, time = (named[0] if len(named) == 1 else None), None
     if clock is not None:
         unit = "s" if clock in dated else options.time_unit
@@ -110,20 +108,6 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     joints = next((tuple(names) for names in stated if {len(names)} == width), ())
     log = JointLog(time, signals, {}, joints, time_unit="s" if clock in dated else "")
     return increasing(log, file, lambda row: {"array": clock, "row": row})
-
-
-def _clocks(data: Arrays) -> list[str]:
-    """Return the names of the arrays of times: vectors with a name of a time, else with a word of
-    time in the name and values that increase, and that do not count rows.
-    """
-    vectors = {name: values for name, values in data.items() if values.ndim == 1}
-    worded = [name for name in vectors if TIME & {*words_of(name.rpartition(".")[2])}]
-    steps = {name: np.diff(vectors[name].astype(float)) for name in worded}
-    counted = [name for name in worded if (steps[name] <= 0).any() or (steps[name] == 1).all()]
-    named = named_like("time", vectors) or [name for name in worded if name not in counted]
-    times = [vectors[name] for name in named]
-    alike = [len(one) == len(times[0]) and np.allclose(one, times[0]) for one in times]
-    return named[:1] if all(alike) else named
 
 
 def _unit(labels: Sequence[object], given: str) -> float:

@@ -125,9 +125,18 @@ def words_of(name: str) -> list[str]:
     return [word.lower() for word in re.findall(r"[A-Za-z]+|\d+", text)]
 
 
-def is_counter(name: str) -> bool:
-    """Return whether a column of this ``name`` counts rows or commands, and is no time."""
-    return not COUNTERS.isdisjoint(words_of(name))
+def clocks_of(columns: Mapping[str, np.ndarray]) -> list[str]:
+    """Return the names of the ``columns`` (N,) of times: with a name of a time, else with a word of
+    time in the name and values that increase and count no rows. Equal times have one name.
+    """
+    words = {name: {*words_of(name.rpartition(".")[2])} for name in columns}
+    worded = [name for name in columns if TIME & words[name] and not COUNTERS & words[name]]
+    steps = {name: np.diff(columns[name].astype(float)) for name in worded}
+    counted = [name for name in worded if (steps[name] <= 0).any() or (steps[name] == 1).all()]
+    named = named_like("time", columns) or [name for name in worded if name not in counted]
+    times = [columns[name] for name in named]
+    alike = [len(one) == len(times[0]) and np.allclose(one, times[0]) for one in times]
+    return named[:1] if all(alike) else named
 
 
 def is_names(name: str) -> bool:
@@ -180,13 +189,8 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in COORDINATES:
             worded.setdefault(role, []).append(label)
     groups = {name: [group[n] for n in sorted(group)] for name, group in numbered.items()}
-    plain = {
-        parsed.role or "actual"
-        for name in groups
-        if (parsed := meaning(name)).is_angle
-        and not parsed.rest
-        and (parsed.role or parsed.quantity)
-    }
+    plain = [each for each in map(meaning, groups) if each.is_angle and not each.rest]
+    plain = {each.role or "actual" for each in plain if each.role or each.quantity}
     named = {
         role: dict(zip(joint_parts(group), group, strict=True))
         for role, group in worded.items()
@@ -203,7 +207,7 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         for label in (label for label in labels if label not in used):
             text = f"_{'_'.join(words_of(label))}_"
             for part in (part for part in order if f"_{part}_" in text):
-                others.setdefault(text.replace(part, "*"), {})[part] = label
+                others.setdefault(text.replace(f"_{part}_", "_*_"), {})[part] = label
         for name, parts in others.items():
             groups |= {name: [parts[part] for part in order]} if {*parts} == {*order} else {}
     return groups
@@ -285,7 +289,7 @@ def signals_of_groups(
             guessed["target"] = f"{weak[0]} is no speed of {actual[0]} by its values"
     elif not target and len(follows) == 1:
         signals["target"] = groups[follows[0]]
-        guessed["target"] = f"{follows[0]} follows {actual[0]} by its values"
+        guessed["target"] = f"{groups[follows[0]][0]} … follow {groups[actual[0]][0]} … by values"
     return signals, guessed
 
 

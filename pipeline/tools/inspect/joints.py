@@ -23,13 +23,15 @@ from pipeline.formats.joints.log import (
     read_joint_table,
 )
 from pipeline.formats.joints.names import (
-    is_counter,
+    COUNTERS,
+    clocks_of,
     joint_parts,
     meaning,
     named_like,
     other_content,
     signals_of,
     states_joints,
+    words_of,
 )
 from pipeline.formats.number_sheet import Sheet
 from pipeline.recordings.commands import find_pairing, suspects, tracking_errors
@@ -104,20 +106,19 @@ def add_table(finding: Finding, form: Format) -> None:
     # rows may share a time if the table merges two sources
     later = np.greater_equal if missing else np.greater
     steps = {n: np.diff(column) for n, column in values.items() if len(column) > 2}
-    named = {n for n in values if labels and named_like("time", [labels[n]])}
     clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
-    clocks = [n for n in clocks if n in named] or [0] * (
-        facts["timed"] and not (labels and is_counter(labels[0]))
-    )
-    clock = clocks[0] if clocks else min(named, default=None)
+    columns = {labels[n]: column for n, column in values.items()} if labels else {}
+    named = [labels.index(name) for name in clocks_of(columns)]
+    counted = bool(labels) and not COUNTERS.isdisjoint(words_of(labels[0]))
+    clocks = [n for n in named if n in clocks] or [0] * (facts["timed"] and not counted)
+    clock = next(iter(clocks or named), None)
     if clocks:
         facts["step_of_time"] = round(float(np.median(steps[clock])), 9)
         facts |= {"time": labels[clock]} if labels else {}
         second = TIME_UNITS.get(spelled(sheet.unit(clock) or ""))
         if second and facts["step_of_time"]:
             finding.rate = round(1 / (facts["step_of_time"] * second), 3)
-    columns = {labels[n]: column for n, column in values.items()} if labels else {}
     signals: dict[str, list[str]] = {}
     if len(columns) == len(values):  # labels are unique
         time = values[clock] if clocks else None
@@ -166,7 +167,8 @@ def _add_signals(
         question = f"no column is a clock{content and f' ({content})'}: name the column of numbers"
         finding.ask(f"{question}, or null for even rows at motion.rate", f"{OPTION}.time", "null")
     else:
-        finding.facts["step_of_time"] = round(float(np.median(np.diff(log.time))), 9)
+        step = round(float(np.median(np.diff(log.time))), 9)
+        finding.facts |= {"time": labels[clock], "step_of_time": step}
     log = replace(log, joints=tuple(signals["actual"]))
     log = _in_units(finding, log, clock is None or "time_unit" in known, "angle_unit" in known)
     if clock is not None:

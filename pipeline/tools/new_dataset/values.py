@@ -8,6 +8,7 @@ from os.path import relpath
 from pathlib import Path
 from typing import Any
 
+from pipeline.arm.urdf import LIMITED, SINGLE
 from pipeline.configuration.datasheet import OPEN, get_filled
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
@@ -23,7 +24,6 @@ from pipeline.tools.new_dataset.template import Entry, text_of
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # keys of a motion
 SPACE = 6  # number of coordinates of a pose
 PLACE = f"{OPEN} # [x, y, z]"
-SINGLE_JOINTS = ("revolute", "continuous", "prismatic")
 NEAR = 0.01  # rad, greatest excess of an angle over a joint's limit
 CABLE = {
     "direction": f"{OPEN} # rad, [first cable, second, …]",
@@ -240,7 +240,7 @@ def _joint_log(
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
     named = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
     stated = {tuple(take.facts.get("joint_names", named)) for take in takes.values()}
-    arm = robot.get("robot.joints", Entry()).value
+    arm = robot.get("robot.joints", Entry()).value or ""
     names = [*stated.pop()] if len(stated) == 1 else []
     found["joints"] = _joints(names, count, arm, urdf, facts, first)
     questions = _questions([{"": log} for log in logs_of(takes.values())])
@@ -253,40 +253,37 @@ def _joint_log(
 
 
 def _joints(
-    names: Sequence[str],
-    count: int | None,
-    arm: str | None,
-    urdf: str,
-    facts: Mapping[str, Any],
-    log: Finding,
+    names: Sequence[str], count: int | None, arm: str, urdf: str, facts: Mapping, log: Finding
 ) -> Entry:
-    """Return the joints of a log with ``count`` columns: by the ``names`` in the ``log``; without
-    names by their positions in the ``arm``, with the limits and ranges that support the positions.
+    """Return the joints of the ``count`` columns of a ``log``: by the ``names`` in it, else by the
+    positions in the ``arm``, with the ranges and limits that support the positions.
     """
-    moving = [joint for kind in SINGLE_JOINTS for joint in facts.get("joints", {}).get(kind, [])]
-    order = parse_yaml(arm) if arm else []
-    joints = match_joints(names, moving) if moving and names else []
-    if joints and {*order} <= {*joints}:
-        known = states_joints(names) or log.kind == Kind.JOINTS
-        return Entry(f"[{_name_list(joints)}]", "as the logs name them", certain=known)
-    if log.kind == Kind.JOINTS and names:
-        return Entry(f"[{_name_list(names)}]", "as the logs name them")
+    moving = [joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])]
+    order, logs = parse_yaml(arm) if arm else [], log.kind == Kind.JOINTS
+    joints = match_joints(names, moving) if moving else []
+    if not {*order} <= {*joints}:
+        joints = []
+    if joints or (logs and names):
+        value = f"[{_name_list(joints or names)}]"
+        return Entry(value, "as the logs name them", certain=logs or states_joints(names))
     if states_joints(names):
         return _suggestion(f"the logs name, in this order, {_name_list(names)}")
     if not order or count not in (None, len(order)):
         return _suggestion(f"{count} joints" if count else "")
-    ranges = [*zip(*log.facts.get("range", ()), strict=True)]
-    limits = [(joint and joint.limits) or {} for joint in named_joints(urdf, order)]
-    rows = [*zip(order, ranges, limits, strict=True)] if len(ranges) == len(order) else []
+    ends = [*zip(*log.facts.get("range", ()), strict=True)]
+    ranges = dict(zip(order, ends, strict=False)) if len(ends) == len(order) else {}
+    known = named_joints(urdf, order)
+    limited = {joint.name: joint for joint in known if joint and joint.kind in LIMITED}
     beyond = [
-        joint
-        for joint, (least, most), limit in rows
-        if least < limit.get("lower", least) - NEAR or most > limit.get("upper", most) + NEAR
+        name
+        for name, (least, most) in ranges.items()
+        if (joint := limited.get(name))
+        and not joint.lower - NEAR < least <= most < joint.upper + NEAR
     ]
-    places = ", ".join(f"{joint} {least:.3g} to {most:.3g}" for joint, (least, most), _ in rows)
-    note = f"no name states which joint a column is; in the URDF's order, in rad: {places}; "
-    note += f"beyond the limits: {', '.join(beyond) or 'none'}"
-    return _suggestion(note if rows else f"{count} joints", None if beyond else arm)
+    places = ", ".join(f"{name} {a:.3g} to {b:.3g}" for name, (a, b) in ranges.items())
+    note = f"no name states the joint of a column; in the URDF's order, rad: {places or 'unknown'}"
+    note += f"; beyond the limits: {', '.join(beyond) or 'none'}"
+    return _suggestion(note, None if beyond else arm)
 
 
 def _urdf(robots: Sequence[Finding], values: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
