@@ -71,7 +71,7 @@ def joint_std(
     for joint, axes in zip(joints, row, strict=True):
         for source, line in lines.items():
             axes.plot(shown.loc[source, column("s", joint)], **line)
-        axes.set(title=joint.replace("_", " "), xlim=(0, deviation["t"].max()))
+        axes.set(title=style.joint_label(joint), xlim=(0, deviation["t"].max()))
     row[0].set_ylim(0, 1.05 * tops[-1])
     for first in row[::across]:
         first.set_ylabel(QUANTITIES[mode])
@@ -144,7 +144,7 @@ def noise_quantiles(noise_quantiles: pd.DataFrame) -> Figure:
         for model, line in LAWS.items():
             chosen = (noise_quantiles["joint"] == joint) & (noise_quantiles["model"] == model)
             axes.plot(*noise_quantiles.loc[chosen, ["normal", "noise"]].to_numpy().T, **line)
-        axes.set_title(joint.replace("_", " "))
+        axes.set_title(style.joint_label(joint))
     for axes in row[-across:]:
         axes.set_xlabel("normal quantile (std)")
     for axes in row[::across]:

@@ -69,11 +69,16 @@ def model_lines(models: Iterable[str]) -> dict[str, dict]:
     return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
 
 
+def joint_label(joint: str) -> str:
+    """Return a joint's name as text: without underscores and formulas."""
+    return joint.replace("_", " ").replace("$", r"\$")
+
+
 def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
     """Return label, colour and dashes of every joint by its name."""
     looks = zip(joints, cycle(COLORS), cycle(DASHES), strict=False)
     return {
-        joint: {"label": joint.replace("_", " "), "color": color, "linestyle": dashes}
+        joint: {"label": joint_label(joint), "color": color, "linestyle": dashes}
         for joint, color, dashes in looks
     }
 
@@ -125,7 +130,7 @@ def model_panels(
     # panels of a model's second line are below panels of other joints
     for row in grid if across < len(joints) else grid[:1]:
         for joint, axes in zip(joints, row, strict=True):
-            axes.set_title(joint.replace("_", " "))
+            axes.set_title(joint_label(joint))
     return figure, grid
 
 

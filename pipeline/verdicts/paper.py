@@ -143,7 +143,7 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
         tests = (test.partition("::") for test in item.tests)
         shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)
         cells = (item.title, item.place, item.says, "<br>".join(by), shown)
-        rows.append([" ".join(cell.replace("|", "\\|").split()) for cell in cells])
+        rows.append(cells)
     return f"{TEXTS['equations']}\n\n{table(COLUMNS, rows)}\n"
 
 

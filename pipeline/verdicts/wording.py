@@ -1,5 +1,6 @@
 """Numbers, intervals and tables as text, and the prose of the pages."""
 
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pandas as pd
 from pipeline.core.typed_yaml import read_yaml
 
 MISSING = "–"
+CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 
 
@@ -32,13 +34,21 @@ def interval(low: float, high: float) -> str:
     return f"[{number(low)}, {number(high)}]"
 
 
+def escaped(text: str) -> str:
+    """Return ``text`` for a cell: no columns, no tags but line ends, no control characters."""
+    plain = " ".join(CONTROL.sub(" ", text).split())
+    return re.sub(r"<(?!br>)", "&lt;", plain).replace("|", r"\|")
+
+
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; :func:`number` writes the cells that are numbers."""
+    """Return a Markdown table; :func:`number` writes the cells that are numbers. Other cells are
+    escaped: names from recordings in them are plain text.
+    """
 
     def text(cell: object) -> str:
-        return number(cell) if isinstance(cell, int | float | np.number) else str(cell)
+        return number(cell) if isinstance(cell, int | float | np.number) else escaped(str(cell))
 
-    lines = [map(str, header), ["---"] * len(header), *(map(text, row) for row in rows)]
+    lines = [map(text, header), ["---"] * len(header), *(map(text, row) for row in rows)]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.cbook import is_math_text
 from matplotlib.collections import QuadMesh
 from matplotlib.patches import Arc
 from PIL import Image
@@ -166,6 +167,12 @@ def test_figures_are_drawn_with_captions_or_left_out_by_name_and_all_or_none(
         draw_all(OUT, options, Compute(workers=1))
     assert {file: file.read_bytes() for file in OUT.iterdir()} == before
     assert not list(OUT.parent.glob(".*.partial"))
+
+
+def test_a_joint_named_like_a_formula_is_plain_text():
+    label = joint_lines(["arm_$x^2$"])["arm_$x^2$"]["label"]
+    assert label == r"arm \$x^2\$"
+    assert is_math_text("arm $x^2$") and not is_math_text(label)
 
 
 def test_models_and_joints_differ_in_their_lines():

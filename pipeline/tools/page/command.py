@@ -29,6 +29,9 @@ FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
 TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
 FOLDED = "model_card"  # page whose sections are folded
 FOLD = r"<details><summary>\1</summary>\2</details>\n"
+FOLDS = re.compile(r"(<h2 .*?</h2>)(.*?)(?=<h2 |\Z)", re.DOTALL)
+CARD = re.compile(r"<h3 .*?(?=<h3 |\Z)", re.DOTALL)
+CARDS = re.compile(r"(?:<h3 .*?(?=<h[1-3] |\Z))+", re.DOTALL)
 FIGURE = re.compile(r'(<p [^>]*class="figure"[^>]*><img [^>]*>)\s+(.+?)</p>', re.DOTALL)
 DEPTH = 2  # levels of headings in the table of contents
 
@@ -99,26 +102,17 @@ def _section(
     html = re.sub(r"&lt;(br|/?details|/?summary)&gt;", r"<\1>", html)
     html = re.sub(r"<p>(<details>.*?</details>)</p>", r"\1", html, flags=re.DOTALL)
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
-    return (_folded(html) if file.stem == FOLDED else _side_by_side(html)), headings
+    return FOLDS.sub(FOLD, html) if file.stem == FOLDED else _side_by_side(html), headings
 
 
 def _side_by_side(html: str) -> str:
     """Return ``html`` with the parts under headings of level 3 beside each other."""
-    parts, cards = re.split(r"(?=<h[1-3] )", html), []
-    for part in parts:
-        if not part.startswith("<h3 "):
-            cards += ["</div>\n"] * bool(cards and cards[-1].startswith("<div")) + [part]
-        else:
-            cards += ['<div class="cards">\n'] * (not cards[-1].startswith("<div"))
-            cards.append(f'<div class="card">\n{part}</div>\n')
-    return "".join([*cards, "</div>\n" * cards[-1].startswith("<div")])
 
+    def cards(found: re.Match) -> str:
+        inner = CARD.sub(r'<div class="card">\n\g<0></div>\n', found[0])
+        return f'<div class="cards">\n{inner}</div>\n'
 
-def _folded(html: str) -> str:
-    """Return ``html`` with the text under each heading of level 2 folded."""
-    first, *parts = re.split(r"(?=<h2 )", html)
-    part = re.compile(r"(<h2 .*?</h2>)(.*)", re.DOTALL)
-    return first + "".join(part.sub(FOLD, each) for each in parts)
+    return CARDS.sub(cards, html)
 
 
 def _anchor(file: Path, slug: str) -> str:
