@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import log, read_movement, table
+from joint_kinds import motion
 from planar_poses import load_arm
 from sample_options import made
 from written_logs import write_joint_log
 
 from pipeline.arm.interface import trajectory_table
+from pipeline.core.angles import TURN, TURN_NOISE, unwrap
 from pipeline.core.columns import columns, spread
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Encoders, Robot
@@ -139,6 +141,24 @@ RAIL = """<robot name="rail"><link name="base"/><link name="cart"/><link name="a
 <limit velocity="900" effort="1" lower="0" upper="20"/></joint>
 <joint name="turn" type="continuous"><parent link="cart"/><child link="arm"/></joint></robot>
 """
+
+
+def test_a_spike_of_any_size_is_no_turn_and_a_wrap_beside_noise_is_one():
+    time, angles, _ = motion()
+    rng, errors = np.random.default_rng(1), []
+    for size in 10 ** np.concatenate([rng.uniform(0.78, 1.78, 300), rng.uniform(1.78, 14, 100)]):
+        spiked = angles.copy()
+        spiked[rng.integers(400), rng.integers(6)] += rng.choice([-1, 1]) * size
+        try:
+            errors.append(np.abs(unwrap(spiked, time)[0] - angles).max())
+        except RecordingError:
+            continue
+    # 400 spikes: at most 1 % are accepted, none with an error above the noise at a jump
+    assert len(errors) <= 4 and max(errors, default=0) < TURN_NOISE
+    # control: an angle that crosses half a turn to and fro with noise of 10 mrad wraps at each row
+    noisy = np.pi + rng.normal(0, 0.01, (400, 6))
+    wrapped, jumps = unwrap((noisy + np.pi) % TURN - np.pi, time)
+    assert jumps > 900 and np.ptp(wrapped - noisy, axis=0).max() < 1e-12
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])

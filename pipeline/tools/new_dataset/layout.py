@@ -59,8 +59,9 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     logs = of[Kind.JOINTS] + [one for one in of[Kind.TABLE] if one.facts.get("timed")]
     encoders = {one.file: one for one in logs if one.file.stem in names}
     movements = {one.file: one for one in of[Kind.JOINTS] if one.file not in encoders}
-    if not (motion or of[Kind.JOINTS]):
-        movements = _movements(of[Kind.TABLE], folder)
+    # copies of tables as arrays of one signal are no logs
+    if not (motion or any("signals" in one.facts for one in of[Kind.JOINTS])):
+        movements = _movements(of[Kind.TABLE], folder) or movements
     sections = {"mocap": motion, "encoders": encoders, "depth": filmed, "joint_log": movements}
     single = {kind: of[kind] for kind in SINGLE if of[kind]}
     placed = {one.file for kind in single.values() for one in kind}
