@@ -4,11 +4,12 @@ J has m task rows and n ≥ m joints, J₁ is (m, m) and J₂ (m, n). The paper 
 on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each gives another law of a step:
 
 - ``pivoted_lu``: J₁ = PᵀL, J₂ = U. The law depends on the units of the task rows (m and rad), the
-axes of the task (of the arm's base) and the order of the joints, not on the order of the rows. -
-``qr``: QR of J. It is computed with J₁ = I and J₂ = J, the same law, because the law of B is
-invariant under rotations. The law depends only on the units of the rows. - ``qr_transposed``: QR of
-Jᵀ, J₁ = Rᵀ, J₂ = Qᵀ, ‖a‖ = ‖J⁺v‖. No dependence on units, axes, order. - ``given``: J₁ is a
-constant, e.g. diag(ℓ, ℓ, 1), which converts m to rad at a lever arm ℓ.
+  axes of the task (of the arm's base) and the order of the joints, not on the order of the rows.
+- ``qr``: QR of J. It is computed with J₁ = I and J₂ = J, the same law, because the law of B is
+  invariant under rotations. The law depends only on the units of the rows.
+- ``qr_transposed``: QR of Jᵀ, J₁ = Rᵀ, J₂ = Qᵀ, ‖a‖ = ‖J⁺v‖. The law depends on no unit, axis or
+  order.
+- ``given``: J₁ is a constant, e.g. diag(ℓ, ℓ, 1), which converts m to rad at a lever arm ℓ.
 """
 
 from __future__ import annotations
