@@ -26,7 +26,6 @@ class Options:
     """Base of the options of a model; the ``fit.py`` of each kind has a subclass of this name."""
 
     kind: str  # the model's folder in pipeline/models
-    label: str = ""  # name in legends and tables
     closed_loop: bool = True  # whether the closed-loop form is fitted and filtered too
 
 

@@ -46,12 +46,12 @@ UNSEEN = Measurements("take", np.empty(0), *np.empty((2, 0, 3)), np.empty((0, 3,
 # a model, an estimator that accounts for the measurement noise, and a factor on that noise, so that
 # the model's noise does not hide it
 MODELS = {
-    "additive": (ScaledModel(COVARIANCE), Additive("additive", "", estimator="shrinkage"), 1),
-    "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", "", estimator="likelihood"), 2),
-    "scaled": (ScaledModel(0.1 * COVARIANCE, FULL), Scaled("scaled", "", structure="full"), 1),
+    "additive": (ScaledModel(COVARIANCE), Additive("additive", estimator="shrinkage"), 1),
+    "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", estimator="likelihood"), 2),
+    "scaled": (ScaledModel(0.1 * COVARIANCE, FULL), Scaled("scaled", structure="full"), 1),
     "wishart": (
         WishartModel(0.2, Decomposition("qr")),
-        Wishart("wishart", "", estimator="likelihood", decomposition="qr"),
+        Wishart("wishart", estimator="likelihood", decomposition="qr"),
         2,
     ),
 }

@@ -41,7 +41,7 @@ def recorded(chain, poses, step, model, *, takes=TAKES, measured=MEASUREMENT, se
 
 
 def wishart(estimator: str, name: str = "pivoted_lu", **options) -> Wishart:
-    return Wishart("wishart", "", estimator=estimator, decomposition=name, **options)
+    return Wishart("wishart", estimator=estimator, decomposition=name, **options)
 
 
 @pytest.mark.slow
@@ -82,13 +82,13 @@ def test_the_moments_of_a_gaussian_model_and_of_the_measurement_sum_to_the_recor
     chain, poses, step
 ):
     data = recorded(chain, poses, step, GaussianModel(0.05, 30.0), measured=100 * MEASUREMENT)
-    fitted = estimate(data, Gaussian("gaussian", "")).model
+    fitted = estimate(data, Gaussian("gaussian")).model
     modelled = fitted.covariance(chain, data.q, data.v).mean(axis=(0, 1))
     total, measured = (np.trace(each) for each in (mean_covariance(data.noise), data.measurement))
     assert np.trace(modelled) + measured == pytest.approx(total, rel=1e-9) and measured > total / 4
 
 
-@pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian", "")])
+@pytest.mark.parametrize("options", [wishart("moments"), Gaussian("gaussian")])
 def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
     chain, poses, step, options
 ):
@@ -109,7 +109,7 @@ def test_the_bound_of_the_gaussian_model_is_found_where_the_noise_bends_with_it(
     norms = frobenius(chain.inverse_jacobian(poses[REST : REST + 40]))
     u = 1.1 * float(norms.max())
     data = recorded(chain, poses, step, GaussianModel(0.1, u), takes=300)
-    found = estimate(data, Gaussian("gaussian", "", estimator=estimator))
+    found = estimate(data, Gaussian("gaussian", estimator=estimator))
     assert found.diagnostics["u_unbounded"] == 0 and found.undetermined == ()
     assert found.estimates["u"] == pytest.approx(u, rel=0.1)
     level = 0.1 * np.sqrt(u**2 - np.mean(norms**2))
@@ -121,7 +121,7 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
     chain, poses, step, estimator
 ):
     data = recorded(chain, poses, step, GaussianModel(1e-3, 2000.0))
-    found = estimate(data, Gaussian("gaussian", "", estimator=estimator))
+    found = estimate(data, Gaussian("gaussian", estimator=estimator))
     assert found.diagnostics["u_unbounded"] == found.parameters["u_unbounded"] == 1
     assert found.undetermined == ("u", "alpha")
     level, parameters = found.determined["noise_level"], found.parameters
@@ -138,7 +138,7 @@ def test_where_the_noise_follows_the_speed_alone_the_bound_is_unbounded(
 def test_a_motion_at_rest_throughout_is_refused(chain, poses, step, kind, estimator):
     data = recorded(chain, poses, step, GaussianModel(0.1, 25.0), takes=10)
     still = replace(data, v=np.zeros_like(data.v), known_measurement=1e-9 * np.eye(3))
-    options = kind(kind.__module__.split(".")[-2], "", estimator=estimator)
+    options = kind(kind.__module__.split(".")[-2], estimator=estimator)
     if kind is Wishart and estimator == "paper":  # B is the identity at rest
         assert estimate(still, options).estimates["sigma_b"] == 0
         return
