@@ -4,73 +4,69 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from pipeline.statistics.horizons import chosen_law, faults_of, interval_of, margins, pooled
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
 from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
 
 CARD = TEXTS["card"]
-EACH = "each"  # motion of the rows with the mean over all held-out motions
-MANY, OFF = 0.5, 4.0  # greatest share of held-out std that may be wrong by more than this factor
-MOVING = 0.1  # share of a joint's greatest recorded std above which a held-out std counts
 STILL = 0.1  # share of the greatest joint speed below which a joint counts as standing still
-HEAVY = 4  # kurtosis above which tails are called heavier than normal
 FEW_TAKES = 10  # number of takes below which no interval from resampled takes is printed
 
 
-def recommended(
-    scores: pd.DataFrame, spread: pd.DataFrame, motions: pd.DataFrame
-) -> tuple[str | None, str]:
-    """Return the model for another motion, or None, and the reason, by the rule on the card."""
-    means = scores[scores["motion"] == EACH].set_index("model")["score"].dropna()
-    if means.empty:
-        return None, "no model has a score on every held-out motion"
-    best = str(means.idxmax())
-    score, name = f"{number(means[best])} nats a step", plain_name(best)
-    if len(motions) < 2:
-        return None, CARD["one_motion"].format(name, score)
-    own = spread[(spread["model"] == best) & (spread["measured_rad"] > 0)]
-    own = own[own["measured_rad"] >= MOVING * own.groupby("joint")["measured_rad"].transform("max")]
-    ratio = own["predicted_rad"] / own["measured_rad"]
-    off = ((ratio > OFF) | (ratio < 1 / OFF)).mean() if len(own) else 0.0
-    if off > MANY:
-        return None, CARD["wrong_spread"].format(name, 100 * off, OFF)
-    return best, f"highest mean log score over {len(motions)} held-out motions, {score}"
+def recommended(tables: Mapping[str, pd.DataFrame]) -> tuple[str | None, str]:
+    """Return the law for another motion, or None, and the reason, by the rule on the card."""
+    return chosen_law(tables["joint_scores"])
 
 
 def answer(run: Run) -> str:
-    """Return the first paragraphs of the card: model, formula, takes, motions, limits and tails."""
+    """Return the first paragraphs of the card: model, its predictions at three horizons, motions,
+    recordings that were not used, parameters and limits.
+    """
     t = run.tables
-    if "other_motions" not in t:
+    if "joint_scores" not in t:
         return CARD["not_held_out"]
-    model, why = recommended(t["other_motions"], t["motion_spread"], t["motions"])
-    counted = f"{t['motions']['takes'].sum()} takes of {len(t['motions'])} motion(s)"
+    model, why = recommended(t)
+    counted = f"{t['motions']['takes'].sum()} runs of {len(t['motions'])} motion(s)"
+    unused = t["unused_recordings"][["recording", "reason"]].to_numpy()
+    left = f"Not used: {'; '.join(f'{name} ({reason})' for name, reason in unused)}."
+    recorded = f"Recorded: {counted}. {left if len(unused) else 'Every recording was used.'}"
     if model is None:
-        return f"**No model for another motion**: {why}.\n\nRecorded: {counted}."
-    known, tails = (t[name][t[name]["model"] == model] for name in ("plain_parameters", "tails"))
+        return f"**No model for another motion**: {why}.\n\n{recorded}"
+    known = t["joint_parameters"][t["joint_parameters"]["model"] == model]
     parts = [f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."]
-    parts += [_formula(model, known)] if len(known) else []
-    parts.append(f"Fitted to {counted}. {_limits(run, model)}")
-    if len(tails):
-        ends = [number(float(f"{tails['kurtosis'].agg(end):.3g}")) for end in ("min", "max")]
-        size = "heavier tails than" if tails["kurtosis"].max() > HEAVY else "tails like"
-        share = 100 * tails["three_sigma"].min()
-        parts.append(CARD["kurtosis"].format(size=size, low=ends[0], high=ends[1], share=share))
+    parts += [at_horizons(t["joint_scores"], model), recorded]
+    parts += [CARD["one_motion"]] if len(t["motions"]) == 1 else []
+    parts += [CARD["law"], _parameters_of_law(known), _limits(run)]
     return "\n\n".join([*parts, f"Export: `python -m pipeline export {model}`."])
 
 
-def _formula(model: str, known: pd.DataFrame) -> str:
-    kind, tails = model.split("_")
-    law = CARD["student" if tails == "t" else "normal"]
-    text = CARD["formula"].format(std=CARD["std"][kind], law=law)
+def at_horizons(scores: pd.DataFrame, model: str) -> str:
+    """Return predicted over measured σ, coverage and what is left of the autocorrelation by
+    horizon, over all joints, with the least and greatest joint and intervals over motions.
+    """
+    own, rows = scores[(scores["model"] == model) & (scores["samples"] == "commanded")], []
+    joints, blocks = (pooled(own, ["horizon", *by]) for by in (["joint"], ["motion", "block"]))
+    for horizon, row in pooled(own, ["horizon"]).iterrows():
+        cells = [horizon]
+        for name in ("ratio", "one_sigma", "two_sigma"):
+            _, low, high = interval_of(blocks.loc[horizon][name].dropna().to_numpy())
+            ends = joints.loc[horizon][name].agg(["min", "max"])
+            spread = f"{row[name]:.2f} {interval(low, high)}"
+            cells.append(f"{spread}; joints {ends['min']:.2f} to {ends['max']:.2f}")
+        left = f"{row['autocorrelation']:.2f}" if horizon == "one sample" else "–"
+        rows.append([*cells, left])
+    header = ["ahead", "σ predicted/measured", "within ±1σ", "within ±2σ", "autocorrelation left"]
+    return table(header, rows)
+
+
+def _parameters_of_law(known: pd.DataFrame) -> str:
     cells = {"joint": known["joint"]}
-    cells["a_j"] = [f"{1e6 * value:.3g} µrad" for value in known["at_rest_rad"]]
-    if kind in CARD["gains"]:
-        symbol, column, factor, unit = CARD["gains"][kind]
-        gains = known[column].map(lambda gain: f"{factor * gain:.3g} {unit}", na_action="ignore")
-        cells[symbol] = gains.astype(object).fillna("not known")
-    if tails == "t":
-        cells["ν_j"] = known["degrees"]
-    return f"{text}\n\n{table([*cells], zip(*cells.values(), strict=True))}"
+    for name, column in CARD["parameters"].items():
+        factor = 1e6 if "µrad" in name else 1.0
+        values = (factor * known[column]).map("{:.3g}".format, na_action="ignore")
+        cells[name] = values.astype(object).fillna("–")
+    return table([*cells], zip(*cells.values(), strict=True))
 
 
 def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
@@ -80,63 +76,61 @@ def _speeds(ranges: pd.DataFrame) -> tuple[pd.Series, pd.Series]:
     return fastest, fastest[fastest < STILL * fastest.max()]
 
 
-def _limits(run: Run, model: str) -> str:
-    """Return the undetermined parameters of ``model``, and the poses and speeds not recorded."""
-    rows = run.tables["untold"].query("model == @model")
-    text = "".join(
-        f" No number for the {parameter} of {', '.join(own['joint'])} ({own['found'].iloc[0]})."
-        for parameter, own in rows.groupby("parameter", sort=False)
-    )
+def _limits(run: Run) -> str:
+    """Return the joints that stood still, and the poses and speeds that were not recorded."""
     fastest, still = _speeds(run.tables["motion_ranges"])
-    text += f" These joints stood still: {', '.join(still.index)}." if len(still) else ""
+    text = f" These joints stood still: {', '.join(still.index)}." if len(still) else ""
     seen = ", ".join(f"{joint} {number(float(f'{speed:.3g}'))}" for joint, speed in fastest.items())
     text += f" No evidence on speeds above (rad/s) {seen}, or on poses outside the ranges below."
     return f"**Limits of the recordings:**{text}"
 
 
 def held_out(run: Run) -> str:
-    """Return log scores by model and held-out motion; a single motion has the mean over takes."""
-    scores, motions = run.tables["other_motions"], run.tables["motions"]
-    wide = scores.pivot(index="model", columns="motion", values="score")
-    # parts of a single motion's takes are held out in turn
-    names = [n for n in dict.fromkeys(scores["motion"]) if n != EACH] if len(motions) > 1 else []
-    wide = wide.reindex(columns=[EACH, *names]) if EACH in wide else wide
-    wide = wide.sort_values(wide.columns[0], ascending=False, na_position="last")
-    header = ["log score (nats a step)", "mean", *(f"motion {name}" for name in names)]
-    text = table(header, [[plain_name(str(row[0])), *row[1:]] for row in wide.itertuples()])
-    missing = scores[scores["reason"].astype(object).fillna("").ne("")].drop_duplicates("model")
-    reasons = "".join(
-        f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
-        for row in missing.itertuples()
+    """Return log scores by law and horizon, the margin over the next simpler law, and the scores of
+    the matrix models at one step.
+    """
+    scores, rows, before = run.tables["joint_scores"], [], None
+    moving = scores[scores["samples"] == "commanded"]
+    totals = pooled(moving, ["model", "horizon", "joint"])["score"]
+    totals = totals.groupby(["model", "horizon"], sort=False).sum().unstack(sort=False)
+    for model, by_horizon in totals.iterrows():
+        margin = "–"
+        if before is not None:
+            mean, low, high = margins(moving, model, before)
+            margin = f"{mean:.3g} {interval(low, high)}"
+        faults = len(faults_of(moving, model))
+        rows.append([plain_name(model), *by_horizon, margin, faults])
+        before = model
+    header = ["law", *totals.columns, "mean above the line before", "unsound (joints, horizons)"]
+    text = table(header, rows)
+    matrix = run.tables.get("other_motions", pd.DataFrame())
+    if len(matrix):
+        means = matrix.groupby("model", sort=False)["score"].mean()
+        cells = [[plain_name(str(name)), value] for name, value in means.items()]
+        reasons = matrix[matrix["reason"].astype(object).fillna("").ne("")].drop_duplicates("model")
+        notes = "".join(
+            f"\n- {plain_name(row.model)}: no score on motion {row.motion}: {row.reason}"
+            for row in reasons.itertuples()
+        )
+        text += f"\n\n{CARD['matrix']}\n\n{table(['model', 'nats a step'], cells)}\n{notes}"
+    moves = run.tables["motions"][["motion", "takes", "steps", "moving"]].astype(str).to_numpy()
+    return f"{text}\n\n{table(['motion', 'runs', 'samples', 'joints that move'], moves)}"
+
+
+def by_joint(run: Run, samples: str) -> str:
+    """Return σ, coverage and score of the richest law by joint and horizon, of ``samples``."""
+    scores = run.tables["joint_scores"]
+    model = recommended(run.tables)[0] or scores["model"].iloc[-1]
+    own = pooled(
+        scores[(scores["model"] == model) & (scores["samples"] == samples)], ["joint", "horizon"]
     )
-    moves = motions[["motion", "takes", "steps", "moving"]].astype(str).to_numpy()
-    return f"{text}\n{reasons}\n\n{table(['motion', 'takes', 'steps', 'joints that move'], moves)}"
-
-
-def held_out_spread(run: Run) -> str:
-    """Return predicted and measured rms noise of a step by held-out motion and joint."""
-    spread, place = run.tables["motion_spread"], ["motion", "joint"]
-    if len(run.tables["motions"]) == 1:
-        sizes = ["predicted_rad", "measured_rad"]
-        spread = spread.assign(motion=run.tables["motions"]["motion"].iloc[0])
-        spread[sizes] = spread[sizes] ** 2
-        means = spread.groupby([*place, "model"], sort=False)[sizes].mean()
-        spread = means.pow(0.5).reset_index()
-    wide = spread.pivot(index=place, columns="model", values="predicted_rad")
-    measured = spread.drop_duplicates(place).set_index(place)["measured_rad"]
-    wide = wide.loc[measured.index, list(dict.fromkeys(spread["model"]))]
-    wide.insert(0, "measured", measured)
-    rows = ([*map(str, row[0]), *(f"{1e6 * v:.3g}" for v in row[1:])] for row in wide.itertuples())
-    return f"Rms noise of a step, µrad.\n\n{table([*place, *map(plain_name, wide.columns)], rows)}"
-
-
-def held_out_tails(run: Run) -> str:
-    """Return kurtosis and coverage of the held-out noise by model and joint."""
-    tails = run.tables["tails"]
-    columns = ["kurtosis", "one_sigma", "two_sigma", "three_sigma"]
-    cells = tails[["model", "joint"]].join(tails[columns].map("{:.3g}".format))
-    cells["model"] = cells["model"].map(plain_name)
-    return table(["model", "joint", "kurtosis", "1σ", "2σ", "3σ"], cells.to_numpy())
+    rows = [
+        [joint, horizon, *(f"{1e6 * row[name]:.3g}" for name in ("predicted_rad", "measured_rad"))]
+        + [f"{row[name]:.2f}" for name in ("one_sigma", "two_sigma", "score")]
+        for (joint, horizon), row in own.iterrows()
+    ]
+    header = ["joint", "ahead", "σ predicted, µrad", "measured", "±1σ", "±2σ", "log score (nats)"]
+    return f"Law: {plain_name(model)}.\n\n{table(header, rows)}"
 
 
 def few_takes(run: Run) -> bool:
@@ -151,10 +145,10 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     if not run.joints:
         return page([title, CARD["no_robot"]])
     parts: dict[str, str] = {}
-    if "other_motions" in run.tables:
+    if "joint_scores" in run.tables:
         parts["Why"] = f"{CARD['rule']}\n\n{held_out(run)}"
-        parts["Predicted and measured noise on held-out motions"] = held_out_spread(run)
-        parts["Tails and coverage"] = f"{CARD['tails']}\n\n{held_out_tails(run)}"
+        parts["Predicted and measured errors on held-out motions"] = by_joint(run, "commanded")
+        parts["Joints at rest"] = by_joint(run, "at rest")
     if scored:
         parts["Analysed motion"] = f"{CARD['this_motion']}\n\n{predictors(run)}"
         parts["Coverage by joint and speed"] = f"{CARD['coverage']}\n\n{coverage(run)}"

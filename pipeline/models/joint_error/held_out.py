@@ -18,6 +18,7 @@ from pipeline.models.joint_error.samples import HORIZONS, commanded, counted, ho
 from pipeline.models.runs import JointRun
 
 QUARTERS = 4  # parts of the runs of a single motion
+ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks of each, by time
 QUANTILES = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]])
 MOVING, RESTING = "commanded", "at rest"
 Row = dict[str, object]
@@ -75,12 +76,15 @@ def _score_part(trial: tuple[str, str], *, laws, parts) -> tuple[list[Row], list
     model, part = trial
     others, own = parts[part]
     law = fit_joint_error(others, **laws[model].law())
-    return score_runs(law, own)
+    return score_runs(law, own, blocks=1 if len(parts) >= ENOUGH else BLOCKS)
 
 
-def score_runs(law: JointErrorModel, runs: Sequence[JointRun]) -> tuple[list[Row], list[ndarray]]:
-    """Score the predictions of ``law`` on ``runs``: rows by joint, horizon and commanded or resting
-    samples, and the standardised errors of one commanded sample by joint.
+def score_runs(
+    law: JointErrorModel, runs: Sequence[JointRun], blocks: int = 1
+) -> tuple[list[Row], list[ndarray]]:
+    """Score the predictions of ``law`` on ``runs``: rows by joint, horizon, commanded or resting
+    samples and block of the runs' time, and the standardised errors of one commanded sample by
+    joint.
     """
     rows, standard = [], [np.empty(0) for _ in law.joints]
     for steps, horizon in zip(horizons(law.rate), names_of_horizons(), strict=True):
@@ -94,16 +98,21 @@ def score_runs(law: JointErrorModel, runs: Sequence[JointRun]) -> tuple[list[Row
             moving = counted(run, steps)
             resting = ~commanded(run.command, run.rate)[steps:]
             z = outlook.std_share(error[steps:])
+            block = np.arange(len(z)) * blocks // len(z) + 1
             values = np.stack([error[steps:] - outlook.mean, outlook.variance, score, z])
-            parts.append((values, {MOVING: moving, RESTING: resting}))
+            parts.append((values, {MOVING: moving, RESTING: resting}, block))
         for (j, joint), samples in product(enumerate(law.joints), (MOVING, RESTING)):
-            chosen = [values[:, masks[samples][:, j], j] for values, masks in parts]
-            together = np.concatenate(chosen, axis=1) if chosen else np.empty((4, 0))
-            if together.shape[1]:
-                row = {"joint": joint, "horizon": horizon, "samples": samples}
-                rows.append(row | _summary(*together))
-            if samples == MOVING and steps == 1:
-                standard[j] = together[3]
+            for number in range(1, blocks + 1):
+                chosen = [
+                    values[:, masks[samples][:, j] & (block == number), j]
+                    for values, masks, block in parts
+                ]
+                together = np.concatenate(chosen, axis=1) if chosen else np.empty((4, 0))
+                if together.shape[1]:
+                    row = {"block": number, "joint": joint, "horizon": horizon, "samples": samples}
+                    rows.append(row | _summary(*together))
+                if samples == MOVING and steps == 1:
+                    standard[j] = np.concatenate([standard[j], together[3]])
     return rows, standard
 
 

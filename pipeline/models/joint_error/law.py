@@ -39,6 +39,7 @@ SLOW = 0.0125  # rad/s, speed at which a saturating variance has half of its gro
 GROWTH = ("rest", "growth", "speed", "late sign")  # terms of the variance s²
 INPUTS = ("offset", "speed", "acceleration", "sign", "fresh sign", "late sign")
 SATURATING = "saturating"
+CHUNK = 1024  # samples whose variances are computed together
 
 
 class Drive(NamedTuple):
@@ -180,15 +181,12 @@ class JointErrorModel:
         """Weights (steps, n, 3) of (r, previous r, z) in the mean 1 … ``steps`` samples ahead, and
         impulse response (steps, n) ψ_0 … of an innovation.
         """
-        step, row = self.companion(), np.zeros((len(self.joints), 1, 3))
-        row[:, 0, 0] = 1.0
-        into = np.array([1.0, 0.0, 1 - self.keep])
-        weights, impulse = [], []
-        for _ in range(steps):
-            impulse.append(row[:, 0] @ into)
-            row = row @ step
-            weights.append(row[:, 0])
-        return np.array(weights), np.array(impulse)
+        power, rows = self.companion(), np.zeros((len(self.joints), 1, 3))
+        rows[:, 0, 0] = 1.0
+        while rows.shape[1] <= steps:  # rows k … 2k − 1 are the first k times the k-th power
+            rows, power = np.concatenate([rows, rows @ power], axis=1), power @ power
+        impulse = rows[:, :steps] @ np.array([1.0, 0.0, 1 - self.keep])
+        return rows[:, 1 : steps + 1].swapaxes(0, 1), impulse.T
 
     def residuals(self, error: ndarray, inputs: Drive) -> ndarray:
         """(N, n, 3) r, previous r and z in rad at every sample of ``error`` (N, n)."""
@@ -199,13 +197,17 @@ class JointErrorModel:
         """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
         samples before, for innovations of standard deviation ``std`` (N, n) at each sample.
         """
-        keep, share = self.persistence, self.drift
-        total, sum_ = np.zeros((2, len(ends), len(self.joints)))
-        for i in range(steps):
-            each = impulse[i] * std[ends - i]
-            sum_ = keep * sum_ + each
-            total += (1 - share) * each**2 + share * (1 - keep**2) * sum_**2
-        return total + share * keep**2 * sum_**2
+        keep, share, parts = self.persistence, self.drift, []
+        for first in range(0, max(len(ends), 1), CHUNK):
+            back = ends[first : first + CHUNK] - np.arange(steps)[:, None]
+            each = impulse[:steps, None] * std[back]
+            total = ((1 - share) * each**2).sum(axis=0)
+            if np.any(share > 0):
+                for i in range(1, steps):  # response to an innovation of the drift i samples ago
+                    each[i] += keep * each[i - 1]
+                total += share * ((1 - keep**2) * (each**2).sum(axis=0) + keep**2 * each[-1] ** 2)
+            parts.append(total)
+        return np.concatenate(parts)
 
     def outlook(self, error: ndarray, inputs: Drive, steps: int) -> Outlook:
         """Law at samples ``steps`` … N−1 of ``error`` (N, n) in rad, each given the errors until

@@ -30,7 +30,8 @@ DEGREES = (4.0, 50.0)  # bounds of ν: σ exists and ±σ holds less than .78
 # weight of the squared log ratio of predicted and measured variance, nats a sample: a likelihood
 # with heavy tails does not determine a variance
 CALIBRATION = 0.25
-ROUNDS = 3  # of memory and likelihood, mean
+FIRST, LAST = 12, 30  # iterations of the searches before and after the mean
+ROUNDS = 2  # of memory and likelihood, mean
 LEAST = 20  # commanded samples of a joint that determine its law
 
 
@@ -170,6 +171,7 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
     one = joint.samples[0]
     first = past[one.before] @ (own.memory[0] if values is None else values[0])
     rms = np.log(max(float(np.sqrt(np.mean((r[one.end] - first) ** 2))) / size, 1e-6))
+    rounds = FIRST if start is None and values is not None else LAST
     if start is None:
         mean = np.maximum(growth[one.end].mean(axis=0), 1e-6)
         start = np.r_[rms - 0.7 - np.log(mean) / 2, np.log(4.0), -4.0, -7.0, np.zeros(3)]
@@ -181,7 +183,7 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
         *[(-3.0, 3.0)] * 3,
     ]
     start = np.clip(start, *np.array(bounds).T)
-    search = {"maxiter": 50, "ftol": 1e-6}
+    search = {"maxiter": rounds, "ftol": 1e-6}
     found = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options=search).x
     best = law(found)
     return replace(best, scale=best.scale * size**2), found

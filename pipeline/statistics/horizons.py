@@ -1,0 +1,94 @@
+"""Rule that chooses among joint error laws by their scores on held-out motions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a horizon
+COVERED = 0.8  # least share of the errors within two standard deviations
+FEW = 20  # least number of commanded samples of a joint that moves
+NUMBERS = ["score", "one_sigma", "two_sigma", "autocorrelation"]
+
+
+def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
+    """Return the rows of ``scores`` (table joint_scores) joined by the columns ``by``: means and
+    mean squares weighted by the number of errors, and ``ratio``, predicted over measured σ.
+    """
+    weight = scores["count"].to_numpy(float)
+    parts = scores[[*by, "count"]].copy()
+    for name in NUMBERS:
+        parts[name] = scores[name].fillna(0.0) * weight
+    for name in ("predicted_rad", "measured_rad"):
+        parts[name] = scores[name] ** 2 * weight
+    sums = parts.groupby([*by], sort=False).sum()
+    for name in NUMBERS:
+        sums[name] /= sums["count"]
+    for name in ("predicted_rad", "measured_rad"):
+        sums[name] = np.sqrt(sums[name] / sums["count"])
+    sums["ratio"] = sums["predicted_rad"] / sums["measured_rad"].where(sums["measured_rad"] > 0)
+    return sums
+
+
+def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float, float]:
+    """Return mean and 95 % interval of the difference in log score of ``model`` to ``rival``, in
+    nats a sample: the sum over joints, the mean over horizons. The interval is Student's t over
+    held-out motions or blocks of them.
+    """
+    place = ["motion", "block", "horizon", "joint"]
+    own, other = (
+        scores[scores["model"] == name].set_index(place)["score"] for name in (model, rival)
+    )
+    joints = (own - other).groupby(["motion", "block", "horizon"]).sum()
+    each = joints.groupby(["motion", "block"]).mean().dropna().to_numpy()
+    return interval_of(each)
+
+
+def interval_of(values: np.ndarray) -> tuple[float, float, float]:
+    """Mean of ``values`` (K,) and its 95 % interval by Student's t; infinite for one value."""
+    from scipy.stats import t
+
+    if len(values) < 2:
+        return float(np.mean(values)) if len(values) else np.nan, -np.inf, np.inf
+    width = t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+    mean = float(values.mean())
+    return mean, mean - float(width), mean + float(width)
+
+
+def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
+    """Return what makes ``model`` unsound: joint, horizon, and the σ or the coverage."""
+    own = pooled(scores[scores["model"] == model], ["joint", "horizon"]).query("count >= @FEW")
+    faults = []
+    for (joint, horizon), row in own.iterrows():
+        if not 1 / WRONG <= row["ratio"] <= WRONG:
+            found = f"predicted σ of {joint} at {horizon} is {row['ratio']:.2g} times the measured"
+            faults.append(f"{found} (required: {1 / WRONG:g} to {WRONG:g})")
+        if row["two_sigma"] < COVERED:
+            found = f"{row['two_sigma']:.2g} of the errors of {joint} at {horizon} are within 2σ"
+            faults.append(f"{found} (required: {COVERED:g})")
+    return faults
+
+
+def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
+    """Return the law that the rule chooses by the commanded samples of ``scores``, or None, and the
+    reason. Laws are listed from the simplest. A law replaces a simpler one if the interval of its
+    margin is above zero; an unsound law (:func:`faults_of`) is not chosen.
+    """
+    moving = scores[scores["samples"] == "commanded"]
+    if moving.empty:
+        return None, "no joint was commanded to move"
+    best, why, refused = None, "", []
+    for model in dict.fromkeys(moving["model"]):
+        if faults := faults_of(moving, model):
+            refused.append(f"{model}: {faults[0]}, {len(faults)} fault(s)")
+            continue
+        if best is None:
+            best, why = model, "the simplest sound law"
+            continue
+        mean, low, high = margins(moving, model, best)
+        if low > 0:
+            why = f"{mean:.3g} [{low:.3g}, {high:.3g}] nats a sample above {best}"
+            best = model
+    if best is None:
+        return None, "; ".join(refused)
+    return best, why
