@@ -15,7 +15,7 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
-from pipeline.models.joint_steps import KIND, build_joint_steps
+from pipeline.models.joint_error.law import Outlook
 from pipeline.models.kinds import build_model
 from pipeline.models.model import TOLERANCE
 
@@ -88,18 +88,6 @@ class ExportedModel(Exported):
     the recordings do not determine.
     """
 
-    def covariance_of_joint_step(self, dq: ndarray) -> ndarray:
-        """Covariance (..., n, n) in rad² for commanded joint steps ``dq`` (..., n) in rad. Raises
-        ModelDomainError for a model whose noise depends on more than the joint step.
-        """
-        dq = self._array("dq", dq, (len(self.chain.lower),), "rad a step")
-        of_step = getattr(self.law, "covariance_of_joint_step", None)
-        if of_step is None:
-            message = f"the noise of {self.record['model']} depends on the pose"
-            raise ModelDomainError(f"{message}; use covariance(q, v)")
-        self._warn("joint speed", self.record["rate_per_s"] * dq)
-        return of_step(dq)
-
     def mean(self, q: ndarray, *, task_step: ndarray) -> ndarray:
         """(..., n) E[q_{k+1}] in rad."""
         return self.law.mean(self.chain, *self._arrays(q, task_step))
@@ -147,6 +135,85 @@ class ExportedModel(Exported):
         return q, v
 
 
+@dataclass(frozen=True)
+class JointAxes:
+    """Stands for an arm whose commands are steps of its n joints: no kinematics."""
+
+    joints: tuple[str, ...]
+
+    @property
+    def task(self) -> tuple[str, ...]:
+        """Names of the joints, the rows of a command."""
+        return self.joints
+
+    def nominal_step(self, q: ndarray, v: ndarray) -> ndarray:
+        """(..., n) the commanded joint step ``v``."""
+        return np.broadcast_to(v, np.shape(q))
+
+
+class ExportedErrors(Exported):
+    """Fitted law of the errors e_k = q_k − c_k of n joints about their commanded angles c, delayed
+    by the lag of the run. It remembers the last errors and commands. Joint steps c_{k+1} − c_k are
+    arguments by name, in rad.
+    """
+
+    def predict(self, errors: ndarray, commands: ndarray, steps: int) -> tuple[ndarray, ndarray]:
+        """Return mean (n,) in rad and covariance (n, n) in rad² of the error ``steps`` samples
+        after the last of the known ``errors`` (K, n); ``commands`` (K + steps, n) are the commanded
+        angles in rad at these samples and the next ones.
+        """
+        return self.law.predict(*self._histories(errors, commands), steps)
+
+    def log_density(self, errors: ndarray, commands: ndarray, next_error: ndarray) -> ndarray:
+        """(...,) ln p in rad⁻ⁿ of ``next_error`` (..., n), as many samples after the last of
+        ``errors`` (K, n) as ``commands`` has more rows than ``errors``.
+        """
+        errors, commands = self._histories(errors, commands)
+        next_error = self._array("next_error", next_error, (commands.shape[1],), "rad")
+        mean, covariance = self.law.predict(errors, commands, len(commands) - len(errors))
+        outlook = Outlook(mean, np.diag(covariance), self.law.degrees)
+        return outlook.log_probability(next_error, np.zeros(len(mean))).sum(axis=-1)
+
+    def start(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
+        """(P, s) memory of first poses ``q`` (P, n) where ``commanded`` (n,) is the command."""
+        n = len(self.law.joints)
+        q, commanded = (self._array("q", each, (n,), "rad") for each in (q, commanded))
+        self._warn("pose", q)
+        return self.law.first_memory(q, commanded, rng)
+
+    def step(
+        self, q: ndarray, memory: ndarray, *, joint_step: ndarray, rng: Generator
+    ) -> tuple[ndarray, ndarray]:
+        """Return one random next pose (P, n) in rad and its memory (P, s) for each of ``q``, after
+        the commanded ``joint_step`` (n,) or (P, n) in rad.
+        """
+        joint_step = self._array("joint_step", joint_step, (len(self.law.joints),), "rad a step")
+        self._warn("joint speed", self.record["rate_per_s"] * joint_step)
+        return self.law.advance(JointAxes(self.law.joints), q, joint_step, memory, rng)
+
+    def sample(
+        self, q: ndarray, commanded: ndarray, *, joint_steps: ndarray, size: int, rng: Generator
+    ) -> ndarray:
+        """(size, M + 1, n) poses in rad from ``q`` (n,) on, of arms that are commanded
+        ``joint_steps`` (M, n) from the ``commanded`` angles (n,).
+        """
+        poses = [np.tile(np.asarray(q, float), (size, 1))]
+        memory = self.start(poses[0], commanded, rng)
+        for step in np.asarray(joint_steps, float):
+            pose, memory = self.step(poses[-1], memory, joint_step=step, rng=rng)
+            poses.append(pose)
+        return np.stack(poses, axis=1)
+
+    def _histories(self, errors: ndarray, commands: ndarray) -> tuple[ndarray, ndarray]:
+        n, known = len(self.law.joints), {"errors": errors, "commands": commands}
+        errors, commands = (self._array(k, each, (n,), "rad") for k, each in known.items())
+        if errors.ndim != 2 or commands.ndim != 2 or len(commands) <= len(errors):
+            message = f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes"
+            raise ModelDomainError(f"{message} {errors.shape} and {commands.shape}")
+        self._warn("joint speed", self.record["rate_per_s"] * np.diff(commands, axis=0))
+        return errors, commands
+
+
 def chain_record(chain: Chain) -> dict[str, Any]:
     """Parameters of ``chain`` as plain values, enough to rebuild it without a URDF file."""
     plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
@@ -167,20 +234,22 @@ def _chain(record: Mapping[str, Any]) -> Chain:
     return {"planar": PlanarChain, "serial": SerialChain}[values.pop("kind")](**values)
 
 
-def read_exported(file: Path, period: float | None = None) -> ExportedModel:
+def read_exported(file: Path, period: float | None = None) -> Exported:
     """Read the model that the tool export wrote to ``file``. Raises ContractError for another file,
     with the key and value of what is not valid, and ModelDomainError for another ``period`` in s.
     """
     try:
         record = _require_valid(json.loads(file.read_text("utf-8"), object_pairs_hook=_unique))
         kind = record["parameters"]["kind"]
-        build = build_joint_steps if kind == KIND else build_model
         try:
-            law = build(record["parameters"])
+            law = build_model(record["parameters"])
         except (ContractError, KeyError):
             message = f"parameters are not the parameters of a model of kind {kind!r}"
             raise ContractError(message) from None
-        model = ExportedModel(law, record, _chain(record["arm"]))
+        if law.traits.memory:
+            model: Exported = ExportedErrors(law, record)
+        else:
+            model = ExportedModel(law, record, _chain(record["arm"]))
     except ContractError as error:
         raise ContractError(error.message, file=file) from None
     except (OSError, ValueError, KeyError, TypeError, RecursionError, ModelDomainError) as error:

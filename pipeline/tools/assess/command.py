@@ -19,7 +19,9 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures import style
 from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
-from pipeline.models.exported import ExportedModel
+from pipeline.models.exported import ExportedErrors, ExportedModel
+from pipeline.models.joint_error.fit import runs_of
+from pipeline.models.runs import JointRun
 from pipeline.models.model import Commands
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
@@ -38,6 +40,7 @@ DIFFERENCE = 1e-5  # rad, step of the numerical derivative
 LEVEL = 0.05
 MOST_CHANCE = 0.25  # greatest false positive rate; with a greater rate nothing can be shown
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
+FACTOR = 2.0  # greatest factor between predicted and measured standard deviation
 SPANS = 10  # number of parts of the motion that are compared
 GREATEST = 8.0  # |t| at which a span has the darkest shade
 MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
@@ -59,12 +62,69 @@ def run(file: Path, model: Path | None = None) -> None:
             raise ConfigError(message, key="--model")
         model = files[0]
     law, file, out = load(model), file.resolve(), OUT.resolve()
+    if isinstance(law, ExportedErrors):
+        for text in assessed_errors(file, law, model):
+            print(text)
+        return
     with chdir(run_folder(law.record["dataset"], model)):
         out.mkdir(parents=True, exist_ok=True)
         for name, text, figure in _assessments(file, law, model.name):
             print(text)
             style.save(figure, out, name)
             print(f"assess: drawn in {OUT / name}.png")
+
+
+def assessed_errors(file: Path, model: ExportedErrors, export: Path) -> Iterator[str]:
+    """Yield the verdict on each run in ``file`` by a joint error law: predicted over measured
+    standard deviation and coverage at three horizons, and the rank of its log score among the runs
+    of the fit. No other file is read for a joint log.
+    """
+    if not file.exists():
+        raise RecordingError("there is no such file", file=file)
+    law, known = model.law, model.record["runs"]
+    for run in _runs_in(file, model, export):
+        model.require_period(1 / run.rate)
+        scores, rows = scores_by_horizon(law, run)
+        lines = []
+        for horizon, score in scores.items():
+            own = rows[rows["horizon"] == horizon]
+            share = own["predicted_rad"] / own["measured_rad"]
+            inside = np.average(own["one_sigma"], weights=own["count"])
+            others = np.array([one["scores"][horizon] for one in known if horizon in one["scores"]])
+            lower = (1 + np.sum(others <= score)) / (1 + len(others))
+            lines.append((horizon, share.min(), share.max(), inside, score, lower, len(others)))
+        if not lines:
+            yield f"assess: {run.name}: no joint is commanded to move; nothing can be compared"
+            continue
+        near = all(1 / FACTOR <= low and high <= FACTOR for _, low, high, *_ in lines)
+        behaves = "behaves" if near else "does NOT behave"
+        text = [f"assess: {run.name} {behaves} as the {len(known)} runs of {export.name}: predicted"]
+        text[0] += f" over measured standard deviation is {'' if near else 'not '}from {1 / FACTOR:g}"
+        text[0] += f" to {FACTOR:g} for each joint and horizon; lag {1e3 * run.lag.mean():.3g} ms"
+        for horizon, low, high, inside, score, lower, count in lines:
+            words = f"  {horizon}: {low:.2f} to {high:.2f} by joint; {100 * inside:.0f} % within one"
+            words += f" standard deviation (normal: 68 %); {score:.4g} nats a joint and sample, "
+            text.append(words + f"{100 * lower:.0f} % of {count + 1} runs score as low or lower")
+        yield "\n".join(text)
+
+
+def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:
+    """Return the runs in a joint log, or the takes of the model's dataset in another ``file``."""
+    logs, joints = folder_logs(file.parent, {}, only=file), [*model.law.joints]
+    if logs.movements:
+        names = [*next(iter(logs.movements.values())).joints]
+        if missing := [joint for joint in joints if joint not in names]:
+            message = f"the log has no joint {', '.join(missing)}; it has {', '.join(names)}"
+            raise RecordingError(message, file=file)
+        return joint_runs(logs.movements, logs.rate, joints).runs
+    with chdir(run_folder(model.record["dataset"], export)):
+        dataset = config.sections("assess", HERE / "reads.yaml").dataset
+        if dataset.mocap is None:
+            reason = next(iter(logs.unused.values()), "no log of joints")
+            raise RecordingError(f"no measured and commanded joint angles: {reason}", file=file)
+        first = runs_of(training_steps(dataset.robot, dataset.motion))[0]
+        takes = new_takes(file, dataset, first.command)
+    return [replace(first, name=name, measured=q) for name, q in takes.items()]
 
 
 def run_folder(dataset: str, model: Path) -> Path:

@@ -29,11 +29,13 @@ class FolderLogs(NamedTuple):
     suggested: dict[str, list[str]]  # suggestion that was taken → recordings
 
 
-def folder_logs(folder: Path, assigned: Mapping[str, str]) -> FolderLogs:
-    """Return the logs in ``folder`` of the arm with the most rows. ``assigned`` values (key such as
-    joint_log.clock → YAML) replace what a file states.
+def folder_logs(
+    folder: Path, assigned: Mapping[str, str], only: Path | None = None
+) -> FolderLogs:
+    """Return the logs in ``folder`` of the arm with the most rows; ``only`` one log of them.
+    ``assigned`` values (key such as joint_log.clock → YAML) replace what a file states.
     """
-    recorded = layout(inspect(folder), folder)
+    recorded = layout(inspect(only or folder), folder)
     read: dict[str, tuple[LoggedMovement, float]] = {}
     unused, suggested = {}, {}
     for group in recorded.groups["joint_log"]:

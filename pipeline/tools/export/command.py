@@ -26,11 +26,13 @@ from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
-from pipeline.models.joint_steps import LEAST_SHARE, PLAIN, fit_joint_steps
-from pipeline.models.other_motions import UNTOLD, MotionSteps, all_steps, joint_ranges, motion_of
+from pipeline.models.joint_error.fit import Options as ErrorOptions
+from pipeline.models.joint_error.fit import fit_joint_error, runs_of
+from pipeline.models.joint_error.held_out import MOVING, score_runs
+from pipeline.models.runs import JointRun
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
-from pipeline.recordings.motions import logged_motions
+from pipeline.recordings.runs import runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
 
 HERE, EXPORTS, FIT = Path(__file__).parent, Path("data/export"), Path("data/fit")
@@ -43,7 +45,7 @@ UNITS = {
     "joint step": "commanded step of each joint in 1/rate_per_s, rad",
 }
 MODEL = (
-    f"model: {', '.join(PLAIN)}, fitted to all motions; or an option of pipeline/conf/model, "
+    "model: an option of pipeline/conf/model, of the kind joint_error fitted to all runs; "
     "MODEL_closed for its closed-loop form"
 )
 TO = f"output file (default {EXPORTS}/DATASET_MODEL.json)"
@@ -51,6 +53,7 @@ ARGUMENTS = {
     "model": {"metavar": "MODEL", "help": MODEL},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
 }
+STILL = 0.1  # least greatest step of a joint over the greatest one of all joints
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
 # modules that are not copied: only fits and annotations need them, or reader.txt replaces them
 LEFT_OUT = (
@@ -84,17 +87,63 @@ def write_export(record: dict[str, Any], file: Path) -> None:
 def require_name(model: str) -> None:
     """Raise ConfigError where no model has this name."""
     options = config.option_names("model")
-    if model not in PLAIN and model.removesuffix(CLOSED) not in options:
-        known = ", ".join([*PLAIN, *options])
-        raise ConfigError(f"no model {model!r}; there are {known}", key="MODEL")
+    if model.removesuffix(CLOSED) not in options:
+        raise ConfigError(f"no model {model!r}; there are {', '.join(options)}", key="MODEL")
 
 
-def exported_record(
-    model: str, settings: Any, motions: Sequence[MotionSteps] | None = None
+def error_record(
+    model: str, options: ErrorOptions, runs: Sequence[JointRun], dataset: str
 ) -> dict[str, Any]:
-    """Return the JSON record of ``model``. A plain model is fitted to ``motions`` (default all
-    motions of the logs). A model of the last run, or its closed-loop form, is read from the run.
-    Any other option of pipeline/conf/model is fitted to the training takes.
+    """Return the JSON record of the joint error law ``options``, fitted to all ``runs``."""
+    law = fit_joint_error(runs, **options.law())
+    poses = np.concatenate([run.measured for run in runs])
+    speeds = np.concatenate([run.rate * np.diff(run.command, axis=0) for run in runs])
+    ranges = {
+        quantity: {
+            joint: {"unit": unit, "least": float(each.min()), "greatest": float(each.max())}
+            for joint, each in zip(law.joints, values.T, strict=True)
+        }
+        for quantity, unit, values in (("pose", "rad", poses), ("joint speed", "rad/s", speeds))
+    }
+    noise = [run.pose_noise for run in runs if run.pose_noise]
+    known = [
+        {"name": run.name, "motion": run.motion, "samples": len(run.command)}
+        | {"lag_s": run.lag.tolist(), "scores": scores_by_horizon(law, run)[0]}
+        for run in runs
+    ]
+    return {
+        "format": FORMAT,
+        "dataset": dataset,
+        "model": model,
+        "joints": list(law.joints),
+        "units": UNITS,
+        "rate_per_s": law.rate,
+        "closed_loop_share": 0.0,
+        "pose_noise_rad": max(noise, default=None),
+        "parameters": law.parameters(),
+        "not_known": [],
+        "ranges": ranges,
+        "runs": known,
+    }
+
+
+def scores_by_horizon(law, run: JointRun) -> tuple[dict[str, float], pd.DataFrame]:
+    """Return horizon → mean log score of the commanded samples of ``run`` in nats (1/rad), and the
+    rows of :func:`score_runs`.
+    """
+    rows = pd.DataFrame(score_runs(law, [run])[0])
+    rows = rows[rows["samples"] == MOVING] if len(rows) else rows
+    means = {
+        name: float(np.average(own["score"], weights=own["count"]))
+        for name, own in (rows.groupby("horizon", sort=False) if len(rows) else ())
+    }
+    return means, rows
+
+
+def exported_record(model: str, settings: Any) -> dict[str, Any]:
+    """Return the JSON record of ``model``. A joint error law is fitted to all runs of the dataset.
+    A model of the last run, or its closed-loop form, is read from the run. Any other option of
+    pipeline/conf/model is fitted to the training takes.
 
     Raises ConfigError for an unknown model, and ModelDomainError where the recordings determine no
     model or not all parameters that its predictions need.
@@ -102,41 +151,27 @@ def exported_record(
     require_name(model)
     dataset, sources = settings.dataset, SOURCES
     chain, motion = chain_of(dataset.robot), dataset.motion
-    record = {
-        "format": FORMAT,
-        "dataset": dataset.name,
-        "model": model,
-        "joints": list(dataset.robot.joints),
-        "task": list(chain.task),
-        "units": UNITS,
-        "rate_per_s": motion.rate,
-        "closed_loop_share": 0.0,
-        "covariance_of_estimates": None,
-        "pose_covariance_rad2": None,
-        "arm": chain_record(chain),
-    }
-    if motions is None or model not in PLAIN:
-        recorded = training_steps(dataset.robot, motion)
+    recorded = training_steps(dataset.robot, motion)
+    options = config.model_options([model.removesuffix(CLOSED)])[model.removesuffix(CLOSED)]
+    if isinstance(options, ErrorOptions):
+        runs = runs_of_dataset(dataset).runs if dataset.joint_log else runs_of(recorded)
+        record = error_record(model, options, runs, dataset.name) | {"takes": len(runs)}
+    else:
+        record = {
+            "format": FORMAT,
+            "dataset": dataset.name,
+            "model": model,
+            "joints": list(dataset.robot.joints),
+            "task": list(chain.task),
+            "units": UNITS,
+            "rate_per_s": motion.rate,
+            "closed_loop_share": 0.0,
+            "covariance_of_estimates": None,
+            "pose_covariance_rad2": None,
+            "arm": chain_record(chain),
+        }
         with suppress(ModelDomainError):  # the noise of a measured pose is not known
             record["pose_covariance_rad2"] = (recorded.measurement / 2).tolist()  # half a step's
-    if model in PLAIN:
-        if motions is None:
-            motions = (dataset.joint_log and logged_motions(dataset)) or [motion_of(recorded)]
-        else:
-            sources = SOURCES[:1]
-        joints, rate = tuple(dataset.robot.joints), motion.rate
-        fit = fit_joint_steps(
-            model, *all_steps(motions), joints, pose_noise=motion.pose_noise or 0.0
-        )
-        record |= {
-            "parameters": fit.model.parameters(),
-            "estimates": {},
-            "not_known": [dict(zip(UNTOLD, row, strict=True)) for row in fit.untold],
-            "ranges": _ranges(joint_ranges(motions, joints, rate)),
-            "motions": len(motions),
-            "takes": sum(len(one.q) for one in motions),
-        }
-    else:
         fitted, sources = _fit_record(model, settings, recorded)
         record |= fitted | {"takes": len(recorded.q)}
     digests = [hashlib.sha256(file.read_bytes()).digest() for file in sources]
@@ -212,13 +247,13 @@ def require_known(model: str, parameters: dict[str, Any], recorded: Recorded) ->
     """
     if parameters["kind"] == "scaled":
         most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))
-        least, steps = LEAST_SHARE * most.max(), zip(recorded.joints, most, strict=True)
+        least, steps = STILL * most.max(), zip(recorded.joints, most, strict=True)
         still = [f"{joint} (at most {q:.2g} rad a step)" for joint, q in steps if q < least]
         if still:
             raise ModelDomainError(
                 f"{model}: the recordings do not show how noise grows with the speed of "
-                f"{', '.join(still)}, where {least:.2g} rad is required; export scaled_all or "
-                "distance_t, which all motions are fitted to, or record a motion in which they move"
+                f"{', '.join(still)}, where {least:.2g} rad is required; export joint_error, "
+                "which is fitted to all motions, or record a motion in which they move"
             )
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     if parameters["kind"] == "wishart" and (sigma_b := parameters.get("sigma_b", 0.0)) >= limit:
