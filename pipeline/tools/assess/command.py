@@ -4,6 +4,7 @@ with the recordings that a model was fitted to.
 
 from collections.abc import Iterator, Sequence
 from contextlib import chdir
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -21,15 +22,19 @@ from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.exported import ExportedErrors, ExportedModel
 from pipeline.models.joint_error.fit import runs_of
-from pipeline.models.runs import JointRun
 from pipeline.models.model import Commands
+from pipeline.models.runs import JointRun
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.joint_logs import find_takes, read_dataset_movement
 from pipeline.recordings.motion_capture import marker_rows
 from pipeline.recordings.repetitions import align, in_phase, stretch
+from pipeline.recordings.runs import joint_runs
+from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
 from pipeline.statistics.takes import percentile_interval
+from pipeline.tools.assess.runs import assessments_of_runs
+from pipeline.tools.characterize.logs import folder_logs
 
 HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/assess")
 CHARACTERIZED = Path("data/characterize")  # runs of characterize, one folder per dataset
@@ -40,7 +45,6 @@ DIFFERENCE = 1e-5  # rad, step of the numerical derivative
 LEVEL = 0.05
 MOST_CHANCE = 0.25  # greatest false positive rate; with a greater rate nothing can be shown
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
-FACTOR = 2.0  # greatest factor between predicted and measured standard deviation
 SPANS = 10  # number of parts of the motion that are compared
 GREATEST = 8.0  # |t| at which a span has the darkest shade
 MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
@@ -63,7 +67,7 @@ def run(file: Path, model: Path | None = None) -> None:
         model = files[0]
     law, file, out = load(model), file.resolve(), OUT.resolve()
     if isinstance(law, ExportedErrors):
-        for text in assessed_errors(file, law, model):
+        for text in assessments_of_runs(_runs_in(file, law, model), law, model.name):
             print(text)
         return
     with chdir(run_folder(law.record["dataset"], model)):
@@ -72,40 +76,6 @@ def run(file: Path, model: Path | None = None) -> None:
             print(text)
             style.save(figure, out, name)
             print(f"assess: drawn in {OUT / name}.png")
-
-
-def assessed_errors(file: Path, model: ExportedErrors, export: Path) -> Iterator[str]:
-    """Yield the verdict on each run in ``file`` by a joint error law: predicted over measured
-    standard deviation and coverage at three horizons, and the rank of its log score among the runs
-    of the fit. No other file is read for a joint log.
-    """
-    if not file.exists():
-        raise RecordingError("there is no such file", file=file)
-    law, known = model.law, model.record["runs"]
-    for run in _runs_in(file, model, export):
-        model.require_period(1 / run.rate)
-        scores, rows = scores_by_horizon(law, run)
-        lines = []
-        for horizon, score in scores.items():
-            own = rows[rows["horizon"] == horizon]
-            share = own["predicted_rad"] / own["measured_rad"]
-            inside = np.average(own["one_sigma"], weights=own["count"])
-            others = np.array([one["scores"][horizon] for one in known if horizon in one["scores"]])
-            lower = (1 + np.sum(others <= score)) / (1 + len(others))
-            lines.append((horizon, share.min(), share.max(), inside, score, lower, len(others)))
-        if not lines:
-            yield f"assess: {run.name}: no joint is commanded to move; nothing can be compared"
-            continue
-        near = all(1 / FACTOR <= low and high <= FACTOR for _, low, high, *_ in lines)
-        behaves = "behaves" if near else "does NOT behave"
-        text = [f"assess: {run.name} {behaves} as the {len(known)} runs of {export.name}: predicted"]
-        text[0] += f" over measured standard deviation is {'' if near else 'not '}from {1 / FACTOR:g}"
-        text[0] += f" to {FACTOR:g} for each joint and horizon; lag {1e3 * run.lag.mean():.3g} ms"
-        for horizon, low, high, inside, score, lower, count in lines:
-            words = f"  {horizon}: {low:.2f} to {high:.2f} by joint; {100 * inside:.0f} % within one"
-            words += f" standard deviation (normal: 68 %); {score:.4g} nats a joint and sample, "
-            text.append(words + f"{100 * lower:.0f} % of {count + 1} runs score as low or lower")
-        yield "\n".join(text)
 
 
 def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:

@@ -24,13 +24,19 @@ from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.figures.motion import noise_quantiles
 from pipeline.figures.style import save
-from pipeline.models.other_motions import other_motions
+from pipeline.models.joint_error.fit import FAMILY
+from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.recordings import quality
-from pipeline.recordings.motions import logged_motions
-from pipeline.recordings.runs import joint_runs
+from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.tools.characterize.logs import folder_logs
-from pipeline.tools.export.command import EXPORTS, exported_record, require_name, write_export
+from pipeline.tools.export.command import (
+    EXPORTS,
+    error_record,
+    exported_record,
+    require_name,
+    write_export,
+)
 from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card, recommended
@@ -64,43 +70,55 @@ def run(
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     assigned = {"robot.urdf": str(urdf)} if urdf else {}
     assigned |= assigned_values(options.pop("set"))
-    _show_runs(folder, assigned)
-    _write_dataset(name, folder, assigned, **options)
-    with _project(name, folder.resolve(), scale) as root:
-        settings = config.composed_config()
-        motions, tables, metrics = _results(settings)
-        card = Run(
-            dataset=name,
-            scale=scale,
-            synthetic=False,
-            joints=list(settings.dataset.robot.joints),
-            task=list(chain_of(settings.dataset.robot).task),
-            models={key: options.kind for key, options in settings.models.items()},
-            metrics=metrics,
-            tables=tables,
-        )
-        best, _ = recommended(tables["other_motions"], tables["motion_spread"], tables["motions"])
-        exported = model or best
-        record = exported and exported_record(exported, settings, motions)
-        text = model_card(card, []).replace(TAILS, f"{TAILS}\n{PICTURE}\n", 1)
-        figure = noise_quantiles(tables["noise_quantiles"])
+    logged = _logged_runs(folder, assigned)
+    if logged and not urdf and not datasheet.path_of(name).exists():
+        card, place = _card_of_runs(name, scale, logged), folder
+        exported = model or recommended(card.tables)[0]
+        record = exported and _record_of_runs(exported, logged, name)
+    else:
+        _write_dataset(name, folder, assigned, **options)
+        with _project(name, folder.resolve(), scale) as place:
+            settings = config.composed_config()
+            tables, metrics = _results(settings, logged)
+            models = {key: options.kind for key, options in settings.models.items()}
+            robot = settings.dataset.robot
+            card = Run(
+                name,
+                scale,
+                False,
+                list(robot.joints),
+                list(chain_of(robot).task),
+                models,
+                metrics,
+                tables,
+            )
+            exported = model or recommended(tables)[0]
+            record = exported and (
+                _record_of_runs(exported, logged, name)
+                if logged and exported in FAMILY
+                else exported_record(exported, settings)
+            )
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
-    save(figure, report, "noise_quantiles")
+    save(noise_quantiles(card.tables["noise_quantiles"]), report, "noise_quantiles")
+    text = model_card(card, []).replace(TAILS, f"{TAILS}\n{PICTURE}\n", 1)
     # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
-    print(f"characterize: wrote {report / 'model_card.md'}; stages ran in {root}, see {LOG} there")
+    print(f"characterize: wrote {report / 'model_card.md'} from {place}")
     if record is not None:
         write_export(record, file := EXPORTS / f"{name}_{exported}.json")
         command = f"python -m pipeline assess RECORDING --model {file}"
         print(f"characterize: `{command}` compares another recording with these")
 
 
-def _show_runs(folder: Path, assigned: dict[str, str]) -> None:
-    """Print the runs in the joint logs of ``folder``, and what is suggested and not used."""
-    if not (logs := folder_logs(folder, assigned)).movements:
-        return
+def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
+    """Return the runs in the joint logs of ``folder``, None without a log; print the runs, what is
+    suggested and what is not used.
+    """
+    logs = folder_logs(folder, assigned)
+    if not logs.movements:
+        return None
     for words, names in logs.suggested.items():
         print(f"characterize: ! {', '.join(names)}: {words}; --set changes it")
     found = joint_runs(logs.movements, logs.rate, pose_noise=_number(assigned, "motion.pose_noise"))
@@ -112,8 +130,22 @@ def _show_runs(folder: Path, assigned: dict[str, str]) -> None:
     noise = found.runs[0].pose_noise
     known = f"{1e6 * noise:.3g} µrad" if noise else "! not known: no row at rest and no step"
     print(f"characterize: noise of a measured angle: {known}")
-    for name, reason in (logs.unused | found.unused).items():
+    unused = logs.unused | found.unused
+    for name, reason in unused.items():
         print(f"characterize: not used: {name}: {reason}")
+    return RunsOfLogs(found.runs, unused)
+
+
+def _card_of_runs(name: str, scale: str, logged: RunsOfLogs) -> Run:
+    """Return the tables of the joint error laws, which need no URDF."""
+    tables = joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
+    return Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
+
+
+def _record_of_runs(model: str, logged: RunsOfLogs, name: str) -> dict[str, Any]:
+    if model not in FAMILY:
+        raise ConfigError(f"the model {model} needs a Jacobian: give --urdf FILE", key="--model")
+    return error_record(model, config.model_options([model])[model], logged.runs, name)
 
 
 def _number(assigned: dict[str, str], key: str) -> float | None:
@@ -173,9 +205,11 @@ def _project(name: str, recordings: Path, scale: str) -> Iterator[Path]:
         yield place
 
 
-def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFrame], dict]:
-    """Return motions, tables and metrics; of the plain models only, if a stage fails."""
-    dataset, metrics = settings.dataset, {}
+def _results(
+    settings: config.Config, logged: RunsOfLogs | None
+) -> tuple[dict[str, pd.DataFrame], dict]:
+    """Return tables and metrics; of the joint error laws only, if a stage fails."""
+    metrics = {}
     try:
         _run_stage(ingest.run, "motion")
         Path("data/ingest/depth").mkdir(exist_ok=True)
@@ -185,20 +219,15 @@ def _results(settings: config.Config) -> tuple[list | None, dict[str, pd.DataFra
             metrics[f"fit_{model}"] = json.loads((fit.OUT / model / "fit.json").read_text())
         _run_stage(predict.run)
     except PipelineError as error:
-        if dataset.joint_log is None:
+        if logged is None:
             raise
-        print(f"characterize: only plain models, since the motion cannot be analysed: {error}")
-        if not (motions := logged_motions(dataset)):
-            message = f"no motion of the logs can be analysed: {error.message}"
-            raise ConfigError(message, key="joint_log") from None
-        joints, motion = dataset.robot.joints, dataset.motion
-        tables = other_motions(motions, joints, motion.rate, pose_noise=motion.pose_noise)
-        return motions, tables, {}
+        print(f"characterize: only joint error laws; the motion cannot be analysed: {error}")
+        return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused), {}
     names = [file.stem for file in predict.OUT.glob("*.parquet")]
     tables = {name: contracts.read(name, predict.OUT) for name in names}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))
     recorded = contracts.read("joints", track.OUT)["take"].nunique()
-    return None, tables, metrics | {"motion": {"recorded_takes": int(recorded)}}
+    return tables, metrics | {"motion": {"recorded_takes": int(recorded)}}
 
 
 def _run_stage(run: Callable[..., None], *words: str) -> None:

@@ -29,9 +29,7 @@ class FolderLogs(NamedTuple):
     suggested: dict[str, list[str]]  # suggestion that was taken → recordings
 
 
-def folder_logs(
-    folder: Path, assigned: Mapping[str, str], only: Path | None = None
-) -> FolderLogs:
+def folder_logs(folder: Path, assigned: Mapping[str, str], only: Path | None = None) -> FolderLogs:
     """Return the logs in ``folder`` of the arm with the most rows; ``only`` one log of them.
     ``assigned`` values (key such as joint_log.clock → YAML) replace what a file states.
     """

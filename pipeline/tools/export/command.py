@@ -28,7 +28,7 @@ from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_pat
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_error.fit import Options as ErrorOptions
 from pipeline.models.joint_error.fit import fit_joint_error, runs_of
-from pipeline.models.joint_error.held_out import MOVING, score_runs
+from pipeline.models.joint_error.held_out import MOVING, ranges_of_runs, score_runs
 from pipeline.models.runs import JointRun
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
@@ -96,15 +96,6 @@ def error_record(
 ) -> dict[str, Any]:
     """Return the JSON record of the joint error law ``options``, fitted to all ``runs``."""
     law = fit_joint_error(runs, **options.law())
-    poses = np.concatenate([run.measured for run in runs])
-    speeds = np.concatenate([run.rate * np.diff(run.command, axis=0) for run in runs])
-    ranges = {
-        quantity: {
-            joint: {"unit": unit, "least": float(each.min()), "greatest": float(each.max())}
-            for joint, each in zip(law.joints, values.T, strict=True)
-        }
-        for quantity, unit, values in (("pose", "rad", poses), ("joint speed", "rad/s", speeds))
-    }
     noise = [run.pose_noise for run in runs if run.pose_noise]
     known = [
         {"name": run.name, "motion": run.motion, "samples": len(run.command)}
@@ -122,7 +113,7 @@ def error_record(
         "pose_noise_rad": max(noise, default=None),
         "parameters": law.parameters(),
         "not_known": [],
-        "ranges": ranges,
+        "ranges": _ranges(ranges_of_runs(runs)),
         "runs": known,
     }
 
