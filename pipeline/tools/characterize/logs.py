@@ -45,8 +45,9 @@ def folder_logs(folder: Path, assigned: Mapping[str, str], only: Path | None = N
             except PipelineError as error:
                 unused[name] = str(error)
                 continue
-            for words in taken:
-                suggested.setdefault(words, []).append(name)
+            for words, note in taken.items():
+                known = next((w for w in suggested if w.startswith(f"{words} (")), None)
+                suggested.setdefault(known or f"{words} ({note})", []).append(name)
     unused |= {
         printable_path(one.file, folder): "no log of joints with measured and commanded angles"
         for one in recorded.unplaced
@@ -75,8 +76,8 @@ def _values(
     take: Finding,
     folder: Path,
     assigned: Mapping[str, str],
-) -> tuple[dict[str, Any], list[str]]:
-    """Return key → value of the log ``take`` alone, and the suggestions among the values."""
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return key → value of the log ``take`` alone, and suggestion → reason of guessed values."""
     stops = [stop for log in logs_of([take]) for stop in log.stops]
     if stops:
         raise ConfigError(stops[0], file=path)
@@ -85,7 +86,7 @@ def _values(
     own = recorded._replace(groups=empty)
     values: dict[str, Any] = {}
     while True:  # repeat, since the rate depends on the unit of the times
-        taken, found = [], {key: parse_yaml(text) for key, text in assigned.items()}
+        taken, found = {}, {key: parse_yaml(text) for key, text in assigned.items()}
         nested = {"joint_log": {key[len(SECTION) :]: one for key, one in values.items()}}
         for key, entry in entries("", own, folder, nested).items():
             if key in found or not (key.startswith(SECTION) or key.startswith("motion.")):
@@ -93,7 +94,7 @@ def _values(
             if isinstance(entry.value, str) and entry.value:
                 found[key] = parse_yaml(entry.value)
                 if not entry.certain and entry.note:
-                    taken.append(f"{key}: {entry.value} ({entry.note})")
+                    taken[f"{key}: {entry.value}"] = entry.note
         if found.get("joint_log.joints") is None:
             found["joint_log.joints"] = [f"joint_{n}" for n in range(1, _joint_count(take) + 1)]
         if found == values:
