@@ -18,6 +18,7 @@ from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.models import load
 from pipeline.models.model import Commands
+from pipeline.recordings.runs import joint_runs
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
 from pipeline.tools.assess.command import (
@@ -30,7 +31,8 @@ from pipeline.tools.assess.command import (
     new_takes,
     run_folder,
 )
-from pipeline.tools.export.command import exported_record
+from pipeline.tools.characterize.logs import folder_logs
+from pipeline.tools.export.command import error_record, exported_record
 
 JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
 
@@ -134,6 +136,34 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
         run_folder("other", Path("other.json"))
     with pytest.raises(RecordingError, match="no such file"):
         new_takes(logs / "absent", settings.dataset, q.mean(axis=0))
+
+
+def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stages(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for name, seed in (("move_1", 1), ("move_2", 2), ("new", 3), ("loose", 4)):
+        noise = 5e-5 if name != "loose" else 1e-3
+        write_movement(tmp_path / name, 2, noise=noise, seed=seed)
+    logs = folder_logs(tmp_path, {})
+    read = {name: logs.movements[name] for name in ("move_1", "move_2")}
+    runs = joint_runs(read, logs.rate).runs
+    options = config.model_options(["joint_step"])["joint_step"]
+    record = error_record("joint_step", options, runs, "bench")
+    Path("model.json").write_text(json.dumps(record))
+    said = {}
+    for name in ("new", "loose"):
+        command.run(tmp_path / name, Path("model.json"))
+        said[name] = capsys.readouterr().out
+    one = re.search(r"one sample: ([\d.]+) to ([\d.]+) by joint", said["new"])
+    assert 0.8 < float(one[1]) and float(one[2]) < 1.25 and "of 5 runs" in said["new"]
+    assert "new_1" in said["new"] and "new_2" in said["new"]
+    assert "loose_1 does NOT behave as the 4 runs of model.json" in said["loose"]
+    assert not Path("data").exists()
+    record["joints"] = record["parameters"]["joints"] = [f"axis_{j}" for j in range(6)]
+    Path("model.json").write_text(json.dumps(record))
+    with pytest.raises(RecordingError, match="the log has no joint axis_0, axis_1"):
+        command.run(tmp_path / "new", Path("model.json"))
 
 
 @pytest.mark.slow

@@ -12,29 +12,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from error_runs import known_law, runs_of_law, sweep
 from exported_models import PARAMETERS, write_model
 from source_code import ROOT
 
+from pipeline.configuration import config
 from pipeline.core.errors import ContractError, ModelDomainError
-from pipeline.core.options.dataset import Robot
 from pipeline.models import load
-from pipeline.models.exported import FORMAT, chain_record
-from pipeline.models.other_motions import MotionSteps
 from pipeline.tools.export import command
 from pipeline.tools.export.command import READER_NAME, reader_source
 
-SEEN = {"least": -7.0, "greatest": 7.0, "unit": "rad"}
-PLAIN = {
-    "kind": "joint_steps",
-    "joints": ["a", "b", "c"],
-    "resolution": [1e-7] * 3,
-    "floor": [1e-10] * 3,
-    "gain": [1e-4] * 3,
-    "reach": [0.01, 1e-5, 0.01],
-    "degrees": [4.0, None, 6.0],
-    "correlation": np.eye(3).tolist(),
-    "power": 2.0,
-}
 REFUSED = "dvc hydra omegaconf pydantic numba llvmlite pandas pinocchio scipy yaml matplotlib"
 ALONE = """
 import importlib, json, sys, time
@@ -76,23 +63,11 @@ def folder(tmp_path_factory) -> Path:
     return place
 
 
-def write_plain(file: Path, chain, **changes) -> Path:
-    record = {"format": FORMAT, "model": "scaled_t", "dataset": "bench", "joints": ["a", "b", "c"]}
-    record |= {"rate_per_s": 100.0, "parameters": PLAIN | changes, "closed_loop_share": 0.0}
-    seen = dict.fromkeys("abc", SEEN)
-    record |= {"ranges": {"pose": seen, "joint speed": seen}, "arm": chain_record(chain)}
-    file.write_text(json.dumps(record))
-    return file
-
-
 @pytest.mark.parametrize("module", [READER_NAME.removesuffix(".py"), "pipeline.models"])
-@pytest.mark.parametrize("kind", [*PARAMETERS, "joint_steps", "untold"])
+@pytest.mark.parametrize("kind", PARAMETERS)
 def test_both_readers_give_the_projects_numbers_by_numpy_alone(kind, module, folder, chain):
     file = folder / f"{kind}.json"
-    if kind in PARAMETERS:
-        write_model(file, kind, chain)
-    else:
-        write_plain(file, chain, **({"gain": [1e-4, None, 1e-4]} if kind == "untold" else {}))
+    write_model(file, kind, chain)
     done = alone(module, file)
     assert done.returncode == 0, done.stderr
     got, model = json.loads(done.stdout), load(file)
@@ -100,31 +75,58 @@ def test_both_readers_give_the_projects_numbers_by_numpy_alone(kind, module, fol
     q, v = np.array([[0.3, 1.5, -0.4]] * 5), np.array([0.001, -0.001, 0.01])
     np.testing.assert_array_equal(got["mean"], model.mean(q, task_step=v))
     assert "\n" not in got["repr"] and got["repr"] == repr(model)
-    if kind == "untold":
-        assert "noise of b at a step of" in got["refused"]
-        return
     np.testing.assert_array_equal(got["covariance"], model.covariance(q, task_step=v))
     assert np.isfinite(got["density"]).all()
 
 
-def test_a_joint_step_needs_no_jacobian_and_a_wrong_shape_is_named(folder, chain):
-    model = load(write_plain(folder / "steps.json", chain))
-    straight, dq = np.array([0.3, chain.straight, -0.4]), np.array([0.01, 0.0, -0.01])
-    expected = np.array([2.0, 1.0, 1.5]) * (1e-10 + 1e-14 + 1e-4 * dq**2)
-    np.testing.assert_allclose(np.diag(model.covariance_of_joint_step(dq)), expected)
-    matrix = load(write_model(folder / "wishart.json", "wishart", chain))
+def test_a_wrong_shape_and_a_singular_pose_are_named(folder, chain):
+    model = load(write_model(folder / "wishart.json", "wishart", chain))
+    straight = np.array([0.3, chain.straight, -0.4])
     for call, words in (
         (lambda: model.covariance(straight, task_step=np.zeros(3)), "singular"),
-        (lambda: model.covariance_of_joint_step(np.zeros(4)), r"dq must have 3 numbers.*\(4,\)"),
-        (lambda: model.mean(np.zeros(2), task_step=np.zeros(3)), r"q must have 3 numbers.*\(2,\)"),
-        (lambda: model.mean(np.zeros(3), task_step=np.zeros(6)), r"v must have 3 numbers.*\(6,\)"),
-        (lambda: matrix.covariance_of_joint_step(dq), "depends on the pose"),
+        (lambda: model.mean(np.zeros(2), task_step=np.zeros(3)), r"q must have 3 .*\(2,\)"),
+        (lambda: model.mean(np.zeros(3), task_step=np.zeros(6)), r"v must have 3 .*\(6,\)"),
     ):
         with pytest.raises(Exception, match=words):
             call()
-    scaled = load(write_model(folder / "scaled.json", "scaled", chain))
-    known = 1e-7 * np.eye(3) + np.diag(0.09 * dq**2)
-    np.testing.assert_allclose(scaled.covariance_of_joint_step(dq), known)
+
+
+@pytest.fixture(scope="module")
+def errors(folder) -> Path:
+    """The exported joint error law that was fitted to runs of a known one."""
+    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=3)
+    options = config.model_options(["joint_error_normal"])["joint_error_normal"]
+    record = command.error_record("joint_error_normal", options, runs, "bench")
+    command.write_export(record, folder / "errors.json")
+    return folder / "errors.json"
+
+
+def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
+    model, rng = load(errors, period=0.01), np.random.default_rng(2)
+    commanded = sweep(1)[:160]
+    steps = np.diff(commanded, axis=0)
+    poses = model.sample(commanded[0], commanded[0], joint_steps=steps, size=400, rng=rng)
+    off = poses - commanded
+    ahead = np.stack([model.predict(each[:154], commanded, 6)[0] for each in off])
+    mean, covariance = model.predict(off[0, :154], commanded, 6)
+    left = off[:, -1] - ahead
+    np.testing.assert_allclose(left.std(axis=0), np.sqrt(np.diag(covariance)), rtol=0.15)
+    # control: without the past the errors spread more
+    assert np.all(off[:, -1].std(axis=0) > 1.2 * left.std(axis=0))
+    density = model.log_density(off[0, :154], commanded, mean)
+    assert density == pytest.approx(-0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1])
+    copied = copied_reader(errors.parent, monkeypatch).load(errors)
+    for one, other in zip(
+        copied.predict(off[0, :154], commanded, 6), (mean, covariance), strict=True
+    ):
+        np.testing.assert_array_equal(one, other)
+    for call, words in (
+        (lambda: model.predict(off[0, :154], commanded, 3), "a row for each of the 154 errors"),
+        (lambda: model.predict(off[0, 0], commanded, 6), "errors and commands must be"),
+        (lambda: model.step(poses[:, 0], off, joint_step=np.zeros(6), rng=rng), "have 2 numbers"),
+    ):
+        with pytest.raises(ModelDomainError, match=words):
+            call()
 
 
 EDITS = {  # name of the edit → text replaced, new text, and the key and value of the message
@@ -193,13 +195,19 @@ PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
+def copied_reader(folder: Path, monkeypatch) -> types.ModuleType:
+    """The reader in a colleague's ``folder``, as a module."""
+    module = types.ModuleType("read_motion_model")
+    monkeypatch.setitem(sys.modules, "read_motion_model", module)
+    exec(compile((folder / READER_NAME).read_text(), READER_NAME, "exec"), module.__dict__)
+    return module
+
+
 def run_blocks(blocks: list[str], folder: Path, monkeypatch) -> dict:
     """Return the names after the README's ``blocks`` as printed, run in a colleague's folder."""
     pytest.importorskip("filterpy", reason="filterpy is missing; `make` has it")
     monkeypatch.chdir(folder)
-    module = types.ModuleType("read_motion_model")
-    monkeypatch.setitem(sys.modules, "read_motion_model", module)
-    exec(compile((folder / READER_NAME).read_text(), READER_NAME, "exec"), module.__dict__)
+    copied_reader(folder, monkeypatch)
     known: dict = {}
     for block in blocks:
         exec(block, known)
@@ -211,33 +219,22 @@ def error(known: dict, name: str) -> float:
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@pytest.mark.parametrize(("name", "home"), [("ur5", np.zeros(6)), ("lwr4", np.full(7, 0.3))])
-def test_the_readmes_filter_planner_and_frame_use_the_model_of_a_real_arm(
-    name, home, tmp_path, monkeypatch
+@pytest.mark.parametrize("package", ["filterpy", "particles"])
+def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
+    package, errors, tmp_path, monkeypatch
 ):
-    pytest.importorskip("pinocchio", reason="pinocchio is missing")
-    n, urdf = len(home), ROOT / f"pipeline/arm/{name}.urdf"
-    robot = Robot(urdf=str(urdf), joints=[f"joint_{j}" for j in range(1, n + 1)], tool="flange")
-    motion = SimpleNamespace(rate=125.0, pose_noise=None)
-    dataset = SimpleNamespace(name=name, robot=robot, motion=motion)
-    settings = SimpleNamespace(dataset=dataset, seed=1, scale=SimpleNamespace(name="smoke"))
-    rng = np.random.default_rng(1)
-    dq = 6e-3 * np.sin(np.outer(np.arange(4000), 0.01 + 0.003 * np.arange(n)))
-    noise = (2e-5 + 0.02 * np.abs(dq)) * rng.standard_normal(dq.shape)
-    steps = MotionSteps("1", (home + np.cumsum(dq, axis=0))[None], dq[None], noise[None])
-    monkeypatch.setattr(command, "SOURCES", [urdf])
-    record = command.exported_record("scaled_all", settings, [steps])
-    command.write_export(record, tmp_path / "model.json")
-    (tmp_path / "arm.urdf").write_text(urdf.read_text())
-    known = run_blocks(BLOCKS[:4], tmp_path, monkeypatch)
-    assert error(known, "by_kalman") < 0.7 * error(known, "measured")
-    cost = known["joint_variance"]
-    assert cost(40) > cost(known["best_steps"]) < cost(20_000)
-    # the covariance of the frame is that of drawn poses
-    drawn = np.random.default_rng(3).multivariate_normal(known["start"], known["sigma"], 20_000)
-    points, expected = known["model"].chain.pose(drawn)[..., :3], known["position_covariance"]
-    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    np.testing.assert_allclose(np.cov(points.T) / scale, expected / scale, atol=0.06)
+    pytest.importorskip(package, reason=f"{package} is missing here")
+    for name, file in (("model.json", errors), (READER_NAME, errors.parent / READER_NAME)):
+        (tmp_path / name).write_text(file.read_text())
+    known = run_blocks(
+        [BLOCKS[0], BLOCKS[1 if package == "filterpy" else 2]], tmp_path, monkeypatch
+    )
+    if package == "particles":
+        assert error(known, "by_particles") < 0.5 * error(known, "measured")
+        return
+    true = known["path"][known["known"] + known["lost"] - 1]
+    off = {name: np.abs(known[name] - true).max() for name in ("by_kalman", "predicted", "camera")}
+    assert off["by_kalman"] < off["camera"] and off["predicted"] < off["camera"]
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -245,8 +242,8 @@ def test_the_readmes_filters_are_nearer_than_measured_and_its_planner_swings_out
     folder, chain, monkeypatch
 ):
     write_model(folder / "model.json", "wishart", chain, speed=0.1)
-    known = run_blocks(BLOCKS[4:], folder, monkeypatch)
-    assert len(BLOCKS) == 8 and len(known["by_ukf"]) == 60
+    known = run_blocks(BLOCKS[3:], folder, monkeypatch)
+    assert len(BLOCKS) == 7 and len(known["by_ukf"]) == 60
     measured = error(known, "measured")
     assert 0.004 < measured < 0.006
     assert max(error(known, "by_ukf"), error(known, "by_particles")) < 0.7 * measured
