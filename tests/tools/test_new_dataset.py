@@ -288,11 +288,21 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
     assert written()[0]["joint_log"]["time_unit"] == "s" and written()[1]["motion"]["rate"] == 100
 
 
+def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
+    run("lab", "--from", logs, "--suggested")
+    assert written()[0]["joint_log"]["time_unit"] == "s"
+    run("lab", "--set", "joint_log.time_unit=ms", "--set", "joint_log.clock=rows")
+    log = written()[0]["joint_log"]
+    assert log["time_unit"] == "ms" and log["clock"] == "rows"
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["lab", "--set", "robot.urdf"], "--set takes KEY=VALUE"),
-        (["lab", "--set", "robot.pace=1"], "no such value is open; open values:"),
+        (["lab", "--set", "robot.pace=1"], "robot.pace"),
+        (["lab", "--set", "pace=1"], "no such value is open; open values:"),
+        (["lab", "--set", "robot=1"], "has parts: set robot.PART"),
         (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
         (["lab", "--motion", "1"], "to find the motions, first fill in joint_log"),
         *((([name]), "cannot name a dataset") for name in ("1st", "../up", "ü")),

@@ -29,6 +29,7 @@ from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.recordings import quality
 from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
+from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import (
     EXPORTS,
@@ -39,7 +40,7 @@ from pipeline.tools.export.command import (
 )
 from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
-from pipeline.verdicts.model_card import answer, model_card, recommended
+from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
@@ -73,7 +74,7 @@ def run(
     logged = _logged_runs(folder, assigned)
     if logged and not urdf and not datasheet.path_of(name).exists():
         card, place = _card_of_runs(name, scale, logged), folder
-        exported = model or recommended(card.tables)[0]
+        exported = model or chosen_law(card.tables["joint_scores"])[0]
         record = exported and _record_of_runs(exported, logged, name)
     else:
         _write_dataset(name, folder, assigned, **options)
@@ -92,7 +93,7 @@ def run(
                 metrics,
                 tables,
             )
-            exported = model or recommended(tables)[0]
+            exported = model or chosen_law(tables["joint_scores"])[0]
             record = exported and (
                 _record_of_runs(exported, logged, name)
                 if logged and exported in FAMILY

@@ -191,6 +191,31 @@ class Draft:
                 raise fault
         self.texts = texts
 
+    def reopen(self, key: str) -> None:
+        """Set ``key`` to ???: in its line, or in a new line of its section. ConfigError for a key
+        with parts, and for a section that the files lack.
+        """
+        parent, _, name = key.rpartition(".")
+        for file, text in self.texts.items():
+            lines = text.splitlines()
+            for number, (_, own, parts) in enumerate(keyed_lines(text)):
+                if parts is None or own not in (key, parent) or (own == parent and not parent):
+                    continue
+                value, indent = parts["value"] or "", parts["indent"]
+                if own == key and not value:
+                    raise ConfigError(f"has parts: set {key}.PART", key=key)
+                if own == key and OPEN not in value:
+                    hint = f" # {parts['hint']}" if parts["hint"] else ""
+                    lines[number] = f"{indent}{parts['key']}: {OPEN}{hint}"
+                elif own == parent and not value and key not in self._keys():
+                    lines.insert(number + 1, f"{indent}  {name}: {OPEN}")
+                self.texts = self.texts | {file: "\n".join(lines) + "\n"}
+                if own == key:
+                    return
+
+    def _keys(self) -> set[str]:
+        return {key for text in self.texts.values() for _, key, _ in keyed_lines(text)}
+
     def fill(
         self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
     ) -> None:
@@ -199,6 +224,7 @@ class Draft:
         ``ask``, answers from the terminal. Raises ConfigError for an invalid answer.
         """
         for key, value in assigned.items():
+            self.reopen(key)
             self.answer(key, value)
         while suggested:  # repeat, since a suggestion may depend on another one
             before = self.open_values()
