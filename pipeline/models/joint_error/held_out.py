@@ -166,10 +166,13 @@ def _parameters(name: str, law: JointErrorModel) -> pd.DataFrame:
     fastest = np.diagonal(law.covariance_of_joint_step(step), axis1=-2, axis2=-1)
     still = np.diagonal(law.covariance_of_joint_step(0 * step), axis1=-2, axis2=-1)
     modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
+    persists, fading = modes >= 1 - 1e-9, np.minimum(modes, 1 - 1e-9)
     columns = {
         "innovation_at_rest_rad": np.sqrt(np.diag(still)),
         "innovation_at_greatest_speed_rad": np.sqrt(np.diag(fastest)),
-        "decay_s": np.where(modes < 1 - 1e-9, -1 / (law.rate * np.log(modes)), np.nan),
+        "decay_s": np.where(
+            modes < 1 - 1e-9, -1 / (law.rate * np.log(np.minimum(modes, 1 - 1e-9))), np.nan
+        ),
         "drift_share": law.drift,
         "degrees": np.where(np.isfinite(law.degrees), law.degrees, np.nan),
         "greatest_speed": law.reach,

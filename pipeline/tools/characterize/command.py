@@ -29,7 +29,6 @@ from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.recordings import quality
 from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
-from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import (
     EXPORTS,
@@ -40,13 +39,16 @@ from pipeline.tools.export.command import (
 )
 from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
-from pipeline.verdicts.model_card import answer, model_card
+from pipeline.verdicts.model_card import answer, model_card, recommended
 from pipeline.verdicts.run import Run
 
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
-TAILS, TO_EXPORT = "## Tails and coverage\n", re.compile(r"To have it: .*\n*")
+HEADING, TO_EXPORT = (
+    "## Predicted and measured errors on held-out motions\n",
+    re.compile(r"Export: `python.*\n*"),
+)
 SCALE = "size of the computation (default paper); smoke is quick, but its intervals are not valid"
 ARGUMENTS = {
     "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
@@ -74,7 +76,7 @@ def run(
     logged = _logged_runs(folder, assigned)
     if logged and not urdf and not datasheet.path_of(name).exists():
         card, place = _card_of_runs(name, scale, logged), folder
-        exported = model or chosen_law(card.tables["joint_scores"])[0]
+        exported = model or recommended(card.tables)[0]
         record = exported and _record_of_runs(exported, logged, name)
     else:
         _write_dataset(name, folder, assigned, **options)
@@ -93,7 +95,7 @@ def run(
                 metrics,
                 tables,
             )
-            exported = model or chosen_law(tables["joint_scores"])[0]
+            exported = model or recommended(tables)[0]
             record = exported and (
                 _record_of_runs(exported, logged, name)
                 if logged and exported in FAMILY
@@ -102,7 +104,7 @@ def run(
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(noise_quantiles(card.tables["noise_quantiles"]), report, "noise_quantiles")
-    text = model_card(card, []).replace(TAILS, f"{TAILS}\n{PICTURE}\n", 1)
+    text = model_card(card, []).replace(HEADING, f"{HEADING}\n{PICTURE}\n", 1)
     # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
