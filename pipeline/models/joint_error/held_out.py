@@ -170,9 +170,7 @@ def _parameters(name: str, law: JointErrorModel) -> pd.DataFrame:
     columns = {
         "innovation_at_rest_rad": np.sqrt(np.diag(still)),
         "innovation_at_greatest_speed_rad": np.sqrt(np.diag(fastest)),
-        "decay_s": np.where(
-            modes < 1 - 1e-9, -1 / (law.rate * np.log(np.minimum(modes, 1 - 1e-9))), np.nan
-        ),
+        "decay_s": np.where(persists, np.nan, -1 / (law.rate * np.log(fading))),
         "drift_share": law.drift,
         "degrees": np.where(np.isfinite(law.degrees), law.degrees, np.nan),
         "greatest_speed": law.reach,
