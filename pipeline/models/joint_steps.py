@@ -18,9 +18,9 @@ divided by (kurtosis − 1)/2, or times ν/(ν + 3) for Student's t. Steps are a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import lgamma
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -30,10 +30,8 @@ from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import NormalModel, Traits, normal_log_density
 
-KIND = "joint_steps"
 BEYOND = 1.05  # times the greatest recorded step: limit of predictions for an unknown gain
 MIXTURE = np.arange(-24.0, 4.0, 0.1)  # ln of the mixing variable of Student's t
-ABSENT = {"gain": np.nan, "degrees": np.inf}  # written as null
 LEAST_STEPS, LEAST_SHARE, BOUND = 20, 0.1, 0.5
 UNRESOLVED = 1e-2  # share of a joint's rms noise that is taken as the resolution
 DEGREES = (3.0, 100.0)  # bounds of ν: below 3 few steps set the variance, above 100 is normal
@@ -127,23 +125,6 @@ class JointStepModel(NormalModel):
     ) -> ndarray:
         dq = chain.nominal_step(q, v)
         return self.noise_log_density(dq, q_next - q - dq, measurement)
-
-    def parameters(self) -> dict[str, Any]:
-        """Plain values for :func:`build_joint_steps`; null for an unknown or infinite number."""
-        plain = {each.name: np.asarray(getattr(self, each.name)).tolist() for each in fields(self)}
-        for name in ABSENT:
-            plain[name] = [each if np.isfinite(each) else None for each in plain[name]]
-        return {"kind": KIND} | plain
-
-
-def build_joint_steps(parameters: dict[str, Any]) -> JointStepModel:
-    """Build the model from the values of :meth:`JointStepModel.parameters`."""
-    values = {each.name: parameters[each.name] for each in fields(JointStepModel)}
-    for name, absent in ABSENT.items():
-        values[name] = [absent if each is None else each for each in values[name]]
-    joints, power = tuple(values.pop("joints")), float(values.pop("power"))
-    arrays = {name: np.array(each, float) for name, each in values.items()}
-    return JointStepModel(joints, **arrays, power=power)
 
 
 def student_log_density(
