@@ -56,6 +56,15 @@ def test_the_table_has_every_package_and_no_other_and_no_circle():
     assert not within("pipeline.studies.filters.stage", allowed("pipeline.arm.chain"))
 
 
+def test_no_module_imports_itself_through_others():
+    """Imports within functions and for annotations count."""
+    below = {name: (pipeline_imports(name) & MODULES.keys()) - {name} for name in MODULES}
+    while leaves := [name for name, names in below.items() if not names & below.keys()]:
+        for name in leaves:
+            del below[name]
+    assert below == {}
+
+
 def test_stages_import_neither_each_other_nor_the_laboratory_but_for_record():
     for module in (name for name in MODULES if package(name) == "stages"):
         others = {package(name) for name in pipeline_imports(module)}

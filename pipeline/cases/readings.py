@@ -49,7 +49,7 @@ def readings(
     wishart = base.models.get("wishart")
     if wishart is None:
         return {}
-    own = decomposition_of(wishart, task, joints).name
+    own = decomposition_of(wishart.decomposition, wishart.left, task, joints).name
     cases = {NAMES.get(own, own): base}
     for name in COMPUTED:
         cases.setdefault(NAMES[name], base.with_wishart(decomposition=name, left=None))

@@ -13,11 +13,11 @@ from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import pipeline.models
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.sources import ANYWHERE, imported_sources
+from pipeline.models.build import build_model, kinds
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -25,14 +25,6 @@ if TYPE_CHECKING:
 
     from pipeline.models.model import MotionModel
     from pipeline.models.steps import Estimate, Options, Recorded, Truth
-
-NO_MODEL = "reason"  # key in place of parameters: reason for a failed fit
-
-
-def kinds() -> list[str]:
-    """Names of all kinds."""
-    places = (Path(place) for place in pipeline.models.__path__)
-    return sorted(file.parent.name for place in places for file in place.glob("*/law.py"))
 
 
 def sources(kind: str) -> list[Path]:
@@ -78,22 +70,6 @@ def diagnose(
     """
     hook = getattr(_fit(options.kind), "diagnose", lambda *_: ({}, {}))
     return hook(recorded, options, estimate, checks, rng)
-
-
-def build_model(parameters: Any) -> MotionModel:
-    """Build a model from ``parameters``: its kind and the plain values that a fit wrote. Raises
-    ContractError for anything else, ModelDomainError for values outside the model's range, and
-    ModelDomainError with the reason if the fit failed.
-    """
-    why, kind = "", parameters.get("kind") if isinstance(parameters, dict) else None
-    if kind in kinds():
-        if NO_MODEL in parameters:
-            raise ModelDomainError(str(parameters[NO_MODEL]))
-        try:
-            return import_module(f"pipeline.models.{kind}.law").build(parameters)
-        except (KeyError, TypeError, ValueError) as error:
-            why = f" ({error!r})"
-    raise ContractError(f"not the parameters of a motion model{why}")
 
 
 def fitted_model(folder: Path) -> MotionModel:

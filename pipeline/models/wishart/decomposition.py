@@ -12,11 +12,8 @@ on the redundancy" and computes in MATLAB, whose ``lu`` pivots. Each gives anoth
 - ``given``: J₁ is a constant, e.g. diag(ℓ, ℓ, 1), which converts m to rad at a lever arm ℓ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -24,9 +21,6 @@ from numpy import ndarray
 from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import task_step
-
-if TYPE_CHECKING:
-    from pipeline.models.wishart.fit import Options
 
 COMPUTED = ("pivoted_lu", "qr", "qr_transposed")
 LEAST_CONDITION = 1e-9  # least divided by greatest singular value of a given J₁
@@ -69,13 +63,14 @@ PIVOTED_LU = Decomposition("pivoted_lu")
 CONTROL = Decomposition("qr_transposed")  # for comparison: independent of units, axes and order
 
 
-def decomposition_of(options: Options, task: Sequence[str], joints: Sequence[str]) -> Decomposition:
-    """Return the decomposition of ``options``. ``by_shape`` is pivoted LU for as many ``joints`` as
-    ``task`` rows, and QR for more joints.
+def decomposition_of(
+    name: str, left: Sequence[Sequence[float]] | None, task: Sequence[str], joints: Sequence[str]
+) -> Decomposition:
+    """Return the decomposition of this ``name`` and ``left`` J₁. ``by_shape`` is pivoted LU for as
+    many ``joints`` as ``task`` rows, and QR for more joints.
     """
     by_shape = "pivoted_lu" if len(task) == len(joints) else "qr"
-    name = by_shape if options.decomposition == "by_shape" else options.decomposition
-    return Decomposition(name, options.left)
+    return Decomposition(by_shape if name == "by_shape" else name, left)
 
 
 def factors(
@@ -145,3 +140,16 @@ def orthonormalize(rows: ndarray, n: int) -> ndarray:
         rows[k + 1 :] -= along[:, None] * rows[k]
         log_determinant += np.log(length)
     return log_determinant
+
+
+def frames(a: ndarray) -> ndarray:
+    """(..., m, m) orthonormal matrices with the first column a/‖a‖, ``a`` (..., m) not zero:
+    Householder's reflection times −sign(a₁).
+    """
+    r = np.sqrt(np.vecdot(a, a))
+    sign = np.where(a[..., 0] < 0, -1.0, 1.0)
+    mirror = a.copy()
+    mirror[..., 0] += sign * r
+    reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
+    reflection = np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
+    return -sign[..., None, None] * reflection

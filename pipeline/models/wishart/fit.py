@@ -66,7 +66,7 @@ class DispersionFit(NamedTuple):
 
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate σ_B by the estimator of ``options``; raises the errors of the estimator."""
-    decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
+    decomposition = _decomposition(options, recorded)
     match options.estimator:
         case "moments":
             fit = fit_moments(recorded, decomposition)
@@ -79,6 +79,11 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
     parameters = _parameters(fit.sigma_b, decomposition)
     values = {"sigma_b": fit.sigma_b}
     return Estimate(parameters, values, diagnostics, from_takes=fit.from_takes)
+
+
+def _decomposition(options: Options, recorded: Recorded) -> Decomposition:
+    names = recorded.chain.task, recorded.joints
+    return decomposition_of(options.decomposition, options.left, *names)
 
 
 def estimator_options(options: Options) -> dict[str, Options]:
@@ -96,7 +101,7 @@ def estimator_options(options: Options) -> dict[str, Options]:
 
 def truths(recorded: Recorded, options: Options, dispersions: Sequence[float]) -> list[Truth]:
     """Return known parameters with σ_B = each of ``dispersions``."""
-    decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
+    decomposition = _decomposition(options, recorded)
     return [
         Truth(f"wishart {sigma_b:g}", _parameters(sigma_b, decomposition), {"sigma_b": sigma_b})
         for sigma_b in dispersions
@@ -115,7 +120,7 @@ def diagnose(
     ``checks`` moving steps, and the table ``sigma_b_weights``. The table has σ̂_B of (BsampOpt)
     over α₂/α₁, for the recorded takes and for as many takes drawn from the model of ``estimate``.
     """
-    decomposition = decomposition_of(options, recorded.chain.task, recorded.joints)
+    decomposition = _decomposition(options, recorded)
     metrics = {}
     try:
         fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)

@@ -32,7 +32,7 @@ from pipeline.models.model import (
     principal_axes,
     task_step,
 )
-from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors
+from pipeline.models.wishart.decomposition import PIVOTED_LU, Decomposition, factors, frames
 from pipeline.randommatrix.wishart import degrees_of_freedom, largest_dispersion
 
 # ends of ln(d − m − 3): σ_B at the limit of the covariance, and a noise-free step
@@ -149,19 +149,6 @@ def action_log_density(w: ndarray, a: ndarray, d: float) -> ndarray:
     t_term = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2) - (m - 1) / 2 * np.log(np.pi)
     t_term = t_term - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
     return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
-
-
-def frames(a: ndarray) -> ndarray:
-    """(..., m, m) orthonormal matrices with the first column a/‖a‖, ``a`` (..., m) not zero:
-    Householder's reflection times −sign(a₁).
-    """
-    r = np.sqrt(np.vecdot(a, a))
-    sign = np.where(a[..., 0] < 0, -1.0, 1.0)
-    mirror = a.copy()
-    mirror[..., 0] += sign * r
-    reach = (r * (r + np.abs(a[..., 0])))[..., None, None]
-    reflection = np.eye(a.shape[-1]) - mirror[..., :, None] * mirror[..., None, :] / reach
-    return -sign[..., None, None] * reflection
 
 
 def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:

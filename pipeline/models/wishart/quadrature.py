@@ -17,7 +17,7 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.core.compiled import compiled, inner
-from pipeline.models.wishart.law import frames
+from pipeline.models.wishart.decomposition import frames
 
 NODES = 17  # of the rule in s and in h
 ALONG, DIRECTION = 3, 3  # terms of a step, then terms per direction

@@ -24,6 +24,7 @@ from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
+from pipeline.models.build import NO_MODEL
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_error.fit import Options as ErrorOptions
@@ -207,8 +208,8 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
             parameters = closed.estimate.parameters | {SHARE: closed.share}
             own = closed.estimate.determined.items()
             estimates = {f"closed_loop_{key}": value for key, value in own}
-    if kinds.NO_MODEL in parameters:
-        raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
+    if NO_MODEL in parameters:
+        raise ModelDomainError(f"no model to export: {parameters[NO_MODEL]}", model=model)
     require_known(model, parameters, recorded)
     share = parameters.get(SHARE, 0.0)
     if parameters.get("u_unbounded"):  # only the noise level is known, not α and u
