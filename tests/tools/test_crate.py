@@ -185,6 +185,24 @@ def test_two_files_become_one_page(reports):
             page("", [reports / "card.md", reports / "report.md"], reports)
 
 
+def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(reports):
+    figure = "![A figure](figures/drawn.png)\nCompare.\n- it holds<br>**lab ✓**\n\n"
+    unseen = "<details><summary>2 more</summary>One. Two.</details>\n\n"
+    text = f"# R\n\n## F\nKey.\n\n### One\n{figure}### Two\n{figure}{unseen}## Next\nThe end.\n"
+    (reports / "report.md").write_text(text)
+    (reports / "model_card.md").write_text("# Card\n\nAnswer.\n\n## Why\nA rule.\n\n## More\nx\n")
+    tree = parsed(page("", [reports / "report.md", reports / "model_card.md"], reports))
+    cards = [each for each in tree.iter("div") if each.get("class") == "card"]
+    assert [each.find("h3").text for each in cards] == ["One", "Two"]
+    for each in cards:
+        picture, caption = each.findall("p")
+        assert picture.find("img") is not None and caption.text == "Compare."
+        assert each.find(".//strong").text == "lab ✓"
+    assert "The end" not in "".join("".join(each.itertext()) for each in cards)
+    folded = ["".join(each.itertext()).split() for each in tree.iter("summary")]
+    assert folded == [["2", "more"], ["Why"], ["More"]]
+
+
 def test_the_committed_report_reads_as_a_page():
     folder = ROOT / "reports/youbot"
     html = page("Results", [folder / file for file in RESULTS], folder)

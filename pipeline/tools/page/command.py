@@ -29,6 +29,9 @@ FRAME = {"role": "region", "aria-label": "wide content", "tabindex": 0}
 TABLE = '<div role="region" aria-label="wide content" tabindex="0" class="table">'
 FOLDED = "model_card"  # page whose sections are folded
 FOLD = r"<details><summary>\1</summary>\2</details>\n"
+UNSEEN = re.compile(  # a folded paragraph
+    r"<p>&lt;details&gt;&lt;summary&gt;(.*?)&lt;/summary&gt;(.*?)&lt;/details&gt;</p>"
+)
 FOLDS = re.compile(r"(<h2 .*?</h2>)(.*?)(?=<h2 |\Z)", re.DOTALL)
 CARD = re.compile(r"<h3 .*?(?=<h3 |\Z)", re.DOTALL)
 CARDS = re.compile(r"(?:<h3 .*?(?=<h[1-3] |\Z))+", re.DOTALL)
@@ -99,8 +102,8 @@ def _section(
                 child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
     html = parser.renderer.render(tokens, parser.options, {})
     html = html.replace("<table>", f"{TABLE}\n<table>").replace("</table>", "</table>\n</div>")
-    html = re.sub(r"&lt;(br|/?details|/?summary)&gt;", r"<\1>", html)
-    html = re.sub(r"<p>(<details>.*?</details>)</p>", r"\1", html, flags=re.DOTALL)
+    html = html.replace("&lt;br&gt;", "<br>")  # line ends in the cells of a table
+    html = UNSEEN.sub(FOLD, html)
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
     return FOLDS.sub(FOLD, html) if file.stem == FOLDED else _side_by_side(html), headings
 
