@@ -2,6 +2,7 @@
 the arm, and the joint angles that fit the points.
 """
 
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.analysis import ArticulationSection, Compute
 from pipeline.core.options.dataset import Depth, Robot
 from pipeline.perception.articulation import articulate_rows
+from pipeline.recordings.identity import OTHERS, residual_share
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
@@ -34,6 +36,7 @@ class Offset(NamedTuple):
     correlation: float
     drift: float  # s/s
     drift_standard_error: float  # s/s
+    residual: float  # of ``a`` from the affine map of ``b``, root mean square, in the unit of a
 
 
 def find_offset(
@@ -111,44 +114,63 @@ def find_offset(
         information = (derivative**2).sum(axis=0)
         return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
 
-    return Offset(tau, standard_error(late), correlation, drift, standard_error(drifting))
+    errors, size = (
+        [standard_error(each) for each in (late, drifting)],
+        np.sqrt(np.mean(residual**2)),
+    )
+    return Offset(tau, errors[0], correlation, drift, errors[1], float(size))
 
 
-def with_markers(
-    frames: pd.DataFrame, markers: pd.DataFrame
-) -> list[tuple[pd.DataFrame, pd.DataFrame]]:
-    """Return rows of ``frames`` and ``markers`` per depth take; RecordingError without markers."""
+class CameraTake(NamedTuple):
+    """A depth take's rows of ``frames``, and the rows of ``markers`` of it and of other takes."""
+
+    rows: pd.DataFrame
+    markers: pd.DataFrame
+    others: list[pd.DataFrame]
+
+
+def with_markers(frames: pd.DataFrame, markers: pd.DataFrame) -> list[CameraTake]:
+    """Return the depth takes with their markers and, as a comparison, the markers of the OTHERS
+    takes that follow; RecordingError without markers.
+    """
     by_take, takes = dict(list(markers.groupby("take"))), []
+    names = [*by_take]
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take has this name, so that the clock offset is unknown"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
-        takes.append((rows, by_take[take]))
+        first = names.index(take) + 1
+        following = [*names[first:], *names[: first - 1]][:OTHERS]
+        takes.append(CameraTake(rows, by_take[take], [by_take[name] for name in following]))
     return takes
 
 
-def on_motion_clock(
-    take: tuple[pd.DataFrame, pd.DataFrame], depth: Depth, arm: Arm
-) -> tuple[pd.DataFrame, list[dict]]:
-    """Return the rows of the table ``frames`` of a ``take`` (from :func:`with_markers`) on the
-    motion capture's clock, and the quality of the offset. Unless stated, :func:`find_offset`
-    compares the centroids of the arm's points and of the labelled markers in the arm's plane.
+def marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (K,) s and centroids (K, 2) m of the labelled markers in the arm's plane."""
+    labelled = markers[markers.link > 0]
+    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+    seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
+    seen = seen.groupby("t").mean(skipna=False).dropna()
+    return seen.index.to_numpy(), np.ascontiguousarray(seen.to_numpy())
+
+
+def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFrame, list[dict]]:
+    """Return the rows of the table ``frames`` of a ``take`` on the motion capture's clock, and the
+    quality of the offset. Unless stated, :func:`find_offset` compares the centroids of the arm's
+    points and of the labelled markers in the arm's plane, and :func:`residual_share` compares the
+    residual with those beside the markers of other takes.
     """
-    rows, markers = take
-    name, offset, errors = rows["take"].iloc[0], depth.clock_offset, []
+    rows, offset, errors = take.rows, depth.clock_offset, []
+    name = rows["take"].iloc[0]
     if offset is None:
         observed = rows[rows["points"] > 0]
         if observed.empty:
             message = "no frame shows the arm: check the unit of depth, the camera's pose and the"
             raise RecordingError(f"{message} workspace", file=rows["file"].iloc[0], take=name)
         centroid = np.ascontiguousarray(observed[["x", "z"]].to_numpy())
-        labelled = markers[markers.link > 0]
-        plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-        seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
-        seen = seen.groupby("t").mean(skipna=False).dropna()
-        path = np.ascontiguousarray(seen.to_numpy())
-        signals = observed["t"].to_numpy(), centroid, seen.index.to_numpy(), path
-        found = find_offset(*signals, search=(-depth.search, depth.search), take=name)
+        find = partial(find_offset, observed["t"].to_numpy(), centroid, take=name)
+        search = (-depth.search, depth.search)
+        found = find(*marker_path(take.markers, arm), search=search)
         offset = found.value
         errors = [
             ("clock_offset_standard_error", found.standard_error, "s"),
@@ -156,6 +178,14 @@ def on_motion_clock(
             ("clock_drift_standard_error", found.drift_standard_error, "s/s"),
             ("clock_correlation", found.correlation, "1"),
         ]
+        others = []
+        for markers in take.others:
+            with suppress(RecordingError):  # a take of another motion cannot be confused
+                others.append(find(*marker_path(markers, arm), search=search).residual)
+        if others:
+            share = residual_share(centroid, found.residual, others)
+            errors += [("camera_residual", found.residual, "m")]
+            errors += [("camera_residual_share", share, "share")]
     quality = [("clock_offset", offset, "s"), *errors]
     rows = rows.assign(t=rows["t"] + offset)
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in quality]

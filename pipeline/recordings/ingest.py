@@ -13,6 +13,7 @@ from pipeline.core.bounds import within
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Dataset
+from pipeline.recordings.identity import require_distinct, require_own_configuration
 from pipeline.recordings.inventory import raw_folder
 from pipeline.recordings.quality import REPETITIONS
 
@@ -57,9 +58,18 @@ def _collect(errors: list[PipelineError]) -> Iterator[None]:
         errors.append(error)
 
 
-def _write(takes: list[Any], name: str, folder: Path) -> list[dict]:
-    """Write the rows of all takes as the table ``name`` and return the takes' quality rows."""
+def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict]:
+    """Write the rows of all takes as the table ``name`` and return the takes' quality rows; append
+    an error for two takes with equal samples. The first column of a table names the take.
+    """
     if takes:
+        with _collect(errors):
+            tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}
+            parts = {take: rows["part"].iloc[0] for take, rows in tables.items() if "part" in rows}
+            samples = {
+                take: rows.select_dtypes("float").to_numpy() for take, rows in tables.items()
+            }
+            require_distinct(name, samples, parts)
         contracts.write(pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder)
     return [row for _, rows in takes for row in rows]
 
@@ -73,6 +83,7 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
             for name, place in joint_logs.find_movements(raw, dataset).items():
                 with _collect(errors):
                     movements[name] = joint_logs.read_dataset_movement(name, place, dataset)
+            require_distinct("movements", {name: one.actual for name, one in movements.items()})
         if not errors:
             with _collect(errors):
                 trajectory, joints, counts = joint_logs.joint_log_rows(movements, dataset)
@@ -91,7 +102,8 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
     if dataset.encoders is not None:
         with _collect(errors):
             encoders = joint_logs.encoder_rows(raw, dataset)
-    return quality + _write(takes, "markers", folder) + _write(encoders, "encoders", folder)
+    quality += _write(takes, "markers", folder, errors)
+    return quality + _write(encoders, "encoders", folder, errors)
 
 
 def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any) -> list[dict]:
@@ -114,7 +126,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
         results = list(run_trials(bounded, takes, compute=compute, label=label))
     errors += [result for result in results if isinstance(result, PipelineError)]
     takes = [result for result in results if not isinstance(result, PipelineError)]
-    return _write(takes, "frames", folder)
+    return _write(takes, "frames", folder, errors)
 
 
 def _force(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict]:
@@ -124,4 +136,8 @@ def _force(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict
     for name in dataset.force.configurations if dataset.force is not None else ():
         with _collect(errors):
             records.append(force_rows(raw, name, dataset.force))
-    return _write(records, "force", folder)
+    if records:
+        with _collect(errors):
+            axes = {rows.iloc[0, 0]: rows[["fx", "fy", "fz"]].to_numpy() for rows, _ in records}
+            require_own_configuration(axes, dataset.force)
+    return _write(records, "force", folder, errors)

@@ -16,6 +16,7 @@ from pipeline.formats.format import Kind, format_of, formats_in
 from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import read_trajectory
 from pipeline.recordings.commands import require_velocities
+from pipeline.recordings.identity import own_name
 from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import quality_row
 
@@ -71,8 +72,9 @@ def marker_rows(
 
     Markers of the template have the number of their link, from 1. Other markers have link 0, and
     are left out if rigid bodies track the links. Skipped frames and ``frozen_frames`` (all
-    positions equal to the frame before) are missing samples. Raises RecordingError for another rate
-    or length, and for a missing marker or body.
+    positions equal to the frame before) are missing samples; ``named_otherwise`` counts another
+    name in the header. Raises RecordingError for another rate or length, for a missing marker or
+    body, and for the name of another file in the header.
     """
     mocap, motion = dataset.mocap, dataset.motion
     take = read_take(file, mocap.unit)
@@ -100,6 +102,7 @@ def marker_rows(
         rows.append(pd.DataFrame(row | dict(zip("xyz", xyz.T, strict=True))))
     counts = take.counts | {"missing_samples": missing, "unlabelled_markers": len(stray)}
     counts |= {"frozen_frames": int(frozen.sum())}
+    counts |= {} if own_name(take.name, file) else {"named_otherwise": 1}
     quality = [quality_row(name, part, "motion capture", *count) for count in counts.items()]
     return pd.concat(rows, ignore_index=True), quality
 

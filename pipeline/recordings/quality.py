@@ -14,10 +14,14 @@ REPETITIONS, LEFT_OUT = "repetitions", "excursions_"
 MEASURES = (
     *("missing_share", "longest_gap", "interpolated", "relabelled_share", "residual_rms"),
     *("dropped_share", "clock_offset", "clock_offset_standard_error", "clock_drift"),
-    *("clock_drift_standard_error", "lag_behind_command", "greatest_residual"),
-    *("residual_beside_others", "disturbance"),
+    *("clock_drift_standard_error", "camera_residual_share", "lag_behind_command"),
+    *("lag_beside_others", "greatest_residual", "residual_beside_others", "disturbance"),
 )
-TWO_SIDED = ("clock_drift", "lag_behind_command")  # the limit applies to the absolute value
+TWO_SIDED = (
+    "clock_drift",
+    "lag_behind_command",
+    "lag_beside_others",
+)  # the limit applies to the absolute value
 FEWEST = 2  # least number of takes of a part, for the covariance and for leaving one take out
 
 

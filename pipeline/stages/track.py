@@ -17,6 +17,7 @@ from pipeline.models.steps import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.depth_takes import on_motion_clock, with_markers
+from pipeline.recordings.identity import lags_beside_others
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
@@ -95,6 +96,10 @@ def _track(dataset) -> tuple[pd.DataFrame, list[dict]]:
         if "relabelled" in counts:
             rows.append(("relabelled_share", counts["relabelled"] / track.samples, "share"))
         repairs += [quality_row(take, part, "motion capture", *row) for row in rows]
+    q = np.stack([rows[columns("q", dataset.robot.joints)].to_numpy() for rows in joints])
+    for rows, late in zip(joints, lags_beside_others(q, dataset.motion.rate), strict=True):
+        row = *rows.loc[0, ["take", "part"]], "motion capture", "lag_beside_others", late, "s"
+        repairs.append(quality_row(*row))
     return pd.concat(joints, ignore_index=True), repairs
 
 

@@ -286,6 +286,12 @@ class Limits:
     dropped_share: Limit = None  # of the depth frames
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
     clock_drift: Limit = None  # s/s, where the offset is estimated
+    # s, of the joint angles behind the median of the takes: seven times the greatest lag of a sound
+    # take of the laboratory, and less than half of a late start of 80 ms
+    lag_beside_others: Limit = 0.03
+    # of the camera's residual beside the own markers over the residual beside other takes: 0.3 in
+    # the laboratory, 1 for images of another take
+    camera_residual_share: Limit = 0.8
     lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
 

@@ -33,6 +33,7 @@ AXIS = re.compile(
 )
 TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
+EQUAL_PAIRS = 0.1  # share of equal neighbours; more are of a sensor of coarse resolution
 JITTER = 0.1  # greatest deviation of an even step, over the median step
 
 
@@ -133,7 +134,7 @@ def sound_samples(
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return the mask (N,) of sound samples, and the numbers of frozen samples (constant for longer
     than ``longest`` s) and saturated samples (an axis at or beyond ``full_scale``, (3,) N or (6,) N
-    and N·m). RecordingError where more than a ``share`` of the samples is frozen or saturated, and
+    and N·m, or on a :func:`plateau`). RecordingError where more than a ``share`` of the samples is frozen or saturated, and
     for fewer than FEWEST samples.
     """
     require_record(record, file)
@@ -142,9 +143,10 @@ def sound_samples(
     ends = np.append(starts[1:], len(values))
     lasting = record.time[ends - 1] - record.time[starts]
     faulty = {"frozen": (np.repeat(lasting > longest, ends - starts), "frozen_after")}
+    beyond = plateau(values)
     if full_scale is not None:
-        beyond = np.abs(values[:, : len(full_scale)]) >= full_scale
-        faulty["saturated"] = beyond.any(axis=1), "full_scale"
+        beyond |= (np.abs(values[:, : len(full_scale)]) >= full_scale).any(axis=1)
+    faulty["saturated"] = beyond, "full_scale"
     for name, (samples, option) in faulty.items():
         if samples.mean() > share:
             first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} is allowed"
@@ -153,6 +155,23 @@ def sound_samples(
     counts = {f"{name}_samples": int(samples.sum()) for name, (samples, _) in faulty.items()}
     sound = ~np.any([samples for samples, _ in faulty.values()], axis=0)
     return sound, {name: count for name, count in counts.items() if count}
+
+
+def plateau(values: np.ndarray) -> np.ndarray:
+    """Return the mask (N,) of samples at the greatest or least value of an axis of ``values`` (N,
+    axes), where an amplifier cuts them: the extreme occurs at least FEWEST times in pairs of equal
+    neighbours, while at most EQUAL_PAIRS of the other neighbours are equal, so that it is no
+    coarse resolution.
+    """
+    cut = np.zeros(len(values), bool)
+    for axis in values.T:
+        for extreme in (axis.max(), axis.min()):
+            at, same = axis == extreme, axis[1:] == axis[:-1]
+            pairs = at[1:] & same
+            elsewhere = same[~at[1:]]
+            if pairs.sum() >= FEWEST and elsewhere.size and elsewhere.mean() <= EQUAL_PAIRS:
+                cut |= at
+    return cut
 
 
 def timed_record(

@@ -1,0 +1,111 @@
+"""Recordings that are not what their name says: a copy of another one, exchanged with another one,
+named otherwise inside, late, or images of another take.
+"""
+
+import re
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.core.errors import RecordingError
+from pipeline.core.options.dataset import Arrangement, Force
+from pipeline.recordings.repetitions import lag
+
+SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by far more, by noise
+# nats by which a force record may miss its own configuration, and share at which another is nearer:
+# records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
+MISSED, NEARER = 0.5, 0.5
+OTHERS = 4  # number of takes that a take's images are compared with
+DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it
+NOISE_MARGIN = 1.5  # residual over noise below which takes cannot be told apart
+
+
+def require_distinct(what: str, samples: Mapping[str, np.ndarray], parts: Mapping = {}) -> None:
+    """Raise RecordingError where two of the ``samples`` (name → array of numbers) are equal to
+    within rounding, in whatever format or file; ``parts`` name training and test.
+    """
+    order = sorted(samples, key=lambda name: (samples[name].shape, np.nansum(samples[name])))
+    for first, second in pairwise(order):
+        a, b = samples[first], samples[second]
+        if a.shape == b.shape and np.allclose(a, b, rtol=0, atol=SAME, equal_nan=True):
+            one, other = (f"{parts.get(n, '')} {n}".strip() for n in sorted((first, second)))
+            message = f"the {what} {one} and {other} have equal samples: one is a copy of the other"
+            raise RecordingError(f"{message}; take it out, or record it again", take=second)
+
+
+def own_name(stated: str, file: Path) -> bool:
+    """Return whether the name ``stated`` in a take agrees with its ``file``, but for signs and an
+    appended word; RecordingError where it is the name of another file beside it.
+    """
+    plain, own = (re.sub(r"\W+", "_", name.casefold()) for name in (stated, file.stem))
+    if own == plain or own.startswith(f"{plain}_"):
+        return True
+    if file.with_name(f"{stated}{file.suffix}").exists():
+        message = f"the take is {stated!r} by its header, and another file has this name: restore "
+        raise RecordingError(f"{message}the files' names, or export both again", file=file)
+    print(f"ingest: {file.name}: the take is {stated!r} by its header; the file's name is used")
+    return False
+
+
+def lags_beside_others(q: np.ndarray, rate: float) -> np.ndarray:
+    """Return the lags (takes,) in s of angles ``q`` (takes, K, n) at ``rate`` (Hz) behind their
+    median, without rows that lack an angle; 0 for two takes.
+    """
+    if len(q) < 3:
+        return np.zeros(len(q))
+    median = np.nanmedian(q, axis=0)
+    known = [np.isfinite(each).all(axis=1) & np.isfinite(median).all(axis=1) for each in q]
+    return np.array([lag(median[k], each[k], rate) for k, each in zip(known, q, strict=True)])
+
+
+def residual_share(seen: np.ndarray, own: float, others: list[float]) -> float:
+    """Return the ``own`` residual of a take's centroids ``seen`` (F, d) in m beside its markers,
+    over the median of the residuals beside ``others``: 1 for the images of another take. Takes that
+    differ by less than the noise of ``seen`` cannot be told apart; their share is below 1.
+    """
+    noise = np.sqrt(np.mean(np.diff(seen, DIFFERENCES, axis=0) ** 2) / NOISE_GAIN)
+    return float(own / max(float(np.median(others)), NOISE_MARGIN * noise))
+
+
+def require_own_configuration(records: Mapping[str, np.ndarray], force: Force) -> None:
+    """Raise RecordingError where a record of forces ((N, 3) N by configuration) is nearer to the
+    desired force of another configuration, by mean and covariance of the tensions and directions
+    (Kullback-Leibler divergence of normal laws, in nats).
+    """
+    laws = {name: _desired(force, force.configurations[name]) for name in records}
+    for name, values in records.items():
+        rows = len(laws[name][0])
+        found = values[:, :rows].mean(axis=0), np.cov(values[:, :rows].T)
+        far = {n: _divergence(*found, *law) for n, law in laws.items() if len(law[0]) == rows}
+        nearest = min(far, key=far.__getitem__)
+        if far[name] > MISSED and far[nearest] < NEARER * far[name]:
+            means = {n: np.round(laws[n][0], 2).tolist() for n in (name, nearest)}
+            message = f"the mean force of {name} is {np.round(found[0], 2).tolist()} N, desired "
+            message += f"{means[name]}; with its covariance it is {far[name]:.2g} nats from {name} "
+            message += f"and {far[nearest]:.2g} from {nearest} ({means[nearest]} N): are the logs "
+            message += "exchanged?"
+            key = f"dataset.force.configurations.{name}.file"
+            raise RecordingError(message, file=force.configurations[name].file, key=key)
+
+
+def _desired(force: Force, arrangement: Arrangement) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and covariance of the force in N; κ is the geometric mean of its bounds."""
+    azimuth, tension = np.array(arrangement.direction), np.array(arrangement.tension)
+    along = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    if arrangement.elevation is not None:
+        rise = np.array(arrangement.elevation)[:, None]
+        along = np.hstack([along * np.cos(rise), np.sin(rise)])
+    spread = np.array(force.tension_std[: len(tension)]) ** 2, tension**2
+    kappa = float(np.sqrt(np.prod(force.kappa_bounds)))
+    outer = along[:, :, None] * along[:, None]
+    across = np.eye(along.shape[1]) - outer
+    terms = spread[0][:, None, None] * outer + (spread[1] / kappa)[:, None, None] * across
+    return tension @ along, terms.sum(axis=0)
+
+
+def _divergence(mean: np.ndarray, cov: np.ndarray, desired: np.ndarray, by: np.ndarray) -> float:
+    off, ratio = mean - desired, np.linalg.solve(by, cov)
+    log = np.linalg.slogdet(ratio)[1] if np.linalg.det(cov) > 0 else -np.inf
+    return float(0.5 * (np.trace(ratio) - len(mean) - log + off @ np.linalg.solve(by, off)))
