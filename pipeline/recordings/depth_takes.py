@@ -2,7 +2,6 @@
 the arm, and the joint angles that fit the points.
 """
 
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -12,13 +11,13 @@ import pandas as pd
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import contracts
-from pipeline.core.columns import columns
+from pipeline.core.columns import columns, values
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.analysis import ArticulationSection, Compute
 from pipeline.core.options.dataset import Depth, Robot
 from pipeline.perception.articulation import articulate_rows
-from pipeline.recordings.identity import OTHERS, residual_share
+from pipeline.recordings.identity import FEWEST_FRAMES, OTHERS, residual_share
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 MOTION, DEPTH, TRACK = Path("data/ingest/motion"), Path("data/ingest/depth"), Path("data/track")
@@ -26,6 +25,7 @@ GRID = 0.005  # s, step of the coarse search, short relative to any motion of an
 MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
 MIN_SAMPLES = 10  # least number of samples of a signal
 MIN_CORRELATION = 0.9
+WITHOUT_GAPS = 0.8  # quantile of the residual
 
 
 class Offset(NamedTuple):
@@ -36,7 +36,7 @@ class Offset(NamedTuple):
     correlation: float
     drift: float  # s/s
     drift_standard_error: float  # s/s
-    residual: float  # of ``a`` from the affine map of ``b``, root mean square, in the unit of a
+    residual: float  # of ``a`` from the affine map of ``b``, 0.8 quantile, in the unit of a
 
 
 def find_offset(
@@ -114,51 +114,63 @@ def find_offset(
         information = (derivative**2).sum(axis=0)
         return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
 
-    errors, size = (
-        [standard_error(each) for each in (late, drifting)],
-        np.sqrt(np.mean(residual**2)),
-    )
-    return Offset(tau, errors[0], correlation, drift, errors[1], float(size))
+    errors = [standard_error(each) for each in (late, drifting)]
+    # without the frames in a gap of b, which the spline bridges
+    size = float(np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS))
+    return Offset(tau, errors[0], correlation, drift, errors[1], size)
 
 
 class CameraTake(NamedTuple):
-    """A depth take's rows of ``frames``, and the rows of ``markers`` of it and of other takes."""
+    """A depth take's rows of ``frames`` and of ``markers``, and the rows of ``joints`` of the take
+    and, as a comparison, of other takes.
+    """
 
     rows: pd.DataFrame
     markers: pd.DataFrame
-    others: list[pd.DataFrame]
+    joints: list[pd.DataFrame]
 
 
-def with_markers(frames: pd.DataFrame, markers: pd.DataFrame) -> list[CameraTake]:
-    """Return the depth takes with their markers and, as a comparison, the markers of the OTHERS
-    takes that follow; RecordingError without markers.
+def with_markers(
+    frames: pd.DataFrame, markers: pd.DataFrame, joints: pd.DataFrame
+) -> list[CameraTake]:
+    """Return the depth takes with the markers and joint angles of the motion capture;
+    RecordingError without markers.
     """
-    by_take, takes = dict(list(markers.groupby("take"))), []
-    names = [*by_take]
+    by_take, tracked = (dict(list(table.groupby("take"))) for table in (markers, joints))
+    names, takes = [*tracked], []
     for take, rows in frames.groupby("take", sort=False):
         if take not in by_take:
             message = "no motion-capture take has this name, so that the clock offset is unknown"
             raise RecordingError(message, file=rows["file"].iloc[0], take=take)
-        first = names.index(take) + 1
-        following = [*names[first:], *names[: first - 1]][:OTHERS]
-        takes.append(CameraTake(rows, by_take[take], [by_take[name] for name in following]))
+        following = [*names[names.index(take) :], *names][: OTHERS + 1]
+        takes.append(CameraTake(rows, by_take[take], [tracked[name] for name in following]))
     return takes
 
 
-def marker_path(markers: pd.DataFrame, arm: Arm) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (K,) s and centroids (K, 2) m of the labelled markers in the arm's plane."""
-    labelled = markers[markers.link > 0]
-    plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
-    seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
-    seen = seen.groupby("t").mean(skipna=False).dropna()
-    return seen.index.to_numpy(), np.ascontiguousarray(seen.to_numpy())
+def camera_residuals(
+    seen: tuple[np.ndarray, np.ndarray], joints: list[pd.DataFrame], arm: Arm, search: tuple
+) -> list[float]:
+    """Return the residuals in m of the centroids ``seen`` (times (F,) s, (F, 2) m) from the affine
+    maps of the arm's joints and tip in each of the takes ``joints``; infinite for a take that does
+    not move alike.
+    """
+    residuals = []
+    for rows in joints:
+        table = rows.drop(columns="residual").dropna()
+        nodes = arm.chain.points(values(table, "q"))[:, 1:].reshape(len(table), -1)
+        path = table["t"].to_numpy(), np.ascontiguousarray(nodes)
+        try:
+            residuals.append(find_offset(*seen, *path, search=search).residual)
+        except RecordingError:
+            residuals.append(np.inf)
+    return residuals
 
 
 def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFrame, list[dict]]:
     """Return the rows of the table ``frames`` of a ``take`` on the motion capture's clock, and the
     quality of the offset. Unless stated, :func:`find_offset` compares the centroids of the arm's
     points and of the labelled markers in the arm's plane, and :func:`residual_share` compares the
-    residual with those beside the markers of other takes.
+    :func:`camera_residuals` of the take with the residuals of other takes.
     """
     rows, offset, errors = take.rows, depth.clock_offset, []
     name = rows["take"].iloc[0]
@@ -168,9 +180,13 @@ def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFr
             message = "no frame shows the arm: check the unit of depth, the camera's pose and the"
             raise RecordingError(f"{message} workspace", file=rows["file"].iloc[0], take=name)
         centroid = np.ascontiguousarray(observed[["x", "z"]].to_numpy())
-        find = partial(find_offset, observed["t"].to_numpy(), centroid, take=name)
-        search = (-depth.search, depth.search)
-        found = find(*marker_path(take.markers, arm), search=search)
+        labelled = take.markers[take.markers.link > 0]
+        plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
+        seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
+        seen = seen.groupby("t").mean(skipna=False).dropna()
+        path = np.ascontiguousarray(seen.to_numpy())
+        signals, search = (observed["t"].to_numpy(), centroid), (-depth.search, depth.search)
+        found = find_offset(*signals, seen.index.to_numpy(), path, search=search, take=name)
         offset = found.value
         errors = [
             ("clock_offset_standard_error", found.standard_error, "s"),
@@ -178,14 +194,10 @@ def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFr
             ("clock_drift_standard_error", found.drift_standard_error, "s/s"),
             ("clock_correlation", found.correlation, "1"),
         ]
-        others = []
-        for markers in take.others:
-            with suppress(RecordingError):  # a take of another motion cannot be confused
-                others.append(find(*marker_path(markers, arm), search=search).residual)
-        if others:
-            share = residual_share(centroid, found.residual, others)
-            errors += [("camera_residual", found.residual, "m")]
-            errors += [("camera_residual_share", share, "share")]
+        if len(take.joints) > 1 and len(centroid) >= FEWEST_FRAMES:
+            own, *others = camera_residuals(signals, take.joints, arm, search)
+            share = residual_share(centroid, own, others)
+            errors += [("camera_residual", own, "m"), ("camera_residual_share", share, "share")]
     quality = [("clock_offset", offset, "s"), *errors]
     rows = rows.assign(t=rows["t"] + offset)
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in quality]

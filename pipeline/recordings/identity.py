@@ -17,7 +17,8 @@ SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by f
 # nats by which a force record may miss its own configuration, and share at which another is nearer:
 # records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
 MISSED, NEARER = 0.5, 0.5
-OTHERS = 4  # number of takes that a take's images are compared with
+OTHERS = 5  # number of takes that a take's images are compared with
+FEWEST_FRAMES = 40  # for a share that separates own images from those of other takes
 DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it
 NOISE_MARGIN = 1.5  # residual over noise below which takes cannot be told apart
 
@@ -61,7 +62,7 @@ def lags_beside_others(q: np.ndarray, rate: float) -> np.ndarray:
 
 
 def residual_share(seen: np.ndarray, own: float, others: list[float]) -> float:
-    """Return the ``own`` residual of a take's centroids ``seen`` (F, d) in m beside its markers,
+    """Return the ``own`` residual of a take's centroids ``seen`` (F, d) in m beside its joints,
     over the median of the residuals beside ``others``: 1 for the images of another take. Takes that
     differ by less than the noise of ``seen`` cannot be told apart; their share is below 1.
     """

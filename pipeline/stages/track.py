@@ -45,7 +45,7 @@ def run() -> None:
             joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
-                repairs += _write_frames(settings, folder)
+                repairs += _write_frames(settings, joints, folder)
         takes = pd.concat([quality, pd.DataFrame(repairs)], ignore_index=True)
         takes = beside_limits(takes, limits)
         require_enough(takes)
@@ -64,10 +64,10 @@ def run() -> None:
             contracts.write(table, name, folder)
 
 
-def _write_frames(settings, folder: Path) -> list[dict]:
+def _write_frames(settings, joints: pd.DataFrame, folder: Path) -> list[dict]:
     """Write the table ``frames`` on the motion's clock; return quality rows of the clocks."""
     dataset, frames = settings.dataset, contracts.read("frames", INGEST / "depth")
-    takes = with_markers(frames, contracts.read("markers", MOTION))
+    takes = with_markers(frames, contracts.read("markers", MOTION), joints)
     align = partial(on_motion_clock, depth=dataset.depth, arm=arm_of(dataset.robot))
     rows = list(run_trials(align, takes, compute=settings.compute, label="track: clocks"))
     contracts.write(pd.concat([table for table, _ in rows]), "frames", folder)

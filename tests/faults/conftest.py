@@ -32,7 +32,7 @@ from pipeline.laboratory.options import KinectOptions
 from pipeline.perception.articulation import articulate_rows
 from pipeline.perception.markers import follower
 from pipeline.recordings import depth, motion_capture
-from pipeline.recordings.depth_takes import arm_points, on_motion_clock
+from pipeline.recordings.depth_takes import CameraTake, arm_points, on_motion_clock
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-9  # rad: above the rounding of a sum, below the resolution of any instrument
@@ -163,7 +163,7 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
         take = next(iter(depth.take_paths(raw, dataset.depth).items()))
         frames, quality = depth.frame_rows(take, dataset.depth, arm, raw, raw)
         clouds = arm_points(frames, raw)
-        frames, clock = on_motion_clock((frames, markers), dataset.depth, arm)
+        frames, clock = on_motion_clock(CameraTake(frames, markers, []), dataset.depth, arm)
         known = arm, dataset.robot.joints, trajectory, section, motion(0.0)
         angles = articulate_rows(frames, clouds, *known)
         counts = counts_of([*quality, *clock]) | {"valid": float(frames["valid"].mean())}

@@ -18,7 +18,7 @@ from pipeline.core.options.dataset import Depth, Pose, Workspace
 from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.recordings.depth import frame_rows, take_paths
-from pipeline.recordings.depth_takes import arm_points, on_motion_clock, with_markers
+from pipeline.recordings.depth_takes import CameraTake, arm_points, on_motion_clock, with_markers
 
 LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
 CHAIN = PlanarChain(np.array([0.02, 0.1]), LINKS, np.ones(3), -LIMIT, LIMIT, np.ones(3))
@@ -220,13 +220,15 @@ def markers(planar) -> pd.DataFrame:
 
 def test_an_offset_is_that_of_the_motion_unless_it_is_stated(planar, markers):
     filmed = frames(path(TIME + 0.12))
-    rows, quality = on_motion_clock((filmed, markers), made(Depth, search=0.3), planar)
+    rows, quality = on_motion_clock(
+        CameraTake(filmed, markers, []), made(Depth, search=0.3), planar
+    )
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
     np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
     stated = made(Depth, search=0.3, clock_offset=-0.25)
     for seen in (filmed, frames(np.ones((len(TIME), 2)))):  # whatever the motion says
-        rows, quality = on_motion_clock((seen, markers), stated, planar)
+        rows, quality = on_motion_clock(CameraTake(seen, markers, []), stated, planar)
         np.testing.assert_allclose(rows["t"], TIME - 0.25)
         assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
 
@@ -236,8 +238,8 @@ def test_takes_that_tell_no_offset_are_refused_by_their_name(planar, markers):
     empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
     for seen, words in ((still, "no motion to compare the clocks by"), (empty, "no frame shows")):
         with pytest.raises(RecordingError, match=words) as refused:
-            on_motion_clock((seen, markers), made(Depth, search=0.3), planar)
+            on_motion_clock(CameraTake(seen, markers, []), made(Depth, search=0.3), planar)
         assert refused.value.evidence["take"] == "test_001"
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:
-        with_markers(frames(path(TIME), "test_002"), markers)
+        with_markers(frames(path(TIME), "test_002"), markers, markers)
     assert refused.value.evidence["take"] == "test_002"

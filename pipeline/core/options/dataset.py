@@ -289,9 +289,9 @@ class Limits:
     # s, of the joint angles behind the median of the takes: seven times the greatest lag of a sound
     # take of the laboratory, and less than half of a late start of 80 ms
     lag_beside_others: Limit = 0.03
-    # of the camera's residual beside the own markers over the residual beside other takes: 0.3 in
-    # the laboratory, 1 for images of another take
-    camera_residual_share: Limit = 0.8
+    # the camera's residual beside the take over its residual beside other takes: up to 0.7 in the
+    # laboratory, from 0.8 on for images of another take
+    camera_residual_share: Limit = 0.75
     lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
 

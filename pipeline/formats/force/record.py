@@ -134,8 +134,8 @@ def sound_samples(
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return the mask (N,) of sound samples, and the numbers of frozen samples (constant for longer
     than ``longest`` s) and saturated samples (an axis at or beyond ``full_scale``, (3,) N or (6,) N
-    and N·m, or on a :func:`plateau`). RecordingError where more than a ``share`` of the samples is frozen or saturated, and
-    for fewer than FEWEST samples.
+    and N·m, or on a :func:`plateau`). RecordingError where more than a ``share`` of the samples is
+    frozen or saturated, and for fewer than FEWEST samples.
     """
     require_record(record, file)
     values = np.hstack([record.force, np.nan_to_num(record.torque)])

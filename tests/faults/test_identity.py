@@ -1,0 +1,181 @@
+"""Recordings that are not what their name says are refused, named or left out; sound ones pass."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.arm.model import arm_of
+from pipeline.core.columns import spread
+from pipeline.core.errors import RecordingError
+from pipeline.core.options.dataset import Arrangement, Force, Limits
+from pipeline.formats.force.record import ForceRecord, sound_samples
+from pipeline.formats.motion.motive import read_motive, write_motive
+from pipeline.recordings.depth_takes import OTHERS, camera_residuals
+from pipeline.recordings.identity import (
+    lags_beside_others,
+    require_distinct,
+    require_own_configuration,
+    residual_share,
+)
+from pipeline.recordings.ingest import read_part
+
+TRAIN, TEST = "train_001", "test_001"
+
+
+@pytest.fixture
+def folder(benches, dataset, tmp_path):
+    """A training and a test take, different in noise, and their dataset."""
+    (tmp_path / "optitrack").mkdir()
+    source = tmp_path / "source.csv"
+    source.write_bytes(benches["take"].files["optitrack/test_001.csv"])
+    take, rng = read_motive(source), np.random.default_rng(4)
+    for name in (TRAIN, TEST):
+        markers = {n: xyz + rng.normal(0, 5e-5, xyz.shape) for n, xyz in take.markers.items()}
+        own = replace(take, name=name, markers=markers)
+        write_motive(tmp_path / f"optitrack/{name}.csv", own, start="2017-05-02 10.00.00.000 AM")
+    mocap = replace(dataset.mocap, training="optitrack/train*", test="optitrack/test*")
+    sections = {"trajectory": None, "depth": None, "force": None, "mocap": mocap}
+    return replace(dataset, recordings=str(tmp_path), **sections)
+
+
+def ingest(dataset, tmp_path) -> dict[str, dict[str, float]]:
+    """Take → counts of the part motion."""
+    (tmp_path / "out").mkdir()
+    quality = read_part("motion", dataset, SimpleNamespace(), tmp_path / "out")
+    takes = {row["take"] for row in quality}
+    return {t: {r["quantity"]: r["value"] for r in quality if r["take"] == t} for t in takes}
+
+
+def test_takes_of_their_own_are_accepted(folder, tmp_path):
+    counts = ingest(folder, tmp_path)
+    assert {*counts} == {TRAIN, TEST} and all("named_otherwise" not in c for c in counts.values())
+
+
+def exported_again(content: bytes) -> bytes:
+    return content.replace(b"\r\n", b"\n").replace(b"Version,1.23", b"Version,1.24")
+
+
+@pytest.mark.parametrize("change", [bytes, exported_again])
+@pytest.mark.parametrize("copy", [TEST, "train_002"])
+def test_a_copy_of_a_take_is_refused_with_both_names(folder, tmp_path, change, copy):
+    content = (tmp_path / f"optitrack/{TRAIN}.csv").read_bytes()
+    renamed = change(content).replace(TRAIN.encode(), copy.encode())
+    (tmp_path / f"optitrack/{copy}.csv").write_bytes(renamed)
+    with pytest.raises(RecordingError, match="have equal samples: one is a copy") as refused:
+        ingest(folder, tmp_path)
+    assert TRAIN in refused.value.message and copy in refused.value.message
+
+
+def test_rounded_samples_are_equal_and_noise_is_not():
+    rng = np.random.default_rng(1)
+    one, other = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
+    one[3] = np.nan
+    require_distinct("takes", {"a": one, "b": one + 1e-4, "c": other, "d": one[:40]})
+    with pytest.raises(RecordingError, match="a and b have equal samples"):
+        require_distinct("takes", {"a": one, "c": other, "b": one.round(6)})
+
+
+def test_a_header_that_names_another_take_is_counted_or_refused(folder, tmp_path, capsys):
+    file = tmp_path / f"optitrack/{TRAIN}.csv"
+    content = file.read_bytes()
+    file.write_bytes(content.replace(TRAIN.encode(), b"Take 2017-05-02"))
+    assert ingest(folder, tmp_path)[TRAIN]["named_otherwise"] == 1
+    assert "the take is 'Take 2017-05-02' by its header" in capsys.readouterr().out
+    file.write_bytes(content.replace(TRAIN.encode(), TEST.encode()))
+    (tmp_path / "out").rename(tmp_path / "before")
+    with pytest.raises(RecordingError, match="another file has this name") as refused:
+        ingest(folder, tmp_path)
+    assert refused.value.evidence["file"] == file
+
+
+def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
+    rng, time = np.random.default_rng(2), np.arange(160) / 100
+    drawn = [motion(time + rng.normal(0, 0.0015)) + rng.normal(0, 1e-3, (160, 3)) for _ in range(8)]
+    lags = lags_beside_others(np.array(drawn), 100.0)
+    assert np.abs(lags).max() < Limits().lag_beside_others / 2
+    late = np.array([*drawn[:-1], motion(time - 0.08)])
+    late[0, 40:60] = np.nan  # lost
+    lags = lags_beside_others(late, 100.0)
+    assert lags[-1] == pytest.approx(0.08, abs=0.005)
+    assert (np.abs(lags) > Limits().lag_beside_others).tolist() == [False] * 7 + [True]
+
+
+def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
+    """Each take sways in its own way, by some tenths of a degree; the camera adds noise."""
+    robot, rng, time = dataset.robot, np.random.default_rng(3), np.arange(181) / 100
+    arm, joints = arm_of(robot), []
+    for number in range(OTHERS + 2):
+        phase, speed = rng.uniform(0, 6, (2, 3))
+        sway = 0.006 * np.sin((4 + speed) * time[:, None] + phase)
+        rows = pd.DataFrame({"take": number, "t": time, "residual": 0.0})
+        joints.append(rows.assign(**spread("q", robot.joints, motion(time) + sway)))
+    seen_at = np.arange(5, 175, 3) / 100
+
+    def share(images: int, name: int, noise: float) -> float:
+        nodes = arm.chain.points(joints[images].filter(like="q").to_numpy())[:, 1:].mean(axis=1)
+        seen = np.stack([np.interp(seen_at, time, x) for x in nodes.T], axis=1)
+        seen = np.ascontiguousarray(seen + rng.normal(0, noise, seen.shape))
+        order = [joints[name], *joints[:name], *joints[name + 1 :]]
+        own, *others = camera_residuals((seen_at, seen), order, arm, (-0.2, 0.2))
+        return residual_share(seen, own, others)
+
+    limit = Limits().camera_residual_share
+    assert max(share(n, n, 3e-4) for n in range(4)) < limit
+    assert min(share(n, n + 1, 3e-4) for n in range(4)) > limit
+    # takes that differ by less than the noise cannot be told apart, and are kept
+    assert share(0, 1, 0.02) < limit
+
+
+def cut(values: np.ndarray, at: float) -> ForceRecord:
+    force = values.copy()
+    force[:, 0] = np.minimum(force[:, 0], at)
+    time = np.arange(len(force)) / 500
+    return ForceRecord(time, force, np.full_like(force, np.nan), 500.0, "", "", {})
+
+
+def test_a_plateau_of_equal_greatest_forces_is_saturation_wherever_it_lies():
+    values = np.random.default_rng(5).normal([20, 1, 2], [5, 0.1, 0.1], (2000, 3))
+    scale = np.array([32.0, 32.0, 100.0])
+    rules = {"longest": 0.5, "share": 0.5, "file": "log.csv"}
+    sound, counts = sound_samples(cut(values, 26.0), scale, **rules)
+    assert counts == {"saturated_samples": (values[:, 0] >= 26).sum()} and counts != {}
+    np.testing.assert_array_equal(sound, values[:, 0] < 26)
+    with pytest.raises(RecordingError, match="are saturated"):
+        sound_samples(cut(values, 26.0), None, 0.5, 0.01, file="log.csv")
+    # neither noise nor a coarse resolution is one
+    for other in (values, values.round(0), np.clip(values.round(1), -np.inf, 33)):
+        assert sound_samples(cut(other, 31.9), None, **rules)[1] == {}
+
+
+ARRANGED = {
+    name: Arrangement(f"{name}.csv", direction, tension, (0.0, 6.3))
+    for name, direction, tension in (
+        ("C1", [0.15, 3.7, 1.6], [9.19, 6.92, 7.3]),
+        ("C2", [1.1, 5.8, 2.5], [4.65, 7.75, 7.45]),
+        ("C3", [0.15, 1.6], [9.0, 7.0]),
+    )
+}
+FORCE = Force(
+    tare=5.0,
+    tension_std=[0.48, 1.2, 2.27],
+    kappa_bounds=(169.35, 2416.0),
+    tension_std_bounds=(0.48, 2.27),
+    tension_bounds=(1.82, 13.89),
+    configurations=ARRANGED,
+)
+
+
+def test_a_record_of_another_configuration_is_refused_by_its_name():
+    rng, records = np.random.default_rng(6), {}
+    for name, one in FORCE.configurations.items():
+        robots = len(one.direction)
+        turns = np.array(one.direction) + rng.normal(0, 600**-0.5, (3000, robots))
+        pulls = np.array(one.tension) + rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
+        records[name] = np.stack([(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)], axis=1)
+    require_own_configuration(records, FORCE)
+    for a, b in (("C1", "C2"), ("C2", "C3")):  # the first two have equal means
+        with pytest.raises(RecordingError, match=f"nats from {a} .* from {b}.*exchanged"):
+            require_own_configuration({**records, a: records[b]}, FORCE)
