@@ -20,7 +20,7 @@ MISSED, NEARER = 0.5, 0.5
 OTHERS = 5  # number of takes that a take's images are compared with
 FEWEST_FRAMES = 40  # for a share that separates own images from those of other takes
 DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it
-NOISE_MARGIN = 1.5  # residual over noise below which takes cannot be told apart
+NOISE_MARGIN = 2.5  # 0.8 quantile of a residual over its noise, below which takes are alike
 
 
 def require_distinct(what: str, samples: Mapping[str, np.ndarray], parts: Mapping = {}) -> None:
@@ -66,7 +66,8 @@ def residual_share(seen: np.ndarray, own: float, others: list[float]) -> float:
     over the median of the residuals beside ``others``: 1 for the images of another take. Takes that
     differ by less than the noise of ``seen`` cannot be told apart; their share is below 1.
     """
-    noise = np.sqrt(np.mean(np.diff(seen, DIFFERENCES, axis=0) ** 2) / NOISE_GAIN)
+    jumps = np.abs(np.diff(seen, DIFFERENCES, axis=0))  # mostly at rest: the motion adds to a few
+    noise = 1.4826 * np.median(jumps) / np.sqrt(NOISE_GAIN)
     return float(own / max(float(np.median(others)), NOISE_MARGIN * noise))
 
 
