@@ -286,11 +286,8 @@ class Limits:
     dropped_share: Limit = None  # of the depth frames
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
     clock_drift: Limit = None  # s/s, where the offset is estimated
-    # s, of the joint angles behind the median of the takes: seven times the greatest lag of a sound
-    # take of the laboratory, and less than half of a late start of 80 ms
-    lag_beside_others: Limit = 0.03
-    # the camera's residual beside the take over its residual beside other takes: up to 0.7 in the
-    # laboratory, from 0.8 on for images of another take
+    lag_beside_others: Limit = 0.03  # s, behind the median take: 7 times the laboratory's greatest
+    # residual of the images beside the own take over other takes: ≤ 0.7; of another take ≥ 0.78
     camera_residual_share: Limit = 0.75
     lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
