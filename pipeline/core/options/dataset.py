@@ -287,8 +287,7 @@ class Limits:
     clock_offset_standard_error: Limit = None  # s, where the offset is estimated
     clock_drift: Limit = None  # s/s, where the offset is estimated
     lag_beside_others: Limit = 0.03  # s, behind the median take: 7 times the laboratory's greatest
-    # residual of the images beside the own take over other takes: ≤ 0.7; of another take ≥ 0.78
-    camera_residual_share: Limit = 0.75
+    camera_residual_share: Limit = 0.75  # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
     lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
 
