@@ -106,6 +106,7 @@ def test_the_recommended_law_is_among_the_best_on_fresh_motions_in_nine_of_ten_p
     assert sum(each <= LIMIT for each in lost) < 9
 
 
+@pytest.mark.slow
 def test_a_law_without_memory_is_recognised_and_one_with_memory_too():
     rng, options = np.random.default_rng(11), model_options(LAWS)
     for law, expected in ((persistent_law(), "joint_step"), (known_law(), "joint_error_normal")):

@@ -20,9 +20,9 @@ HORIZONS = ("one sample", "0.1 s", "0.5 s")
 
 
 def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dict:
-    """Return tables of held-out motions of the joints a and b, of which b hardly moved. The law with
-    memory predicts the σ ``predicted`` where 1e-4 is measured and has the score of the white steps
-    plus ``gain`` and a small part that differs by motion; white steps predict 1.2e-4.
+    """Return tables of held-out motions of the joints a and b, of which b hardly moved. The law
+    with memory predicts the σ ``predicted`` where 1e-4 is measured and has the score of the white
+    steps plus ``gain`` and a small part that differs by motion; white steps predict 1.2e-4.
     """
     names = [str(k) for k in range(1, motions + 1)]
     rows = []
