@@ -16,7 +16,7 @@ from pipeline.models.closed_loop import measured_poses
 from pipeline.models.joint_error.fit import FAMILY, runs_of
 from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.models.kinds import estimate, fitted_models
-from pipeline.models.other_motions import motion_of, other_motions
+from pipeline.models.other_motions import matrix_scores
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Options, Recorded
 from pipeline.recordings.motions import logged_motions
@@ -44,40 +44,28 @@ def run() -> None:
         beside = config.model_options([name for name in beside if name not in settings.models])
         options = {**settings.models, **beside}
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
-        tables = {"ranges": ranges} | _other_motions(settings, recorded, options)
-        tables |= _joint_tables(settings, recorded)
+        tables = {"ranges": ranges} | _joint_tables(settings, recorded, options)
         for name, table in (tables | _predictions(settings, recorded, options)).items():
             contracts.write(table, name, folder)
 
 
-def _other_motions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
-    """Return the tables of :func:`other_motions` over all motions of the dataset's logs."""
-    dataset = settings.dataset
-    motions = logged_motions(dataset) if dataset.joint_log else []
-    try:
-        return other_motions(
-            motions or [motion_of(recorded)],
-            recorded.joints,
-            dataset.motion.rate,
-            pose_noise=dataset.motion.pose_noise,
-            chain=recorded.chain,
-            matrix={name: own for name, own in options.items() if own.kind in MATRIX_KINDS},
-        )
-    except ModelDomainError as error:
-        print(f"predict: no plain model: {error}")
-        return {}
-
-
-def _joint_tables(settings, recorded: Recorded) -> dict[str, pd.DataFrame]:
-    """Return the tables of the joint error laws on all runs of the dataset's logs, or its takes."""
+def _joint_tables(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
+    """Return the tables of the joint error laws on all runs of the dataset's logs, or its takes,
+    and the scores of matrix models on the motions of the logs.
+    """
     each = partial(run_trials, compute=settings.compute, label="predict: held-out motions")
     try:
         logged = runs_of_dataset(settings.dataset) if settings.dataset.joint_log else None
         runs, unused = (runs_of(recorded), {}) if logged is None else logged
-        return joint_tables(runs, config.model_options(FAMILY), unused, each)
+        tables = joint_tables(runs, config.model_options(FAMILY), unused, each)
     except (ModelDomainError, RecordingError) as error:
         print(f"predict: no joint error law: {error}")
         return {}
+    dataset = settings.dataset
+    motions = logged_motions(dataset) if dataset.joint_log else []
+    matrix = {name: own for name, own in options.items() if own.kind in MATRIX_KINDS}
+    of_motions = recorded.joints, dataset.motion.pose_noise, recorded.chain, matrix
+    return tables | {"other_motions": matrix_scores(motions, *of_motions)}
 
 
 def _predictions(settings, recorded: Recorded, options: Models) -> dict[str, pd.DataFrame]:
