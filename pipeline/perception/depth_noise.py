@@ -98,14 +98,6 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
     return pd.DataFrame(rows, columns=["frames", "joint", "slope", "standard_error"])
 
 
-def slope_scores(slopes: pd.DataFrame) -> dict[str, float]:
-    """Return the slopes of :func:`error_slopes` over the frames near a sample, without NaN."""
-    rows = slopes[(slopes["frames"] == NEAR_A_SAMPLE) & np.isfinite(slopes["slope"])]
-    names = "depth_error_slope_" + rows["joint"]
-    scores = dict(zip(names, rows["slope"], strict=True))
-    return scores | dict(zip(names + "_standard_error", rows["standard_error"], strict=True))
-
-
 def _slope(d: np.ndarray, e: np.ndarray, takes: pd.Series, noise: float) -> tuple[float, float]:
     """Return the slope of ``e`` on ``d`` (rows,) and its standard error; Σd² has ``noise`` rad²."""
     number, power = takes.nunique(), np.sum(d**2)

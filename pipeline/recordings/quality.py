@@ -41,13 +41,6 @@ def summarise(quality: pd.DataFrame) -> pd.DataFrame:
     return table.assign(total=table["total"].where(counted), mean=table["mean"].where(~counted))
 
 
-def metrics(summary: pd.DataFrame) -> dict[str, float]:
-    """Return name → total (of counts) or mean (of others) from :func:`summarise`."""
-    names = summary["instrument"].str.replace(" ", "_") + "_" + summary["quantity"]
-    names = names.where(summary["unit"] == "count", "mean_" + names)
-    return dict(zip(names, summary["total"].fillna(summary["mean"]), strict=True))
-
-
 def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.DataFrame:
     """Return the table ``takes`` from the table ``quality``: measures, their limits (in the unit of
     the measure; None: no limit), and whether a take is left out; training takes first.

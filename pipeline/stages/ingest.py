@@ -19,5 +19,4 @@ def run(part: str) -> None:
         if quality:
             contracts.write(pd.DataFrame(quality), "quality", folder)
         else:
-            name = settings.dataset.name
-            print(f"ingest: the dataset {name} has no {part}; results from it are left out")
+            print(f"ingest: the dataset has no {part}; results from it are left out")

@@ -1,43 +1,47 @@
-"""readings: verdicts of the claims under every reading of "LU or QR" (Eq. LUDecom)."""
+"""readings: evidence under every other reading of "LU or QR" (Eq. LUDecom)."""
 
 from functools import partial
 from pathlib import Path
 
-from pipeline.cases.case import Choices, Recordings, camera_of, recorded_takes
-from pipeline.cases.evidence import evaluate
-from pipeline.cases.readings import read_claims, readings, readings_table
+import pandas as pd
+
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
+from pipeline.evidence.case import Camera, Choices, Recordings, recorded_takes
+from pipeline.evidence.outcomes import evaluate
+from pipeline.evidence.readings import WISHART, readings
+from pipeline.evidence.table import depends_on
+from pipeline.filtering.measurement import measured_takes
 
-TRACK, ARTICULATE, OUT = Path("data/track"), Path("data/articulate"), Path("data/readings")
+OUT = Path("data/readings")
 
 
 def run() -> None:
-    """Fit, realise and filter the paper's models under each reading, and write the verdicts."""
+    """Fit, realise and filter the Wishart model under each reading that is not the run's, and write
+    the evidence that depends on it, and the reasons for missing evidence.
+    """
     settings = config.sections("readings")
     robot, motion = settings.dataset.robot, settings.dataset.motion
     with contracts.replacing(OUT) as folder:
         if robot is None:
             print("readings: the dataset has no robot; there are no claims about its motion")
             return
-        base = Choices.of_run(settings)
-        takes, cameras = recorded_takes(robot, motion), {}
-        cases = readings(base, takes.training.chain.task, takes.training.joints)
-        if not cases:
+        base, takes = Choices.of_run(settings), recorded_takes(robot, motion)
+        if not (cases := readings(base, takes.training.chain.task, takes.training.joints)):
             return
-        if contracts.exists("angles", ARTICULATE):
-            angles, joints = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
-            window = settings.articulation.noise_window
-            cameras[base.clock] = camera_of(angles, joints, window=window)
-        filtered = sum(len(camera.takes) for camera in cameras.values())
-        sizes = (motion.rate, filtered, settings.simulation.realizations)
-        recordings = Recordings(takes, cameras, *sizes, (settings.seed, "readings"))
+        measured = {take.take: take for take in measured_takes(settings.dataset)}
+        cameras = {base.clock: Camera(None, measured)} if measured else {}
+        sizes = (motion.rate, len(measured), settings.simulation.realizations)
+        recordings = Recordings(takes, cameras, *sizes, settings.seed)
         trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
-        results = evaluate(list(cases.values()), recordings, trials)
-        evidence = dict(zip(cases, results, strict=True))
-        for name, (_, refusals) in evidence.items():
+        own, *others = cases
+        results = evaluate([cases[name] for name in others], recordings, trials)
+        parts, reasons = [], [{"reading": own, "refused": ""}]
+        for name, (evidence, refusals) in zip(others, results, strict=True):
             for refusal in refusals:
                 print(f"readings: {name}: {refusal}")
-        table = readings_table(read_claims(), evidence, takes.arm)
-        contracts.write(table, "readings", folder)
+            parts.append(evidence[depends_on(evidence, WISHART)].assign(reading=name))
+            reasons.append({"reading": name, "refused": "; ".join(refusals)})
+        contracts.write(pd.concat(parts, ignore_index=True), "readings", folder)
+        contracts.write(pd.DataFrame(reasons), "reading_refusals", folder)

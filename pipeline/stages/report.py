@@ -1,6 +1,7 @@
 """report: verdicts on the claims for every dataset, errata, model card, places of equations."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 from pipeline.configuration import config
@@ -10,41 +11,44 @@ from pipeline.core.validation import validated
 from pipeline.verdicts import paper
 from pipeline.verdicts import report_page as pages
 from pipeline.verdicts.claims import ClaimsFile, parse_claims
-from pipeline.verdicts.decision import decide_each, verdict_data
+from pipeline.verdicts.decision import decide_each, verdict_table
 from pipeline.verdicts.model_card import model_card
+from pipeline.verdicts.readings import CLAIMS, reading_verdicts
 from pipeline.verdicts.run import read_runs
 
-REPORTS, CLAIMS, README = Path("reports"), Path("pipeline/verdicts/claims.yaml"), Path("README.md")
+REPORTS, README = Path("reports"), Path("README.md")
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
 BEYOND = ("studies", "tools")  # packages beyond the paper, which do not enter the report
 DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
 
 
 def run() -> None:
-    """Decide the claims with the numbers of every run; write the dataset's claims.json, report.md,
+    """Decide the claims with the numbers of every run; write the dataset's claims.csv, report.md,
     errata.md, model_card.md, recordings.md and summary.json, and datasets.md and equations.md. The
     default dataset's results are also written to the README.
     """
     name = config.sections("report").dataset.name
     runs, reports = read_runs(REPORTS / "datasets", first=name), REPORTS / name
-    here = runs[0]
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
-    decided = decide_each(parse_claims(stated.claims), runs, stated.recordings_of_the_paper)
+    claims = parse_claims(stated.claims)
+    decided = decide_each(claims, runs, stated.recordings_of_the_paper)
+    runs = [
+        replace(run, tables=run.tables | {"readings": reading_verdicts(claims, run)})
+        if "readings" in run.tables
+        else run
+        for run in runs
+    ]
+    here = runs[0]
     errata = paper.parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
     items = paper.parse_items(read_yaml(HERE / "paper.yaml").get("items"))
     sources = paper.citations(PACKAGE, items, BEYOND)
     captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
-    datasets = [
-        {"dataset": each.dataset, "scale": each.scale, "recordings": whose.recordings}
-        for each, whose in zip(runs, decided, strict=False)  # the last has no run
-    ]
-    claims = {"datasets": datasets, "claims": verdict_data(decided)}
     parts = {
         "Figures": pages.figures(here, decided, captions, items, sources),
         "The gravest errata of the paper": pages.gravest_errata(errata),
     }
     written = {
-        reports / "claims.json": json.dumps(claims, indent=2, ensure_ascii=False) + "\n",
+        reports / "claims.csv": verdict_table(decided).to_csv(index=False),
         reports / "report.md": pages.report_page(here, runs, decided, parts),
         reports / "errata.md": paper.errata_page(errata, here, decided),
         reports / "model_card.md": model_card(here, runs[1:]),

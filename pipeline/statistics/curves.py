@@ -9,7 +9,7 @@ their ranks follow the recorded first-order autoregression (a Gaussian copula).
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations, product
+from itertools import permutations
 
 import numpy as np
 import pandas as pd
@@ -60,22 +60,6 @@ def correlation(a: ndarray, b: ndarray) -> float:
 def variation(values: ndarray) -> float:
     """Return the standard deviation of ``values`` (K,) over their mean; 0 for constant values."""
     return float(values.std() / values.mean()) if np.ptp(values) else 0.0
-
-
-def std_scores(
-    std: Mapping[str, ndarray], error: Mapping[str, ndarray], joints: Sequence[str]
-) -> dict[str, float]:
-    """Return size and variation over time of each standard deviation and the greatest error of each
-    mean, by names with model, joint and unit. ``std`` (M, n) in rad by model has no scores if it is
-    not finite; ``error`` (M,) in rad by model is ‖mean − recorded mean‖.
-    """
-    scores = {f"{model}_greatest_mean_error_rad": e.max() for model, e in error.items()}
-    for (j, joint), model in product(enumerate(joints), std):
-        curve = std[model][:, j]
-        if np.all(np.isfinite(curve)):
-            scores[f"{model}_std_{joint}_rms_rad"] = root_mean_square(curve)
-            scores[f"{model}_std_{joint}_variation"] = variation(curve)
-    return scores
 
 
 def following_tests(
@@ -137,25 +121,6 @@ def _correlations(curve: ndarray, others: ndarray) -> ndarray:
     """Return Pearson's correlation (R,) of ``curve`` (K,) with each column of ``others`` (K, R)."""
     a, b = curve - curve.mean(), others - others.mean(axis=0)
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
-
-
-def spread_tables(
-    modelled: Mapping[str, ModelledNoise],
-    following: Mapping[str, pd.DataFrame],
-    noise: ndarray,
-    joints: Sequence[str],
-) -> dict[str, pd.DataFrame]:
-    """Return the tables ``spread_following``, ``spread_comparison``, ``mean_error_comparison`` by
-    name; no table without a model. Models are compared with the first of ``modelled``.
-    ``following`` has :func:`following_tests` by model; ``noise`` (takes ≥ 2, M, n) is in rad.
-    """
-    if not modelled:
-        return {}
-    rows = [table.assign(model=model) for model, table in following.items() if len(table)]
-    tables = {"spread_following": pd.concat(rows, ignore_index=True)} if rows else {}
-    tables["spread_comparison"] = spread_comparison(modelled, noise, joints)
-    errors = {model: each.error for model, each in modelled.items()}
-    return tables | {"mean_error_comparison": mean_error_comparison(errors)}
 
 
 def spread_comparison(

@@ -178,38 +178,3 @@ def bound_scores(
             "relative_error_of_bound": np.linalg.norm(width - rms) / np.linalg.norm(rms),
         }
     return scores
-
-
-def filter_metrics(
-    filters: Mapping[str, Filtered], joints: Sequence[str], steady: ndarray
-) -> dict[str, float]:
-    """Return the :func:`bound_scores` of every filter by names with model, joint and unit, and the
-    correlation of bound and error over the ``steady`` steps (K − 1,) alone. There the speed is
-    constant and causes no correlation.
-    """
-    metrics = {}
-    for name, each in filters.items():
-        at_speed = (part[:, 1:][:, steady] for part in (each.error, each.bound))
-        at_speed = bound_scores(*at_speed, joints)
-        for joint, own in bound_scores(each.error, each.bound, joints).items():
-            own[f"{FOLLOWS}_at_constant_speed"] = at_speed[joint][FOLLOWS]
-            metrics |= {f"{name}_{joint}_{quantity}": value for quantity, value in own.items()}
-    return metrics
-
-
-def sensor_scores(
-    bias: ndarray, variance: ndarray, takes: int, joints: Sequence[str]
-) -> dict[str, float]:
-    """Return size and variation over time of the depth camera's noise in the joint angles, from
-    ``bias`` (F, n) in rad, a mean over ``takes``, and ``variance`` (F, n) in rad². A zero bias has
-    a size of about 1 standard error, a constant bias a variation of about 1 standard error.
-    """
-    scores = {}
-    for joint, mean, own in zip(joints, bias.T, variance.T, strict=True):
-        standard_error, name = np.sqrt(own.mean() / takes), f"kinect_bias_{joint}"
-        scores |= {
-            f"{name}_over_standard_error": root_mean_square(mean) / standard_error,
-            f"{name}_variation_over_standard_error": mean.std() / standard_error,
-            f"kinect_std_{joint}_variation": variation(np.sqrt(own)),
-        }
-    return scores

@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.arm.interface import Chain
-from pipeline.cases.case import Camera, Takes, camera_of
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
+from pipeline.evidence.case import Camera, Takes, camera_of
 from pipeline.laboratory.dynamics import depth_frames, desired_trajectory, open_session
 from pipeline.laboratory.dynamics import perform as perform_take
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
@@ -174,5 +174,7 @@ def observe(
         place = {"take": name, "t": take.frames, "frame": range(len(seen))}
         angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))
     angles, joints = (pd.concat(parts, ignore_index=True) for parts in (angles, joints))
-    takes = Takes(steps(laboratory, poses), poses, dict(zip(names, others, strict=True)))
+    training_names = tuple(f"train_{number:03d}" for number in range(1, training + 1))
+    tested = dict(zip(names, others, strict=True))
+    takes = Takes(steps(laboratory, poses), training_names, poses, tested)
     return takes, camera_of(angles, joints, window=laboratory.window)

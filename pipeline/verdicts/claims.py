@@ -26,9 +26,10 @@ CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
 NONE = "none"  # value of Claim.recording for a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
 COMPARED = ("value", "than", "low", "high", "threshold", "power")
-STATED = (*COMPARED, "published", "limit", "tolerance", "standard_error")
+REFERENCES = ("value", "than", "difference", "threshold", "power")
+STATED = (*REFERENCES, "published", "limit", "tolerance", "standard_error")
 EVERY = "every"  # value of ``each`` for all joints of a dataset's arm
-ENDS = {"low", "high"}
+ENDS = {"low", "high"}  # of the difference, else of the value
 ORDERS = ("less", "greater")  # rules that need an interval of the difference
 Judge = Callable[[pd.DataFrame], pd.Series]
 
@@ -74,10 +75,9 @@ RULES = {
 
 @options(frozen=True)
 class Unless:
-    """A measured quantity and its ``limit``: a dataset above the limit gives no evidence."""
+    """A measured ``value`` and its ``limit``: a dataset above the limit gives no evidence."""
 
-    file: str
-    key: str
+    value: Reference
     limit: Number
     reason: str
 
@@ -90,6 +90,7 @@ class Claim:
     - ``each``: lists of values by name, or ``joint: every``; each combination is a case, whose
       values replace the names in references;
     - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
+    - ``difference``: the difference of an order, whose interval decides;
     - ``standard_error``: one reference, or several that add in squares;
     - ``by``: the construction of the models forces the claim (no verdict), or their total variance
       decides the claim; ``because`` has the reason;
@@ -115,8 +116,7 @@ class Claim:
     tolerance: Number | None = None
     limit: Number | None = None
     than: Reference | None = None
-    low: Reference | None = None
-    high: Reference | None = None
+    difference: Reference | None = None
     threshold: Reference | None = None
     power: Reference | None = None
     standard_error: list[Reference] | Reference | None = None
@@ -139,7 +139,8 @@ class Claim:
             message = f"{rule} needs either a published value or a limit, not both"
             raise ConfigError(message, key="limit")
         if self.rule in ORDERS and self.by != CONSTRUCTION:
-            needs |= ENDS
+            needs |= {"difference"}
+        needs -= ENDS
         for key in sorted({"limit", "tolerance", "threshold", "power"} - needs - yardstick):
             if key in stated:
                 raise ConfigError(f"{rule} does not use this key; remove it", key=key)
@@ -172,8 +173,8 @@ class Claim:
 
     def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:
         """Return every reference of every case for an arm with these ``joints``."""
-        named = [getattr(self, key) for key in COMPARED if getattr(self, key) is not None]
-        named += self.standard_errors
+        named = [getattr(self, key) for key in REFERENCES if getattr(self, key) is not None]
+        named += [*self.standard_errors, *([self.unless.value] if self.unless else [])]
         return [reference.in_case(case) for case in self.cases(joints) for reference in named]
 
 

@@ -2,14 +2,15 @@
 
 from collections import namedtuple
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, NONE, RULES, Claim
-from pipeline.verdicts.run import ArmNames, Evidence, Reference, Run
+from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, RULES, Claim
+from pipeline.verdicts.run import ArmNames, IndexedEvidence, Reference, Run, index_evidence
 from pipeline.verdicts.wording import interval, number
 
 REPRODUCED = "reproduced"
@@ -18,10 +19,7 @@ SYNTHETIC_CANNOT = "cannot be decided with synthetic data"
 NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
-COMMAND = "dvc repro publish"  # writes all evidence into the dataset's reports
 WITHOUT_RECORDING = "no recording"  # heading of the column of claims that need no recording
-PRINTED = ("id", "where", "source", "statement", "about", "by", "because", "recording")
-PRINTED += ("quantity", "unit", "test", "reason")
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
@@ -61,16 +59,17 @@ def decide_each(
 
 
 def decide(
-    claims: Sequence[Claim], evidence: Evidence, recordings: Recordings, arm: ArmNames
+    claims: Sequence[Claim], evidence: pd.DataFrame, recordings: Recordings, arm: ArmNames
 ) -> list[Verdict]:
-    """Return a verdict on every claim from the ``evidence`` of a run on ``recordings`` of ``arm``.
-    A claim on numbered joints has no evidence on an arm without numbered joints.
+    """Return a verdict on every claim from the table ``evidence`` of a run on ``recordings`` of
+    ``arm``. A claim on numbered joints has no evidence on an arm without numbered joints.
     """
-    return [_decide_claim(claim, evidence, recordings, arm) for claim in claims]
+    rows = index_evidence(evidence)
+    return [_decide_claim(claim, rows, recordings, arm) for claim in claims]
 
 
 def _decide_claim(
-    claim: Claim, evidence: Evidence, recordings: Recordings, arm: ArmNames
+    claim: Claim, evidence: IndexedEvidence, recordings: Recordings, arm: ArmNames
 ) -> Verdict:
     if claim.numbers_joints and not arm.numbered:
         evidence = {}
@@ -82,8 +81,8 @@ def _decide_claim(
     known = there & (there.all() or claim.rule != "decreasing")
     void = False
     if (unless := claim.unless) is not None:
-        share = Reference(unless.file, unless.key).look_up(evidence, arm)
-        void = share is not None and share > unless.limit
+        share = unless.value.look_up(evidence, arm)
+        void = share is None or share > unless.limit  # a guard without a number is no evidence
     decides, holds = known & rule.decides(r) & (not void), rule.holds(r)
     half = NORMAL_QUANTILE * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
@@ -116,7 +115,9 @@ def _verdict_word(
     return REPRODUCED if decides.all() else NO_EVIDENCE
 
 
-def _rule_table(claim: Claim, cases: list[dict], evidence: Evidence, arm: ArmNames) -> pd.DataFrame:
+def _rule_table(
+    claim: Claim, cases: list[dict], evidence: IndexedEvidence, arm: ArmNames
+) -> pd.DataFrame:
     """Return the table of a rule (:mod:`pipeline.verdicts.claims`) with a row for each case."""
 
     def numbers(reference: Reference | None) -> np.ndarray:
@@ -124,7 +125,11 @@ def _rule_table(claim: Claim, cases: list[dict], evidence: Evidence, arm: ArmNam
         return np.array(values, dtype=float)
 
     errors = [numbers(part) for part in claim.standard_errors or [None]]
-    r = pd.DataFrame({key: numbers(getattr(claim, key)) for key in COMPARED})
+    ends = claim.difference or claim.value
+    plain = ends.column == "value"  # an end of an interval has no interval
+    named = {key: getattr(claim, key, None) for key in COMPARED}
+    named |= {end: replace(ends, column=end) if plain else None for end in sorted(ENDS)}
+    r = pd.DataFrame({key: numbers(reference) for key, reference in named.items()})
     r["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
     for key in ("published", "tolerance", "limit"):
         r[key] = np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
@@ -149,17 +154,12 @@ def case_text(case: Case) -> str:
     return f"{text} ✗" if case.holds is False else text
 
 
-def verdict_data(decided: Sequence[Decided]) -> list[dict]:
-    """Return each claim with its verdicts by dataset as JSON values."""
-    entries = []
+def verdict_table(decided: Sequence[Decided]) -> pd.DataFrame:
+    """Return a row for each case of a claim in each dataset; one row for a claim without cases."""
+    rows = []
     for row in zip(*(whose.verdicts for whose in decided), strict=True):
-        claim = row[0].claim
-        entry = {name: getattr(claim, name) for name in PRINTED} | {"command": COMMAND}
-        entry["evidence"] = [reference.address for reference in claim.references()]
-        entry["datasets"] = {
-            whose.dataset: {"verdict": v.verdict, "cases": [case._asdict() for case in v.cases]}
-            for whose, v in zip(decided, row, strict=True)
-            if v.verdict != NO_RECORDING
-        }
-        entries.append(entry)
-    return entries
+        for whose, (claim, verdict, cases) in zip(decided, row, strict=True):
+            place = {"claim": claim.id, "dataset": whose.dataset, "verdict": verdict}
+            if verdict != NO_RECORDING:
+                rows += [place | case._asdict() for case in cases] or [place]
+    return pd.DataFrame(rows, columns=["claim", "dataset", "verdict", *Case._fields])

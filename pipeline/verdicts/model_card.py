@@ -135,7 +135,7 @@ def by_joint(run: Run, samples: str) -> str:
 
 def few_takes(run: Run) -> bool:
     """Return True if ``run`` has too few takes for an interval from resampled takes."""
-    return run.metrics.get("motion", {}).get("recorded_takes", FEW_TAKES) < FEW_TAKES
+    return run.recorded("takes", FEW_TAKES) < FEW_TAKES
 
 
 def model_card(run: Run, others: Sequence[Run]) -> str:

@@ -19,7 +19,7 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.run import Evidence, Reference, Run, TestName, parse_entries
+from pipeline.verdicts.run import Files, Place, Run, TestName, parse_entries
 from pipeline.verdicts.wording import TEXTS, number, page, table
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
@@ -161,7 +161,7 @@ class Erratum:
     fact: str
     done: str
     tests: list[TestName] = Field(min_length=1)
-    values: dict[str, Reference] = field(default_factory=dict)
+    values: dict[str, Place] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         try:
@@ -186,7 +186,7 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
     claimed, sections = _claim_numbers(decided), [TEXTS["errata"]]
     published = claimed["claims/published"]
     levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
-    evidence = {**run.evidence, **claimed, "claims/level": levels}
+    evidence = {**run.files, **claimed, "claims/level": levels}
     for place, erratum in enumerate(errata, 1):
         values = {n: source.look_up(evidence, run.arm) for n, source in erratum.values.items()}
         numbers = {n: MISSING if value is None else number(value) for n, value in values.items()}
@@ -201,7 +201,7 @@ def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided])
     return page(sections)
 
 
-def _claim_numbers(decided: Sequence[Decided]) -> Evidence:
+def _claim_numbers(decided: Sequence[Decided]) -> Files:
     """Return numbers by claim and case. From a published variance of a step follow its std, the
     speed of RATE such steps in a second, and walk, the std of a sum of STEPS independent steps.
     """

@@ -4,9 +4,9 @@ import io
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, NamedTuple, TypeVar
+from typing import Annotated, Literal, NamedTuple, TypeVar
 
 import pandas as pd
 from pydantic import Field
@@ -14,9 +14,13 @@ from pydantic import Field
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.core.validation import options, validated
+from pipeline.evidence.table import DECLARED, KEYS, NUMBERS, QUANTITIES
 
 # metrics/STEM → values by name; tables/STEM → rows
-Evidence = Mapping[str, Mapping[str, float] | pd.DataFrame]
+Files = Mapping[str, Mapping[str, float] | pd.DataFrame]
+# rows of the table ``evidence`` by their keys
+IndexedEvidence = Mapping[tuple[str, ...], Mapping[str, float]]
+EVIDENCE_TABLES = ("evidence", "readings")
 T = TypeVar("T")
 Number = Annotated[float, Field(strict=True)]  # no text and no truth value
 TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
@@ -42,8 +46,20 @@ class ArmNames(NamedTuple):
         return JOINT.sub(lambda place: names.get(place[1], place[0]), text)
 
 
+def fill_placeholders(text: str, case: Mapping[str, object]) -> str:
+    """Return ``text`` with the values of ``case``; raises ConfigError if it lacks a name."""
+
+    def value(place: re.Match) -> str:
+        if place[1] not in case:
+            message = f"unknown placeholder; the claim has {', '.join(case) or 'none'}"
+            raise ConfigError(message, key=place[1])
+        return str(case[place[1]])
+
+    return PLACEHOLDER.sub(value, text)
+
+
 @options(frozen=True)
-class Reference:
+class Place:
     """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
     columns equal ``rows``; raises ConfigError without key or column.
 
@@ -62,30 +78,11 @@ class Reference:
             raise ConfigError(message, key="key")
 
     @property
-    def address(self) -> str:
-        """File in the dataset's reports, and place in the file."""
-        if self.key:
-            return f"{self.file}.json: {self.key}"
-        rows = ", ".join(f"{column} = {value}" for column, value in self.rows.items())
-        return f"{self.file}.csv: {self.column}" + (f" where {rows}" if rows else "")
-
-    @property
     def joint_numbers(self) -> list[int]:
         """Numbers of the joints in ``{joint N}``."""
         return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
 
-    def in_case(self, case: Mapping[str, object]) -> "Reference":
-        """Return this reference with the values of ``case``; ConfigError if it lacks a name."""
-
-        def value(place: re.Match) -> str:
-            if place[1] not in case:
-                message = f"unknown placeholder; the claim has {', '.join(case) or 'none'}"
-                raise ConfigError(message, file=self.file)
-            return str(case[place[1]])
-
-        return self._with(lambda text: PLACEHOLDER.sub(value, text))
-
-    def look_up(self, evidence: Evidence, arm: ArmNames) -> float | None:
+    def look_up(self, evidence: Files, arm: ArmNames) -> float | None:
         """Return the number, None if it is missing; raises ConfigError if several rows fit."""
         if any(number > len(arm.numbered) for number in self.joint_numbers):
             return None
@@ -102,9 +99,65 @@ class Reference:
             value = content[named.column].iloc[0] if len(content) else None
         return None if value is None or pd.isna(value) else float(value)
 
-    def _with(self, change: Callable[[str], str]) -> "Reference":
+    def _with(self, change: Callable[[str], str]) -> "Place":
         rows = {c: change(v) if isinstance(v, str) else v for c, v in self.rows.items()}
-        return Reference(change(self.file), change(self.key), rows, change(self.column))
+        return Place(change(self.file), change(self.key), rows, change(self.column))
+
+
+@options(frozen=True)
+class Reference:
+    """Place of a number in the table ``evidence``: the ``column`` of the row with these keys;
+    raises ConfigError for an undeclared quantity. Placeholders are as in :class:`Place`.
+    """
+
+    quantity: str
+    model: str = ""
+    estimator: str = ""
+    rival: str = ""
+    joint: str = ""
+    entry: str = ""
+    configuration: str = ""
+    steps: str = ""
+    column: Literal[NUMBERS] = "value"
+
+    def __post_init__(self) -> None:
+        if self.quantity not in QUANTITIES:
+            message = f"the table of evidence has no quantity {self.quantity!r}; see tables.yaml"
+            raise ConfigError(message, key="quantity")
+
+    @property
+    def joint_numbers(self) -> list[int]:
+        """Numbers of the joints in ``{joint N}``."""
+        return [int(n) for name in KEYS for n in JOINT.findall(getattr(self, name))]
+
+    def in_case(self, case: Mapping[str, object]) -> "Reference":
+        """Return this reference with the values of ``case``; ConfigError if it lacks a name."""
+        return self._with(lambda text: fill_placeholders(text, case))
+
+    def look_up(self, evidence: IndexedEvidence, arm: ArmNames) -> float | None:
+        """Return the number, None if it is missing."""
+        if any(number > len(arm.numbered) for number in self.joint_numbers):
+            return None
+        named = self._with(arm.named)
+        row = evidence.get(tuple(getattr(named, name) for name in KEYS), {})
+        value = row.get(self.column)
+        return None if value is None or pd.isna(value) else float(value)
+
+    def _with(self, change: Callable[[str], str]) -> "Reference":
+        return replace(self, **{name: change(getattr(self, name)) for name in KEYS[1:]})
+
+
+def index_evidence(table: pd.DataFrame) -> IndexedEvidence:
+    """Return the rows of the table ``evidence`` by their keys; raises ContractError for two rows
+    with equal keys.
+    """
+    rows = {}
+    for row in table.to_dict("records"):
+        if (key := tuple(row[name] for name in KEYS)) in rows:
+            message = f"two rows of the evidence have equal keys: {', '.join(filter(None, key))}"
+            raise ContractError(message)
+        rows[key] = row
+    return rows
 
 
 def parse_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
@@ -144,8 +197,18 @@ class Run:
         return ArmNames(tuple(self.joints), tuple(self.task))
 
     @property
-    def evidence(self) -> Evidence:
-        """Metrics and tables by the file names of :class:`Reference`."""
+    def evidence(self) -> pd.DataFrame:
+        """The table ``evidence``."""
+        return self.tables.get("evidence", pd.DataFrame(columns=[*DECLARED]))
+
+    def recorded(self, quantity: str, default: float) -> float:
+        """Return a number of the recordings in the table ``evidence``, or ``default``."""
+        rows = self.evidence.query("quantity == @quantity and model == 'recorded'")
+        return float(rows["value"].iloc[0]) if len(rows) else default
+
+    @property
+    def files(self) -> Files:
+        """Metrics and tables by the file names of :class:`Place`."""
         metrics = {f"metrics/{stem}": values for stem, values in self.metrics.items()}
         return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
 
@@ -174,7 +237,9 @@ def read_run(file: Path) -> Run:
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
         for stem, lines in values["tables"].items():
-            values["tables"][stem] = pd.read_csv(io.StringIO("\n".join(lines)))
+            text = dict.fromkeys(KEYS, str) if stem in EVIDENCE_TABLES else {}
+            table = pd.read_csv(io.StringIO("\n".join(lines)), dtype=text)
+            values["tables"][stem] = table.fillna(dict.fromkeys(text, ""))
         return Run(**values)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         message = f"cannot read the evidence of a run ({error}); run the stage score again"

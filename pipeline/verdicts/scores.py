@@ -14,7 +14,7 @@ ADDITIVE = "additive"  # name of the paper's own rival
 NO_NOISE = "no_noise"  # rival in the tables of standard deviations: zero
 ALL = "all"  # name of the group of all steps
 FILTERS = "filter_against_none"
-BETWEEN, LIMIT = "recorded_share_of_variance_between_recordings", 0.5  # as in claims.yaml
+BETWEEN, LIMIT = "share_of_variance_between_recordings", 0.5  # as in claims.yaml
 LABELS = {NONE: "training mean", MEMORY: "autoregressive, linear filter"}
 TEXT = TEXTS["scores"]
 
@@ -74,12 +74,11 @@ def widths(run: Run) -> list[str]:
     """Return a sentence for each matrix model on the joints where its standard deviation is widest
     and narrowest beside the recordings, and where its error is above the error of no noise.
     """
-    motion, sentences = run.metrics.get("motion", {}), []
-    errors = run.tables.get("spread_comparison", pd.DataFrame(columns=["rival", "model"]))
-    errors = errors[errors["rival"] == NO_NOISE]
+    stds, sentences = run.evidence.query("quantity == 'std'").set_index("model"), []
+    errors = run.evidence.query("quantity == 'std_error' and rival == @NO_NOISE")
     for model in (name for name, kind in run.models.items() if kind in MATRIX_KINDS):
         own, recorded = (
-            pd.Series({j: motion.get(f"{source}_std_{j}_rms_rad") for j in run.joints}, dtype=float)
+            stds.loc[stds.index == source].set_index("joint")["value"].reindex(run.joints)
             for source in (model, "recorded")
         )
         if (own / recorded).isna().any() or own.empty:
@@ -108,7 +107,7 @@ def _offset(row: pd.Series) -> str:
 
 def spread_note(run: Run) -> str:
     """Return a note if the recordings give no evidence on the standard deviation, else ""."""
-    return TEXT["no_spread"] if run.metrics.get("motion", {}).get(BETWEEN, 0) > LIMIT else ""
+    return TEXT["no_spread"] if run.recorded(BETWEEN, 0.0) > LIMIT else ""
 
 
 def choice(run: Run) -> str:

@@ -9,13 +9,11 @@ from scipy.stats import chi2, kstest, multivariate_normal
 from pipeline.core.filters import MEMORY, NONE, closed, models_of
 from pipeline.statistics.scores import (
     Filtered,
-    filter_metrics,
     filter_tables,
     nees,
     normal_log_score,
     posterior_scores,
     score_comparison,
-    sensor_scores,
     training_mean,
 )
 from pipeline.statistics.takes import paired_difference
@@ -107,18 +105,6 @@ def test_filters_are_held_against_the_first_model_and_against_none(takes):
     assert set(tables["bound_comparison"]["model"]) == {"lag", "drift"}
 
 
-def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_many():
-    rng, takes, frames = np.random.default_rng(8), 50, 400
-    variance = np.full((frames, 2), 0.02**2)
-    bias = rng.normal(0.0, 0.02 / np.sqrt(takes), (frames, 2)) + np.array([0.0, 0.03])
-    scores = sensor_scores(bias, variance, takes, JOINTS)
-    assert scores["kinect_bias_hip_over_standard_error"] == pytest.approx(1, abs=0.1)
-    many = 0.03 / 0.02 * np.sqrt(takes)
-    assert scores["kinect_bias_knee_over_standard_error"] == pytest.approx(many, rel=0.05)
-    assert scores["kinect_bias_knee_variation_over_standard_error"] == pytest.approx(1, abs=0.1)
-    assert scores["kinect_std_knee_variation"] == 0
-
-
 def test_a_bound_that_follows_the_error_is_told_from_one_that_does_not():
     rng, shape = np.random.default_rng(1), (40, FRAMES, 2)
     width = np.linspace(0.5, 2.0, FRAMES)[:, None] * np.ones(2)
@@ -130,12 +116,3 @@ def test_a_bound_that_follows_the_error_is_told_from_one_that_does_not():
     rows = tables["bound_comparison"].set_index(["model", "quantity"])
     assert rows.loc[("following", "correlation_of_bound_with_error_knee"), "low"] > 0.5
     assert rows.loc[("following", "relative_error_of_bound_knee"), "high"] < 0
-
-
-def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():
-    steps = np.arange(61)
-    ramp, steady = np.minimum(steps, 20.0), steps[1:] > 20
-    error, bound = ((1 + ramp + sign * np.sin(steps))[None, :, None] for sign in (1, -1))
-    metrics = filter_metrics({"m": filtered(error, bound)}, ["hip"], steady)
-    assert metrics["m_hip_correlation_of_bound_with_error"] > 0.9
-    assert metrics["m_hip_correlation_of_bound_with_error_at_constant_speed"] < -0.9

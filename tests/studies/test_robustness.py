@@ -11,10 +11,10 @@ from recordings_of_law import ROOT
 from sample_options import filter_options
 from study_runs import options_of
 
-from pipeline.cases.case import KINDS, Choices
 from pipeline.core.columns import spread
 from pipeline.core.options.analysis import Compute, Wrench
 from pipeline.core.typed_yaml import read_yaml
+from pipeline.evidence.case import KINDS, Choices
 from pipeline.models.kinds import options_type
 from pipeline.studies.robustness import stage
 from pipeline.studies.robustness.grid import (
@@ -48,7 +48,7 @@ def common(laboratory) -> dict:
     ways = {"straight": {"folded": [1.8, -2.6, 2.0], "extended": [1.8, -2.5, 2.0]}}
     sizes = {"training_takes": 40, "test_takes": 4, "realizations": 12, "trajectories": ways}
     bounds = {"tension": [3.0, 5.0], "direction": [0.8, 3.1], "tension_std": [0.5, 1.0]}
-    systems = {"agents": [3, 5, 10, 15, 20], "systems": 40, "test_systems": 40, "repeats": 2}
+    systems = {"agents": [3, 5, 10, 15, 20], "systems": 40, "test_systems": 80, "repeats": 2}
     wrench = Wrench(**bounds, kappa=[100.0, 800.0], **systems, grid=2)
     options = options_of("robustness", **sizes)
     parts = {"laboratory": laboratory, "case": CASE, "claims": CLAIMS}
@@ -71,11 +71,11 @@ def test_verdicts_are_those_of_the_law_that_is_true(common):
 def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_the_mean(common):
     straight = Condition("motion", 3, (("trajectory", "straight"),))
     of_motion = {name: common[name] for name in ("laboratory", "case", "options")}
-    assert motion_evidence(straight, **of_motion) == {}
+    assert motion_evidence(straight, **of_motion).empty
     assert set(verdicts(straight, **common)["verdict"]) == {"no evidence"}
     evidence = motion_evidence(Condition("motion", 3), **of_motion)
     loops = {*KINDS, *(f"{kind}_closed" for kind in KINDS)}
-    compared = set(evidence["tables/filter_against_none"]["model"])
+    compared = set(evidence.query("quantity == 'filter_log_score'")["model"])
     assert compared == {"none", "memory"} | loops
 
 

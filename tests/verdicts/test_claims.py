@@ -3,7 +3,6 @@ the one number at its place; malformed claims are refused by name and key; a run
 written; verdicts follow from claims, numbers and the kind of recordings.
 """
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +11,11 @@ import pytest
 
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ContractError
+from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import decision as d
 from pipeline.verdicts.claims import RULES, parse_claims
-from pipeline.verdicts.run import ArmNames, Reference, Run, read_run, read_runs
+from pipeline.verdicts.run import ArmNames, Place, Reference, Run, read_run, read_runs
+from pipeline.verdicts.run import index_evidence as index
 
 ROOT = Path(__file__).parents[2]
 COLUMNS = ["value", "than", "low", "high", "threshold", "power", "standard_error"]
@@ -90,25 +91,43 @@ def test_no_variation_that_chance_alone_would_make_is_decided():
     ],
 )
 def test_a_number_is_found_and_one_that_a_run_lacks_is_none(file, key, rows, column, expected):
-    assert Reference(file, key, rows, column).look_up(EVIDENCE, ARM) == expected
+    assert Place(file, key, rows, column).look_up(EVIDENCE, ARM) == expected
 
 
-def test_placeholders_take_the_values_of_a_case_and_several_rows_are_refused():
+def test_several_rows_and_a_place_of_two_kinds_are_refused():
     with pytest.raises(ConfigError, match="2 rows fit"):
-        Reference("tables/sigma_s", rows={"name": "C1"}, column="e").look_up(EVIDENCE, ARM)
-    rows = {"name": "{c}", "form": "diagonal", "agents": 3}
-    template = Reference("tables/sigma_s", rows=rows, column="{column}")
-    case = template.in_case({"c": "C1", "column": "e"})
-    assert case.look_up(EVIDENCE, ARM) == 1.0
-    assert case.address == "tables/sigma_s.csv: e where name = C1, form = diagonal, agents = 3"
-    with pytest.raises(ConfigError, match="placeholder"):
-        template.in_case({"c": "C1"})
+        Place("tables/sigma_s", rows={"name": "C1"}, column="e").look_up(EVIDENCE, ARM)
     with pytest.raises(ConfigError, match="needs a key, or a column"):
-        Reference("metrics/motion", key="a", column="b")
+        Place("metrics/motion", key="a", column="b")
+
+
+def test_a_row_of_evidence_is_found_by_all_of_its_keys_and_no_two_rows_have_the_same():
+    rows = [evidence_row("std", 2.0, model="wishart", joint=JOINTS[1])]
+    rows.append(evidence_row("std", -1.0, -2.0, 0.5, model="wishart", rival="additive", entry=12))
+    evidence = index(evidence_table([*rows, evidence_row("u", np.inf)]))
+    template = Reference("std", model="{model}", joint="{joint 2}")
+    assert template.in_case({"model": "wishart"}).look_up(evidence, ARM) == 2.0
+    difference = Reference("std", model="wishart", rival="additive", entry="12", column="low")
+    assert difference.look_up(evidence, ARM) == -2.0
+    for missing in (template, Reference("std", model="wishart"), Reference("u")):
+        assert missing.look_up(evidence, ARM) is None
+    assert template.in_case({"model": "wishart"}).look_up(evidence, ArmNames((), ())) is None
+    with pytest.raises(ConfigError, match="placeholder"):
+        template.in_case({"name": "wishart"})
+    with pytest.raises(ContractError, match="equal keys: std, wishart, arm_joint_3"):
+        index(evidence_table([rows[0], rows[0]]))
 
 
 def metric(key: str) -> dict[str, str]:
-    return {"file": "metrics/motion", "key": key}
+    return {"quantity": "std", "model": key}
+
+
+def evidence_of(numbers: dict[str, float | None]) -> pd.DataFrame:
+    """The table of the ``numbers`` of :func:`metric`; low and high are ends of the difference."""
+    known = {name: value for name, value in numbers.items() if value is not None}
+    ends = [known.pop(name, np.nan) for name in ("low", "high")]
+    rows = [evidence_row("std", value, model=name) for name, value in known.items()]
+    return evidence_table([*rows, evidence_row("std", -0.1, *ends, model="wishart", rival="a")])
 
 
 MODELS = ("additive", "wishart")
@@ -121,7 +140,7 @@ CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {
     "value": metric("{model}_error"),
 }
 EVERY = CLAIM | {"each": {"joint": "every"}, "value": metric("{joint}_error")}
-ORDER = {"rule": "less", "limit": None, **dict.fromkeys(("than", "low", "high"), metric("e"))}
+ORDER = {"rule": "less", "limit": None, **dict.fromkeys(("than", "difference"), metric("e"))}
 RELATIVE = {"rule": "within_relative", "limit": None}
 
 
@@ -132,10 +151,14 @@ RELATIVE = {"rule": "within_relative", "limit": None}
         ({"limit": "0.02"}, "limit"),
         ({"limit": None}, "limit"),
         ({"published": 0.02}, "limit"),
-        (ORDER | {"low": None}, "low"),
+        (ORDER | {"difference": None}, "difference"),
         (ORDER | {"power": metric("p")}, "power"),
         ({"rule": "follows", "limit": None, "threshold": metric("t")}, "power"),
-        ({"unless": {"file": "metrics/motion", "key": "share", "reason": "so"}}, "unless.limit"),
+        ({"unless": {"value": metric("share"), "reason": "so"}}, "unless.limit"),
+        # a quantity that no stage writes, and a column that the table lacks
+        ({"value": metric("e") | {"quantity": "stdd"}}, "quantity"),
+        ({"unless": {"value": {"quantity": "share"}, "limit": 1.0, "reason": "so"}}, "quantity"),
+        ({"value": metric("e") | {"modle": "a"}}, "value.modle"),
         (RELATIVE | {"published": 1.0}, "tolerance"),
         (RELATIVE | {"tolerance": 0.1}, "published"),
         ({"limit": None, "published": [1.0, 2.0, 3.0]}, "published"),
@@ -164,7 +187,8 @@ def test_claims_without_their_keys_names_or_cases_are_refused():
 STEPS = ["all", "moving, ‖J⁻¹‖: 1, 2"]
 TABLE = pd.DataFrame({"steps": STEPS, "mean": [0.1 + 0.2, -np.inf], "low": [np.nan, 1e-300]})
 KINDS = {"a": "additive", "g": "gaussian", "gf": "gaussian"}
-METRICS, TABLES = {"motion": {"x": 1 / 3}}, {"scores": TABLE}
+EVIDENT = evidence_table([evidence_row("sigma_s", 1 / 3, configuration=3, entry="01")])
+METRICS, TABLES = {"motion": {"x": 1 / 3}}, {"scores": TABLE, "evidence": EVIDENT}
 RUN = Run("lab", "paper", False, ["base", "elbow"], ["x", "z"], KINDS, METRICS, TABLES)
 
 
@@ -174,8 +198,9 @@ def test_a_run_comes_back_from_its_file_with_every_digit_gap_and_infinity(tmp_pa
     again = read_run(file)
     assert again.metrics == METRICS and again.models == KINDS
     assert again.arm == (("base", "elbow"), ("x", "z"))
-    pd.testing.assert_frame_equal(again.tables["scores"], TABLE, check_exact=True)
-    assert again.evidence.keys() == {"metrics/motion", "tables/scores"}
+    for name, table in TABLES.items():  # keys of digits stay text
+        pd.testing.assert_frame_equal(again.tables[name], table, check_exact=True)
+    assert again.files.keys() == {"metrics/motion", "tables/scores", "tables/evidence"}
     assert again.to_json() == RUN.to_json()
     # a row of a table is a line of the file
     lines = RUN.to_json().splitlines()
@@ -200,17 +225,17 @@ NUMBERS = {"additive_error": 0.01, "wishart_error": 0.015}
 
 def verdict(recordings="synthetic", arm=ARM, claim=CLAIM, numbers=NUMBERS, more=None, **changes):
     """Return the verdict on ``claim`` with ``changes`` from ``numbers`` and ``more`` numbers."""
-    evidence = {"metrics/motion": numbers | (more or {})}
+    evidence = evidence_of(numbers | (more or {}))
     (result,) = d.decide(parse_claims([claim | changes]), evidence, recordings, arm)
     return result
 
 
 FAILING, FORCED = {"limit": 0.012}, {"by": "construction", "because": "the level is the recorded"}
 PUBLISHED = RELATIVE | {"tolerance": 0.1}
-UNLESS = {"unless": metric("share") | {"limit": 0.5, "reason": "a lag"}}
+UNLESS = {"unless": {"value": metric("share"), "limit": 0.5, "reason": "a lag"}}
 POWER_OF = {"rule": "follows", "limit": None}
 POWER_OF |= {key: metric(f"{{model}}_{key}") for key in ("threshold", "power")}
-BETWEEN = {key: metric(key) for key in ("than", "low", "high")} | {"limit": None}
+BETWEEN = {"than": metric("than"), "difference": metric("wishart") | {"rival": "a"}, "limit": None}
 AROUND_ZERO, BELOW_ZERO = ({"than": 0.1, "low": -0.2, "high": high} for high in (0.1, -0.1))
 
 
@@ -246,7 +271,7 @@ def powers(powers, thresholds) -> dict[str, float]:
         # recordings that differ mostly from each other
         ("real", UNLESS, {"share": 0.4}, d.REPRODUCED),
         ("real", UNLESS, {"share": 0.6}, d.NO_EVIDENCE),
-        ("real", UNLESS, {}, d.REPRODUCED),
+        ("real", UNLESS, {}, d.NO_EVIDENCE),
         # a test without power; one case refutes a claim on all
         ("real", POWER_OF, powers((0.9, 0.9), (0.005, 0.01)), d.REPRODUCED),
         ("real", POWER_OF, powers((0.9, 0.1), (0.005, 0.01)), d.NO_EVIDENCE),
@@ -262,7 +287,7 @@ def powers(powers, thresholds) -> dict[str, float]:
 def test_a_verdict_follows_from_rule_numbers_and_recordings(recordings, changes, more, expected):
     result = verdict(recordings, more=more, **changes)
     assert result.verdict == expected
-    if more.get("share", 0) > 0.5:  # then no case holds or fails either
+    if "unless" in changes and expected == d.NO_EVIDENCE:  # then no case holds or fails either
         assert {case.holds for case in result.cases} == {None}
 
 
@@ -276,7 +301,7 @@ def test_standard_errors_add_in_squares():
     assert verdict(**changes, limit=1.5).verdict == d.NOT_REPRODUCED
     # each of them is a number that the claim refers to
     claim = parse_claims([CLAIM | {k: v for k, v in changes.items() if k != "more"}])[0]
-    assert {reference.key for reference in claim.references()} == {"e", "se", "ee"}
+    assert {reference.model for reference in claim.references()} == {"e", "se", "ee"}
 
 
 @pytest.mark.parametrize("joints", [("slide",), tuple("abcdefg")])
@@ -301,22 +326,20 @@ def test_a_claim_that_singles_out_a_joint_has_evidence_on_the_papers_kind_of_arm
 
 def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_recording_once():
     study = CLAIM | {"id": "study", "each": {}, "recording": "none", "rule": "above"}
-    study |= {"value": {"file": "metrics/wrench", "key": "mean"}}
-    metrics = {
-        "motion": {"shoulder_error": 0.01, "hip_error": 0.02},
-        "wrench": {"mean": float("inf")},
-    }
+    study |= {"value": metric("mean")}
+    numbers = {"shoulder_error": 0.01, "hip_error": 0.02, "mean": 1.0}
+    tables = {"evidence": evidence_of(numbers)}
     known = (("youbot", True, "shoulder"), ("ur5", False, "hip"), ("lab", False, "shoulder"))
-    runs = [Run(name, "paper", own, [joint], ["x"], {}, metrics, {}) for name, own, joint in known]
+    runs = [Run(name, "paper", own, [joint], ["x"], {}, {}, tables) for name, own, joint in known]
     decided = d.decide_each(parse_claims([EVERY, study]), runs, ["lab"])
     assert [whose.recordings for whose in decided] == ["synthetic", "real", "paper", "none"]
     assert [whose.verdicts[0].cases[0].value for whose in decided[:3]] == [0.01, 0.02, 0.01]
     assert [w.verdicts[0].verdict for w in decided[:2]] == [d.REPRODUCED, d.NOT_REPRODUCED]
     assert [w.verdicts[1].verdict for w in decided[1::2]] == [d.NO_RECORDING, d.REPRODUCED]
-    # all of it in the data, as strict JSON
-    data = d.verdict_data(decided)
-    assert json.loads(json.dumps(data, allow_nan=False)) == data
-    assert [entry["id"] for entry in data] == ["mean", "study"]
-    assert data[0]["evidence"] == ["metrics/motion.json: {joint}_error"]
-    assert list(data[1]["datasets"]) == ["lab", d.WITHOUT_RECORDING]
-    assert data[1]["datasets"]["lab"]["cases"][0]["value"] is None  # an infinite one
+    table = d.verdict_table(decided)
+    assert table[["claim", "dataset"]].to_numpy().tolist() == [
+        *(["mean", name] for name in ("youbot", "ur5", "lab")),
+        *(["study", name] for name in ("lab", d.WITHOUT_RECORDING)),
+    ]
+    assert table["value"].tolist() == [0.01, 0.02, 0.01, 1.0, 1.0]
+    assert table["holds"].tolist() == [True, False, True, True, True]

@@ -68,7 +68,7 @@ def test_the_noise_levels_of_the_simulated_recordings_are_those_of_the_theory():
 
 def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
     """A joint at rest or at its commanded peak speed, with the published std of the third joint."""
-    claims = config.read_yaml(ROOT / "reports/claims.yaml")["claims"]
+    claims = config.read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     (stated,) = (claim["published"] for claim in claims if claim["id"] == "sigma-omega")
     std, limit = stated[5] ** 0.5, arm().max_speed
     assert RATE * std == pytest.approx(limit[2], rel=0.01)

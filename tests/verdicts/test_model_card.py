@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice
@@ -74,7 +75,7 @@ def predicted(half: float = 0.1, **matrix: float) -> Run:
         "takes": pd.DataFrame(takes, columns=["take", "part", "left_out", "reason"]),
     }
     models = {"additive": "additive"} | dict.fromkeys(matrix, "wishart")
-    metrics = {f"fit_{name}": dict(PARAMETER) for name in models} | {"motion": {}}
+    metrics = {f"fit_{name}": dict(PARAMETER) for name in models}
     return Run("lab", "paper", True, ["a"], ["x"], models, metrics, tables)
 
 
@@ -136,7 +137,7 @@ def test_the_card_holds_parameters_ranges_takes_and_other_datasets():
     assert "| pose | a | rad | -1.25 | 2.5 |" in page and "| all | a | 0.7 | 0.7 |" in page
     assert "Takes kept: 1 training; left out: 1." in page and "| t2 | too long a gap |" in page
     assert page.count("- lab: ") == 1
-    run.metrics["motion"] = {"recorded_takes": 4}
+    run.tables["evidence"] = evidence_table([evidence_row("takes", 4, model="recorded")])
     assert "| wishart | s | 0.5 | 0.0125 | – |" in model_card(run, [])
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.core.columns import PLANE
 from pipeline.core.errors import ContractError
+from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import paper, report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
@@ -20,14 +21,14 @@ from pipeline.verdicts.wording import TEXTS, table
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
 STUDY = STATED | {"id": "study", "about": "method", "recording": "none", "rule": "below"}
 STUDY |= {"published": 0.25, "parameter": "error"}
-STUDY |= {"value": {"file": "metrics/wrench", "key": "error"}}
+STUDY |= {"value": {"quantity": "greatest_error_of_variances"}}
 STD = STATED | {"id": "std", "about": "method", "rule": "below", "limit": 0.5}
-STD |= {"each": {"joint": "every"}, "value": {"file": "metrics/motion", "key": "std_{joint}"}}
+STD |= {"each": {"joint": "every"}, "value": {"quantity": "std", "joint": "{joint}"}}
 STD |= {"why": {"youbot": "it mixes units"}, "where": "Sec. 1, Fig. Shown (a)"}
 SIGMA = STATED | {"id": "sigma-b", "about": "specimen", "rule": "within_relative"}
 SIGMA |= {"tolerance": 0.2, "published": 0.25, "parameter": "σ̂"}
-SIGMA |= {"value": {"file": "metrics/fit_wishart", "key": "sigma_b_paper"}}
-ABSENT = STUDY | {"id": "absent", "value": {"file": "metrics/wrench", "key": "absent"}}
+SIGMA |= {"value": {"quantity": "sigma_b", "estimator": "paper"}}
+ABSENT = STUDY | {"id": "absent", "value": {"quantity": "u"}}
 CLAIMS = parse_claims([STUDY, STD, SIGMA, ABSENT])
 FIT = {"sigma_b": 0.227, "sigma_b_paper": 0.28765, "sigma_b_moments": 0.227}
 FIT |= {"sigma_b_moments_interval_low": 0.22, "sigma_b_moments_interval_high": 0.235}
@@ -38,10 +39,13 @@ LEVEL = {"noise_level": 3.3643, "rms_norm_of_the_inverse_jacobian": 14.5073}
 
 def a_run(dataset: str, *stds: float, scale: str = "paper") -> Run:
     joints = ["a", "b", "c"][: len(stds)]
-    motion = {f"std_{joint}": value for joint, value in zip(joints, stds, strict=True)}
-    metrics = {"motion": motion | {"recorded_takes": 100}, "wrench": {"error": 0.2}}
-    metrics |= {"fit_wishart": FIT, "fit_gaussian": GAUSSIAN}
-    return Run(dataset, scale, dataset == "youbot", joints, PLANE, {}, metrics, {})
+    rows = [evidence_row("std", value, joint=j) for j, value in zip(joints, stds, strict=True)]
+    rows.append(evidence_row("takes", 100, model="recorded"))
+    rows.append(evidence_row("greatest_error_of_variances", 0.2))
+    rows.append(evidence_row("sigma_b", FIT["sigma_b_paper"], estimator="paper"))
+    metrics = {"fit_wishart": FIT, "fit_gaussian": GAUSSIAN}
+    tables = {"evidence": evidence_table(rows)}
+    return Run(dataset, scale, dataset == "youbot", joints, PLANE, {}, metrics, tables)
 
 
 RUNS = [a_run("youbot", 0.25, 0.75, 0.1), a_run("ur5", 0.6, 0.7), a_run("mine", 0.1)]
@@ -157,12 +161,16 @@ def test_the_speeds_of_the_truth_are_a_sentence_of_simulated_recordings_alone():
 
 def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
     stds = {"recorded": (1.0, 2.0), "wishart": (2.25, 1.0)}
-    motion = {f"{name}_std_a_rms_rad": of_a for name, (of_a, _) in stds.items()}
-    motion |= {f"{name}_std_b_rms_rad": of_b for name, (_, of_b) in stds.items()}
-    rows = [("wishart", "a", "no_noise", 0.3), ("wishart", "b", "no_noise", -0.2)]
-    table = pd.DataFrame(rows, columns=["model", "joint", "rival", "low"])
+    rows = [
+        evidence_row("std", std, model=name, joint=joint)
+        for name, both in stds.items()
+        for joint, std in zip("ab", both, strict=True)
+    ]
+    for joint, low in {"a": 0.3, "b": -0.2}.items():
+        keys = {"model": "wishart", "joint": joint, "rival": "no_noise"}
+        rows.append(evidence_row("std_error", low + 0.1, low, low + 0.2, **keys))
     known = {"joints": ["a", "b"], "models": {"wishart": "wishart", "additive": "scaled"}}
-    run = replace(RUNS[1], **known, metrics={"motion": motion}, tables={"spread_comparison": table})
+    run = replace(RUNS[1], **known, tables={"evidence": evidence_table(rows)})
     (text,) = widths(run)
     assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
     assert text.endswith("above the error of no noise, 1, in a.")

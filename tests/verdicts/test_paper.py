@@ -15,7 +15,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.validation import validated
 from pipeline.verdicts import paper
 from pipeline.verdicts.claims import ClaimsFile, parse_claims
-from pipeline.verdicts.decision import COMMAND, decide, decide_each
+from pipeline.verdicts.decision import decide, decide_each
 from pipeline.verdicts.run import Run, read_run
 
 EQUATION = {"kind": "equation", "label": "NormStd", "place": "Sec. 3", "says": "A |norm|."}
@@ -134,7 +134,7 @@ ENTRY |= {"paper": "It is.", "fact": "It is {ours}.", "done": "Its sum is {sum}.
 ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
 CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {"id": "sigma"}
 CLAIM |= {"about": "method", "rule": "within_relative", "tolerance": 0.1, "published": 0.25}
-CLAIM |= {"value": FIT}
+CLAIM |= {"value": {"quantity": "sigma_b"}}
 
 
 @pytest.mark.parametrize(
@@ -204,11 +204,6 @@ def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(err
         if case.value is None
     ]
     assert {*missing} <= {"u: ", "alpha: "}  # a û without a bound and its α̂ have no number
-    stage = config.read_yaml(ROOT / "dvc.yaml")["stages"][COMMAND.removeprefix("dvc repro ")]
-    written = {next(iter(out)) for out in stage["outs"] if isinstance(out, dict)}
-    for claim in CLAIMS:
-        for reference in claim.references():
-            assert f"reports/${{dataset}}/{Path(reference.file).parent}" in written, claim.id
     datasets = {file.stem for file in (ROOT / "pipeline/conf/dataset").glob("*.yaml")}
     assert {name for claim in CLAIMS for name in claim.why} <= datasets
     reasons = "\n".join(reason for claim in CLAIMS for reason in claim.why.values())

@@ -9,17 +9,19 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.cases.case import Camera, Choices, Recordings, camera_of
-from pipeline.cases.evidence import evaluate
-from pipeline.cases.readings import claim_verdicts, readings
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.options.analysis import Wrench
+from pipeline.evidence.case import Camera, Choices, Recordings, camera_of
+from pipeline.evidence.outcomes import evaluate
+from pipeline.evidence.readings import readings
+from pipeline.evidence.table import evidence_table
+from pipeline.evidence.wrench import wrench_evidence as evidence_of
 from pipeline.filtering.sampling import SCHEMES
-from pipeline.statistics.takes import wrench_summary
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.run import ArmNames, Evidence
+from pipeline.verdicts.readings import claim_verdicts
+from pipeline.verdicts.run import ArmNames
 from pipeline.wrench.study import run_study
 
 CHANCE = "random numbers"
@@ -131,7 +133,7 @@ def verdicts(
     options: SimpleNamespace,
     wrench: Wrench,
 ) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.cases.readings.claim_verdicts` for one condition."""
+    """Return the rows of :func:`pipeline.verdicts.readings.claim_verdicts` for one condition."""
     if condition.study == "motion":
         evidence = motion_evidence(condition, laboratory, case, options)
     else:
@@ -141,8 +143,8 @@ def verdicts(
 
 def motion_evidence(
     condition: Condition, laboratory: Laboratory, case: Choices, options: SimpleNamespace
-) -> Evidence:
-    """Return the evidence of a condition of the motion; {} if the motion has a singular pose."""
+) -> pd.DataFrame:
+    """Return the evidence of a condition of the motion; none if the motion has a singular pose."""
     way, motion = (
         options.trajectories.get(str(condition.level("trajectory")), {}),
         laboratory.motion,
@@ -158,28 +160,22 @@ def motion_evidence(
     try:
         takes, camera = observe(laboratory, PhysicsFactors(**levels), condition.seed, *sizes)
     except (SingularJacobianError, RecordingError, ModelDomainError):
-        return {}
+        return evidence_table([])
     sizes = (laboratory.motion.rate, options.test_takes, options.realizations)
     # a seed has equal random numbers in every condition, so that only the condition differs
-    stream = (condition.seed, "robustness")
-    recordings = Recordings(takes, {case.clock: camera}, *sizes, stream)
+    recordings = Recordings(takes, {case.clock: camera}, *sizes, condition.seed)
     count = max(1, round(float(condition.level("particles")) * case.filter.particles))
     case = replace(case, filter=replace(case.filter, particles=count))
     ((evidence, _),) = evaluate([case], recordings, map)
     return evidence
 
 
-def wrench_evidence(condition: Condition, study: Wrench) -> Evidence:
+def wrench_evidence(condition: Condition, study: Wrench) -> pd.DataFrame:
     """Return the evidence of the numerical ``study`` of the wrench with other bounds."""
     scaled = {
         name: [float(condition.level(name)) * value for value in getattr(study, name)]
         for name in ("kappa", "tension_std")
     }
-    stream = rng.stream(condition.seed, "robustness.wrench")
+    stream = rng.stream(condition.seed, "wrench.study")
     _, errors, repeats = run_study(replace(study, **scaled), stream)
-    summary, metrics = wrench_summary(errors, repeats), {}
-    for m, median in repeats.groupby("agents")["maximum"].median().items():
-        row, name = summary.set_index("agents").loc[m], f"study_m{m}_greatest_error"
-        metrics |= {f"study_m{m}_mean_error": row["mean"], name: row["max"]}
-        metrics[f"{name}_median_over_repeats"] = median
-    return {"metrics/wrench": metrics, "tables/wrench_study": summary}
+    return evidence_of({"wrench_errors": errors, "wrench_spread": repeats})

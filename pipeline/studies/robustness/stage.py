@@ -12,14 +12,13 @@ from joblib import Memory
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pipeline.cases.case import Choices, Recordings, recorded_takes
-from pipeline.cases.evidence import evaluate
-from pipeline.cases.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
 from pipeline.core.sources import sources_hash
+from pipeline.evidence.case import Choices, Recordings, recorded_takes
+from pipeline.evidence.outcomes import evaluate
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Study, Tables, trials
 from pipeline.studies.robustness.grid import (
@@ -34,6 +33,8 @@ from pipeline.studies.robustness.grid import (
 )
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
+from pipeline.verdicts.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
+from pipeline.verdicts.run import ArmNames
 from pipeline.verdicts.wording import table
 
 HERE = Path(__file__).parent
@@ -80,6 +81,7 @@ def decision_verdicts(
     dataset, base = settings.dataset, Choices.of_run(settings)
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
+    arm = ArmNames(tuple(joints), tuple(chain.task))
     lever = float(chain.lengths.mean()) if hasattr(chain, "lengths") else 1.0
     cases = decision_cases(base, lever, chain.task, joints, options.others)
     seen = {}
@@ -93,13 +95,13 @@ def decision_verdicts(
         print("robustness: no depth camera; decisions on camera and filter are not varied")
         cases = [named for named in cases if without_camera(named[2], base)]
     sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
-    recordings = Recordings(takes, seen, *sizes, (settings.seed, "robustness"))
+    recordings = Recordings(takes, seen, *sizes, settings.seed)
     run = partial(run_trials, compute=settings.compute, label="robustness: decisions")
     evidence = evaluate([case for _, _, case in cases], recordings, run)
     for (factor, level, _), (of_case, refusals) in zip(cases, evidence, strict=True):
         for refusal in refusals:
             print(f"robustness: {factor} {level}: {refusal}")
-        yield "decisions", factor, level, claim_verdicts(claims, of_case, takes.arm)
+        yield "decisions", factor, level, claim_verdicts(claims, of_case, arm)
 
 
 def laboratory_verdicts(

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.cases.readings import read_claims
 from pipeline.configuration import config
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
@@ -22,6 +21,7 @@ from pipeline.studies.frame import Study, Tables, concatenate, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published, Widths
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
+from pipeline.verdicts.readings import read_claims
 from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper

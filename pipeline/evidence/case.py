@@ -1,4 +1,4 @@
-"""Cases, one set of choices for everything that paper and user leave open; their recordings."""
+"""A case: the choices in everything that paper and user leave open, and the recordings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,22 +10,19 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from pipeline.core import contracts
+from pipeline.core import contracts, rng
 from pipeline.core.columns import columns
 from pipeline.core.options.analysis import Filter
 from pipeline.core.options.dataset import Motion, Robot
-from pipeline.core.rng import stream
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import Start
 from pipeline.models.steps import Options, Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import constant_noise_variation
-from pipeline.verdicts.run import ArmNames
 
 # the paper's models; the first is the reference of comparisons
 KINDS = ("additive", "wishart", "gaussian")
-CONSTANT_SEED = 20_171
 
 
 @dataclass(frozen=True)
@@ -76,19 +73,9 @@ class Takes:
     """Training takes, and any test takes."""
 
     training: Recorded
+    names: tuple[str, ...]  # of the training takes
     poses: np.ndarray  # (takes, M+1, n) rad, of the training takes
     test: dict[str, np.ndarray]  # take → (M+1, n) rad
-
-    @cached_property
-    def variation_of_constant_noise(self) -> np.ndarray:
-        """:func:`constant_noise_variation` (n,) of the training takes, equal draws in all cases."""
-        rng = stream(CONSTANT_SEED, "cases.constant_noise")
-        return constant_noise_variation(self.training.noise, rng)
-
-    @property
-    def arm(self) -> ArmNames:
-        """Names of the joints and task rows in claims."""
-        return ArmNames(tuple(self.training.joints), tuple(self.training.chain.task))
 
     @property
     def start(self) -> Start:
@@ -98,33 +85,44 @@ class Takes:
 
 
 class Camera(NamedTuple):
-    """Noise and measurements of the depth camera with its frames on one clock."""
+    """Measurements of the test takes with the instrument's frames on one clock, and its noise."""
 
-    noise: pd.DataFrame  # of leave_one_out
+    noise: pd.DataFrame | None  # of leave_one_out; None if other instruments measure
     takes: dict[str, Measurements]
 
 
 @dataclass(frozen=True)
 class Recordings:
-    """Takes, cameras, sizes and random streams of the evaluation of every case."""
+    """Takes, cameras, sizes and the seed of the evaluation of every case."""
 
     takes: Takes
     cameras: Mapping[str, Camera]  # by clock; empty without a depth camera
     rate: float  # 1/s, of the motion
     filtered: int  # number of takes in a batch of the filter
     realizations: int
-    stream: tuple[int, str]  # seed and name of the random streams
+    seed: int
+
+    def generator(self, name: str, *numbers: int) -> np.random.Generator:
+        """Return the random stream ``name`` of a stage, by numbers of the draw and the trial."""
+        # the run's own draws have the number 0, which the stages leave out
+        return rng.stream(self.seed, name, *filter(None, numbers[:1]), *numbers[1:])
+
+    @cached_property
+    def variation_of_constant_noise(self) -> np.ndarray:
+        """Limits (n,) of :func:`constant_noise_variation` of the training takes."""
+        stream = self.generator("score.constant_noise")
+        return constant_noise_variation(self.takes.training.noise, stream)
 
 
 def recorded_takes(robot: Robot, motion: Motion) -> Takes:
     """Return the training and test takes of ``motion`` from the tables of the stage track."""
     joints = contracts.read("joints", Path("data/track"))
-    _, poses = contracts.stacked(joints[joints.part == "training"], "q")
+    names, poses = contracts.stacked(joints[joints.part == "training"], "q")
     test = {
         take: np.array(rows[columns("q", robot.joints)], order="C")
         for take, rows in joints[joints.part == "test"].groupby("take")
     }
-    return Takes(training_steps(robot, motion), poses, test)
+    return Takes(training_steps(robot, motion), tuple(names), poses, test)
 
 
 def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Camera:

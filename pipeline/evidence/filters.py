@@ -1,0 +1,71 @@
+"""Evidence on filters: errors, bounds, and scores against the training mean."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from pipeline.core.filters import NONE, models_of
+from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.statistics.scores import FOLLOWS, Filtered, bound_scores, filter_tables
+
+
+def filter_evidence(
+    filters: Mapping[str, Filtered],
+    joints: Sequence[str],
+    steady: np.ndarray,
+    rng: np.random.Generator,
+) -> tuple[pd.DataFrame, pd.DataFrame, list[str]]:
+    """Return the evidence, the table ``filter_against_none``, and messages on posteriors without a
+    log score. ``filters`` have the names of :mod:`pipeline.core.filters`.
+
+    The bounds also have the correlation with the error over the ``steady`` steps (K − 1,) alone.
+    There the speed is constant and causes no correlation. ``rng`` resamples the takes.
+    """
+    rows, (tables, refusals) = [], filter_tables(filters, joints, rng)
+    for name in models_of(filters):
+        error, bound = filters[name].error, filters[name].bound
+        own = bound_scores(error, bound, joints)
+        at_speed = bound_scores(error[:, 1:][:, steady], bound[:, 1:][:, steady], joints)
+        for joint, scores in own.items():
+            keys = {"model": name, "joint": joint}
+            rows += [evidence_row(quantity, value, **keys) for quantity, value in scores.items()]
+            value = at_speed[joint][FOLLOWS]
+            rows.append(evidence_row(FOLLOWS, value, **keys, steps="constant_speed"))
+    first, quantities = models_of(filters)[0], {}
+    for joint in joints:
+        for quantity in (FOLLOWS, "relative_error_of_bound"):
+            quantities[f"{quantity}_{joint}"] = {"quantity": quantity, "joint": joint}
+    rows += _differences(tables["bound_comparison"], "quantity", quantities, first)
+    scores = {"log_score": {"quantity": "filter_log_score"}}
+    for joint in joints:
+        scores[f"rms_error_{joint}_rad"] = {"quantity": "rms_error_of_a_take", "joint": joint}
+        scores[f"coverage_of_one_sigma_{joint}"] = {"quantity": "coverage", "joint": joint}
+    against = tables["filter_against_none"]
+    for own in against[against["score"].isin(scores)].itertuples():
+        rows.append(evidence_row(value=own.mean, **scores[own.score], model=own.model))
+    compared = {n: place for n, place in scores.items() if place["quantity"] != "coverage"}
+    rows += _differences(tables["filter_comparison"], "score", compared, first)
+    return (
+        evidence_table([*rows, *_differences(against, "score", compared, NONE)]),
+        against,
+        refusals,
+    )
+
+
+def _differences(
+    table: pd.DataFrame, column: str, places: Mapping[str, dict], rival: str
+) -> list[dict]:
+    """Return a row for each difference to ``rival`` in ``table``, by the name in ``column``."""
+    rows = table[table[column].isin(places) & (table["model"] != rival)].to_dict("records")
+    return [
+        evidence_row(
+            value=own["difference"],
+            low=own["low"],
+            high=own["high"],
+            model=own["model"],
+            rival=rival,
+            **places[own[column]],
+        )
+        for own in rows
+    ]

@@ -1,0 +1,46 @@
+"""Evidence on the wrench: the numerical study, Σ_S, and measured against modelled forces."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.statistics.takes import wrench_summary
+
+ENTRIES = ("11", "22")  # of Σ_S that are published
+COMPONENTS = ("fx", "fy")
+
+
+def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """Return the evidence of the tables of the stage wrench by name; any but ``wrench_errors`` and
+    ``wrench_spread`` may be missing.
+    """
+    rows, maxima = [], tables["wrench_spread"].groupby("agents")["maximum"].median()
+    for own in wrench_summary(tables["wrench_errors"], tables["wrench_spread"]).itertuples():
+        keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
+        rows += [
+            evidence_row("mean_error_of_variances", own.mean, **keys),
+            evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
+            evidence_row("median_of_greatest_errors", maxima[own.agents], **keys),
+        ]
+    for own in _records(tables, "sigma_s"):
+        for entry in ENTRIES if own["form"] == "diagonal" else ():
+            keys = {"configuration": own["system_class"], "estimator": own["form"], "entry": entry}
+            expected, error = own[f"e{entry}"], own[f"ee{entry}"]
+            rows.append(evidence_row("sigma_s", expected, standard_error=error, **keys))
+            mean, error = own[f"s{entry}"], own[f"de{entry}"]
+            rows.append(evidence_row("mean_of_sigma_s", mean, standard_error=error, **keys))
+    for own in _records(tables, "force_moments"):
+        if own["source"] == "measured":
+            place = {"configuration": own["configuration"]}
+            rows += [evidence_row("mean_force", own[c], entry=c, **place) for c in COMPONENTS]
+    for own in _records(tables, "force_test"):
+        keys = {"configuration": own["configuration"], "estimator": own["form"]}
+        rows.append(evidence_row("two_sample_p_value", own["two_sample_p_value"], **keys))
+        share = own["matrix_share_fx"]
+        rows.append(evidence_row("share_of_sigma_s_in_the_variance", share, entry="fx", **keys))
+    return evidence_table(rows)
+
+
+def _records(tables: Mapping[str, pd.DataFrame], name: str) -> list[dict]:
+    return tables[name].to_dict("records") if name in tables else []

@@ -1,0 +1,86 @@
+"""Rows of evidence: what a table of outcomes gives, by its keys, in known cases."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.core.columns import spread, triangle
+from pipeline.core.filters import NONE
+from pipeline.evidence.camera import camera_evidence
+from pipeline.evidence.filters import filter_evidence
+from pipeline.evidence.table import KEYS, depends_on, evidence_row, evidence_table
+from pipeline.evidence.wrench import wrench_evidence
+from pipeline.statistics.scores import FOLLOWS, Filtered
+
+JOINTS = ("hip", "knee")
+
+
+def by(table: pd.DataFrame, *keys: str) -> pd.Series:
+    """The values by ``keys``."""
+    return table.set_index([*keys])["value"]
+
+
+def test_a_row_has_empty_keys_where_it_needs_none_and_no_row_has_an_infinite_value():
+    rows = [evidence_row("std", 1, model="a", low=-np.inf), evidence_row("std", np.inf, model="b")]
+    rows += [evidence_row("u", np.nan), evidence_row("u", 2, rival="a_closed")]
+    table = evidence_table(rows)
+    assert table[[*KEYS]].to_numpy().tolist() == [
+        ["std", "a", *[""] * (len(KEYS) - 2)],
+        ["u", "", "", "a_closed", *[""] * (len(KEYS) - 4)],
+    ]
+    assert table["value"].tolist() == [1.0, 2.0] and table["low"].isna().all()
+    assert depends_on(table, "a").all() and not depends_on(table, "b").any()
+    with pytest.raises(TypeError, match="no column modle"):
+        evidence_row("std", 1.0, modle="a")
+    assert list(evidence_table([])) == list(table)
+
+
+def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_many():
+    rng, takes, frames = np.random.default_rng(8), 50, 400
+    bias = rng.normal(0.0, 0.02 / np.sqrt(takes), (frames, 2)) + np.array([0.0, 0.03])
+    covariance = np.tile(4e-4 * np.eye(2), (frames, 1, 1))
+    noise = spread("b", JOINTS, bias) | triangle("r", JOINTS, covariance)
+    others = pd.DataFrame({"take": [f"t{n}" for n in range(takes)]})
+    table = pd.concat([pd.DataFrame({"take": "none"} | noise), others])
+    slopes = pd.DataFrame({"joint": ["hip"], "slope": [0.5], "standard_error": [0.1]})
+    evidence = camera_evidence(table, slopes)
+    values = by(evidence, "quantity", "joint")
+    assert values["camera_bias", "hip"] == pytest.approx(1, abs=0.1)
+    many = 0.03 / 0.02 * np.sqrt(takes)
+    assert values["camera_bias", "knee"] == pytest.approx(many, rel=0.05)
+    assert values["camera_bias_variation", "knee"] == pytest.approx(1, abs=0.1)
+    assert values["camera_std_variation", "knee"] == 0
+    slope = evidence.query("quantity == 'depth_error_slope'").iloc[0]
+    assert (slope["joint"], slope["value"], slope["standard_error"]) == ("hip", 0.5, 0.1)
+
+
+def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed():
+    steps = np.arange(61)
+    ramp, steady = np.minimum(steps, 20.0), steps[1:] > 20
+    error, bound = (np.stack([(1 + ramp + sign * np.sin(steps))[:, None]] * 3) for sign in (1, -1))
+    law = Filtered(error, bound[..., None] ** 2, np.zeros((1, 1)))
+    filters, rng = {NONE: law, "m": law}, np.random.default_rng(1)
+    evidence, _, _ = filter_evidence(filters, ["hip"], steady, rng)
+    values = by(evidence, "quantity", "model", "steps", "rival")
+    assert values[FOLLOWS, "m", "", ""] > 0.9
+    assert values[FOLLOWS, "m", "constant_speed", ""] < -0.9
+    assert values["filter_log_score", "m", "", NONE] == 0.0
+
+
+def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_without_a_record():
+    errors = pd.DataFrame({"agents": [3, 3, 20], "error": [0.1, 0.3, 0.05]})
+    maxima = [0.2, 0.25, 0.4, 0.05, 0.06, 0.1]
+    repeats = pd.DataFrame({"agents": [3] * 3 + [20] * 3, "maximum": maxima})
+    evidence = wrench_evidence({"wrench_errors": errors, "wrench_spread": repeats})
+    values = by(evidence, "quantity", "configuration")
+    assert values["mean_error_of_variances", "3"] == pytest.approx(0.2)
+    assert values["greatest_error_of_variances", "3"] == 0.3
+    assert values["median_of_greatest_errors", "20"] == 0.06
+    greatest = evidence.query("quantity == 'greatest_error_of_variances'").iloc[0]
+    assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
+    assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(evidence) == 6
+    force = {"configuration": "C1", "source": ["measured", "modelled"], "fx": [3.1, 3], "fy": 5}
+    tables = {"wrench_errors": errors, "wrench_spread": repeats}
+    tables["force_moments"] = pd.DataFrame(force)
+    means = by(wrench_evidence(tables).query("quantity == 'mean_force'"), "configuration", "entry")
+    assert means.to_dict() == {("C1", "fx"): 3.1, ("C1", "fy"): 5.0}
