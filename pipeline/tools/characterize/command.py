@@ -74,7 +74,9 @@ def run(
     assigned = {"robot.urdf": str(urdf)} if urdf else {}
     assigned |= assigned_values(options.pop("set"))
     logged = _logged_runs(folder, assigned)
-    if logged and not urdf and not datasheet.path_of(name).exists():
+    if logged and not urdf:
+        # the report of a dataset that exists is not overwritten
+        name += "_logs" * datasheet.path_of(name).exists()
         card, place = _card_of_runs(name, scale, logged), folder
         exported = model or recommended(card.tables)[0]
         record = exported and _record_of_runs(exported, logged, name)
@@ -127,7 +129,7 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     found = joint_runs(logs.movements, logs.rate, pose_noise=_number(assigned, "motion.pose_noise"))
     for run in found.runs:
         rows = f"{len(run.command)} samples of motion {run.motion}"
-        lags = f"{1e3 * run.lag.min():.3g} to {1e3 * run.lag.max():.3g} ms taken out"
+        lags = f"{1e3 * run.lag.min():.2f} to {1e3 * run.lag.max():.2f} ms taken out"
         quantum = f"{1e6 * run.quantum.max():.3g} µrad" if run.quantum.any() else "none found"
         print(f"characterize: run {run.name}: {rows}, lag {lags}, step of the angles {quantum}")
     noise = found.runs[0].pose_noise

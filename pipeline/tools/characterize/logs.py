@@ -89,7 +89,7 @@ def _values(
         taken, found = {}, {key: parse_yaml(text) for key, text in assigned.items()}
         nested = {"joint_log": {key[len(SECTION) :]: one for key, one in values.items()}}
         for key, entry in entries("", own, folder, nested).items():
-            if key in found or not (key.startswith(SECTION) or key.startswith("motion.")):
+            if key in found or not (key.startswith(SECTION) or key == "motion.rate"):
                 continue
             if isinstance(entry.value, str) and entry.value:
                 found[key] = parse_yaml(entry.value)
