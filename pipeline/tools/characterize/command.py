@@ -218,6 +218,8 @@ def _results(
     try:
         _run_stage(ingest.run, "motion")
         Path("data/ingest/depth").mkdir(exist_ok=True)
+        if settings.dataset.depth is not None:
+            _run_stage(ingest.run, "depth")
         _run_stage(track.run)
         for model in settings.models:
             _run_stage(fit.run, model)
