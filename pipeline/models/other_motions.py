@@ -75,4 +75,5 @@ def matrix_scores(
         except PipelineError as error:
             score, reason = np.nan, error.message
         rows.append((name, part.name, score, reason))
-    return pd.DataFrame(rows, columns=["model", "motion", "score", "reason"])
+    table = pd.DataFrame(rows, columns=["model", "motion", "score", "reason"])
+    return table.astype({"score": float})  # also without rows
