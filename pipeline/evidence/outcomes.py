@@ -118,7 +118,7 @@ def outcome(
     try:
         fit = kinds.estimate(training, case.options)
         result.model = fit.model
-        result.estimates = fit.estimates | _papers_estimates(case, training, fit)
+        result.estimates = fit.determined | _papers_estimates(case, training, fit)
         if case.closed:
             result.closed, refused = closed_loop_of(training, case.options, fit)
             result.refusals += [f"no closed loop: {refused}"] if refused else []
@@ -144,7 +144,7 @@ def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[
         papers = fit if requested == case.options else kinds.estimate(recorded, requested)
     except (ModelDomainError, SolverError):
         return {}
-    estimates = {PAPER.format(name): value for name, value in papers.estimates.items()}
+    estimates = {PAPER.format(name): value for name, value in papers.determined.items()}
     unbounded = papers.diagnostics.get("u_unbounded")  # 1 where û is at the end of its search
     return estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
 

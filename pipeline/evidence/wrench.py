@@ -24,7 +24,8 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             evidence_row("median_of_greatest_errors", maxima[own.agents], **keys),
         ]
     for own in _records(tables, "sigma_s"):
-        for entry in ENTRIES if own["form"] == "diagonal" else ():
+        published = own["system_class"] != "study" and own["form"] == "diagonal"
+        for entry in ENTRIES if published else ():
             keys = {"configuration": own["system_class"], "estimator": own["form"], "entry": entry}
             expected, error = own[f"e{entry}"], own[f"ee{entry}"]
             rows.append(evidence_row("sigma_s", expected, standard_error=error, **keys))

@@ -1,5 +1,6 @@
 """Metrics and tables of a run, and references to single numbers in them."""
 
+import hashlib
 import io
 import json
 import re
@@ -20,6 +21,7 @@ from pipeline.evidence.table import DECLARED, KEYS, NUMBERS, QUANTITIES
 Files = Mapping[str, Mapping[str, float] | pd.DataFrame]
 # rows of the table ``evidence`` by their keys
 IndexedEvidence = Mapping[tuple[str, ...], Mapping[str, float]]
+HASH = "sha256"  # key of the hash of all other content
 EVIDENCE_TABLES = ("evidence", "readings")
 T = TypeVar("T")
 Number = Annotated[float, Field(strict=True)]  # no text and no truth value
@@ -213,12 +215,18 @@ class Run:
         return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
 
     def to_json(self) -> str:
-        """Return JSON with full precision; a table is a list of CSV lines."""
+        """Return JSON with full precision and a hash of it; a table is a list of CSV lines."""
         values = {**vars(self), "joints": list(self.joints), "task": list(self.task)}
         values["tables"] = {
             stem: rows.to_csv(index=False).splitlines() for stem, rows in self.tables.items()
         }
+        values |= {HASH: _content_hash(values)}
         return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
+
+
+def _content_hash(values: Mapping[str, object]) -> str:
+    content = json.dumps(values, sort_keys=True, ensure_ascii=False)
+    return hashlib.sha256(content.encode()).hexdigest()
 
 
 def read_runs(folder: Path, first: str) -> list[Run]:
@@ -233,9 +241,15 @@ def read_runs(folder: Path, first: str) -> list[Run]:
 
 
 def read_run(file: Path) -> Run:
-    """Read one run; raises ContractError for a ``file`` that is not of :meth:`Run.to_json`."""
+    """Read one run; raises ContractError for a ``file`` that is not of :meth:`Run.to_json`, or that
+    was edited since.
+    """
     try:
         values = json.loads(file.read_text(encoding="utf-8"))
+        if values.pop(HASH) != _content_hash(values):
+            message = "the evidence was edited after its stage wrote it: the content does not have"
+            message += " the stated sha256; restore the file, or run the dataset again"
+            raise ContractError(message, file=file)
         for stem, lines in values["tables"].items():
             text = dict.fromkeys(KEYS, str) if stem in EVIDENCE_TABLES else {}
             table = pd.read_csv(io.StringIO("\n".join(lines)), dtype=text)

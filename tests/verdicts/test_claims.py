@@ -3,6 +3,7 @@ the one number at its place; malformed claims are refused by name and key; a run
 written; verdicts follow from claims, numbers and the kind of recordings.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -209,7 +210,7 @@ def test_a_run_comes_back_from_its_file_with_every_digit_gap_and_infinity(tmp_pa
 
 def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_name(tmp_path):
     for name in ("b", "a", "c"):
-        text = RUN.to_json().replace('"lab"', f'"{name}"')
+        text = replace(RUN, dataset=name).to_json()
         (tmp_path / f"{name}.json").write_text(text, encoding="utf-8")
     assert [run.dataset for run in read_runs(tmp_path, first="c")] == ["c", "a", "b"]
     with pytest.raises(ContractError, match="no evidence of the dataset d"):
