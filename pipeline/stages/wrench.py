@@ -34,12 +34,7 @@ def run() -> None:
     each = partial(trials, label="wrench: study")
     sigma, errors, spread = run_study(options, stream, each)
     tables = {"sigma_s": [sigma], "wrench_errors": [errors], "wrench_spread": [spread]}
-    metrics = {}  # of the study, by the number m of cables
-    for m, rows in errors.groupby("agents")["error"]:
-        metrics[f"study_m{m}_mean_error"] = rows.mean()
-        metrics[f"study_m{m}_greatest_error"] = rows.max()
-    for m, median in spread.groupby("agents")["maximum"].median().items():
-        metrics[f"study_m{m}_greatest_error_median_over_repeats"] = median
+    metrics = {}
     if force is None:
         print("wrench: the dataset has no force transducer; only the study is done")
     else:
