@@ -1,100 +1,28 @@
-"""The crate of the results names every file, and every stage with its inputs and outputs; the card
-answers its questions; lock files are in the order of their pipelines; the page holds its Markdown
-files whole, with links that lead somewhere and figures inside.
+"""The page holds its Markdown files whole, with links that lead somewhere and figures inside; lock
+files are in the order of their pipelines.
 """
 
 import io
-import json
 import re
-import shutil
-import warnings
 from base64 import b64decode
-from collections.abc import Iterator
-from math import nan
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree.ElementTree import Element, fromstring
 
-import pandas as pd
 import pytest
 from omegaconf import OmegaConf
 from PIL import Image
-from project_copy import run
-from rocrate.rocrate import ROCrate
 from source_code import MODULES, ROOT, covers, needed, package
 
 from pipeline.core.errors import ContractError
-from pipeline.tools.crate.command import PROFILE, QUALITY, card
 from pipeline.tools.lock import command as lock
 from pipeline.tools.page.command import RESULTS, page
 
 
-def references(value: object) -> Iterator[str]:
-    if isinstance(value, dict) and set(value) == {"@id"}:
-        yield value["@id"]
-    elif isinstance(value, dict | list):
-        for each in value.values() if isinstance(value, dict) else value:
-            yield from references(each)
-
-
-def written(laboratory: dict | None, stored: list[dict]) -> str:
-    motion = SimpleNamespace(rate=125.0, steps=64)
-    dataset = SimpleNamespace(name="lab", laboratory=laboratory, motion=motion)
-    parts = {"take": list("abc"), "part": ["training", "training", "test"]}
-    takes = pd.DataFrame(parts | {"left_out": [False, True, False]})
-    counted = [["a tracker", "gaps", "count", 9.0, nan, 2.0, 4.0]]
-    about = {"subject": "An arm", "source": "a laboratory", "licence": "CC0"}
-    quality = pd.DataFrame(counted, columns=QUALITY)
-    return card(SimpleNamespace(seed=7, dataset=dataset), about, stored, takes, quality)
-
-
-def test_the_card_states_the_numbers_of_its_dataset_and_nothing_of_another_kind():
-    text = written({"seed": 1}, [{"path": "data/raw/lab/x", "nfiles": 8, "size": 1234567}])
-    parts = ["| training | 2 |", "64 steps at 125 per second", "leaves out: b.", "Licence: CC0."]
-    parts += ["| `data/raw/lab/x` | 8 | 1,234,567 |", "from the seed 7;"]
-    for part in (*parts, "| a tracker | gaps | count | 9 | – | 2 | 4 |"):
-        assert part in text, part
-    recorded = written(None, [])
-    assert re.findall("^## .*", recorded, re.M) == re.findall("^## .*", text, re.M)
-    for word in ("seed", "Simulated", "truth", "pipeline/laboratory", "dvc.lock"):
-        assert word not in recorded, word
-    assert "a laboratory" in recorded and "data/raw/lab/dataset.yaml" in recorded
-
-
-@pytest.mark.slow
-def test_a_run_is_described_file_by_file_and_stage_by_stage(reproduced, tmp_path):
-    folder = tmp_path / "project"
-    shutil.copytree(reproduced, folder, symlinks=True)
-    file, written = folder / "reports/ro-crate-metadata.json", []
-    for _ in range(2):
-        done = run("python", "-m", "pipeline", "crate", cwd=folder)
-        assert done.returncode == 0, done.stderr
-        written.append(file.read_bytes())
-    assert written[0] == written[1]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        crate = ROCrate(file.parent)
-    read = {entity.id for entity in crate.data_entities if entity.type == "File"}
-    below = [one for one in file.parent.rglob("*") if one.is_file() and one != file]
-    assert read == {one.relative_to(file.parent).as_posix() for one in below}
-    locked = OmegaConf.to_container(OmegaConf.load(folder / "dvc.lock"))["stages"]
-    assert {*locked, "page"} <= {entity["name"] for entity in crate.get_by_type("CreateAction")}
-    entities = json.loads(written[0])["@graph"]
-    named = {name for entity in entities for name in references(entity)}
-    # every reference is described
-    assert named - {each["@id"] for each in entities} == {"https://w3id.org/ro/crate/1.1"}
-    (root,) = (each for each in entities if each["@id"] == "./")
-    assert [*references(root["conformsTo"])] == [PROFILE]
-
-
-@pytest.mark.parametrize(
-    ("stage", "module"), [("studies_page", "tools.page.command"), ("crate", "tools.crate.command")]
-)
-def test_a_stage_depends_on_the_code_that_it_runs(stage, module):
-    file = ROOT / "pipeline/tools/crate/dvc.yaml"
-    deps = OmegaConf.to_container(OmegaConf.load(file))["stages"][stage]["deps"]
-    core = {name for name in MODULES if package(name) == "core"}
-    modules = [MODULES[name] for name in needed(f"pipeline.{module}", core)]
+def test_the_page_of_the_studies_depends_on_the_code_that_writes_it():
+    stages = OmegaConf.to_container(OmegaConf.load(ROOT / "pipeline/studies/dvc.yaml"))["stages"]
+    deps = stages["studies_page"]["deps"]
+    harmless = {name for name in MODULES if package(name) in ("configuration", "core")}
+    modules = [MODULES[name] for name in needed("pipeline.tools.page.command", harmless)]
     files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
     files.remove("pipeline/__init__.py")
     assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
