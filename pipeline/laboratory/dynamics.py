@@ -109,29 +109,12 @@ def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -
     """Draw stationary normal paths of variance 1 along the last axis: white noise behind LAGS."""
     from scipy.signal import lfilter
 
-    denominator, response = _lags(steps_per_lag)
+    denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
+    impulse = np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0]
+    response = lfilter([1.0], denominator, impulse)
     noise = rng.standard_normal((*shape[:-1], len(response) + shape[-1]))
     passed_on = lfilter([1.0], denominator, noise, axis=-1)[..., len(response) :]
     return passed_on / np.linalg.norm(response)
-
-
-def lagged_correlation(steps: np.ndarray, steps_per_lag: float) -> np.ndarray:
-    """Return the autocorrelation (...) of :func:`lagged_noise` at distances of ``steps`` (...)."""
-    _, response = _lags(steps_per_lag)
-    power = np.abs(np.fft.rfft(response, 2 * len(response))) ** 2
-    # the correlation is zero beyond the response
-    correlation = np.append(np.fft.irfft(power, 2 * len(response))[: len(response)], 0.0)
-    return correlation[np.minimum(steps, len(response))] / correlation[0]
-
-
-def _lags(steps_per_lag: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the denominator of the recursive filter and its settled impulse response."""
-    from scipy.signal import lfilter
-
-    denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
-    impulse = np.zeros(int(np.ceil(SETTLED * steps_per_lag)))
-    impulse[0] = 1.0
-    return denominator, lfilter([1.0], denominator, impulse)
 
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:

@@ -26,11 +26,7 @@ from pipeline.studies.recovery.stage import draw_data, recovery_row
 
 QUICK = ("outlook", "recovery")  # the others take longer than ten seconds
 WORKERS = ("recovery",)  # run with two workers too: all studies run their trials alike
-RUN = [
-    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow)
-    for name in NAMES
-    if name != "filters"  # it needs the filters' scores of a whole run
-]
+RUN = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES]
 
 
 @pytest.mark.parametrize("name", RUN)

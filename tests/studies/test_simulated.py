@@ -1,0 +1,66 @@
+"""Simulated recordings have the laboratory's motions and noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from pipeline.core import rng
+from pipeline.laboratory import dynamics
+from pipeline.studies.simulated import PhysicsFactors, disturb, measure_poses, observe, perform
+
+STILL = PhysicsFactors(disturbances=0.0)
+
+
+def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
+    own, stream = laboratory.dynamics, rng.stream(5, "record.session")
+    recorded_session = dynamics.open_session(laboratory.chain, own, stream)
+    for number, take in enumerate(perform(laboratory, PhysicsFactors(), 5, "test", 2)):
+        stream = rng.stream(5, "record.test", number)
+        motion = dynamics.perform(recorded_session, laboratory.motion, own, stream)
+        duration = laboratory.motion.duration
+        frames = dynamics.depth_frames(motion.swing, duration, laboratory.clock, stream)
+        np.testing.assert_array_equal(take.poses, motion.motion_capture)
+        np.testing.assert_array_equal(take.seen, frames.joints)
+
+
+@pytest.mark.parametrize(
+    ("factors", "scaled"),
+    [
+        ({"clearance": 2.0}, {"clearance": 2.0}),
+        ({"speed_exponent": 0.5}, {"speed_exponent": 0.5}),
+        ({"lasting": 10.0}, {"sway_time": 10.0, "clearance_time": 10.0}),
+    ],
+)
+def test_a_factor_scales_its_disturbance_alone(laboratory, factors, scaled):
+    own = laboratory.dynamics
+    changed = {name: factor * getattr(own, name) for name, factor in scaled.items()}
+    assert disturb(own, PhysicsFactors(**factors)) == replace(own, **changed)
+
+
+def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory):
+    takes, factor = perform(laboratory, STILL, 5, "train", 8), 3.0
+    poses = measure_poses(takes, laboratory.pose_noise, factor, np.random.default_rng(3))
+    noise = poses - np.stack([take.poses for take in takes])
+    root = factor * np.linalg.cholesky(laboratory.pose_noise)
+    squares = np.sum(np.linalg.solve(root, noise.reshape(-1, 3).T) ** 2, axis=1)
+    low, high = chi2.ppf([5e-4, 1 - 5e-4], noise.size // 3)  # 1 in 1000 for each of three axes
+    assert np.all((low < squares) & (squares < high))
+    # the control: another factor would be seen
+    assert not np.any((low < squares * 1.2) & (squares * 1.2 < high))
+
+
+def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_so(laboratory):
+    draws = laboratory.depth_noise.sample(np.full(20_000, 0.25), np.random.default_rng(4))
+    variance = 0.75 * 1e-4 + 0.25 * 4e-4
+    error = 4 * np.sqrt(variance / len(draws))
+    np.testing.assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
+    wide = 4 * variance * np.sqrt(2 / len(draws))
+    np.testing.assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
+    _, camera = observe(laboratory, PhysicsFactors(disturbances=0.0, motion_capture=0.0), 5, 2, 12)
+    everywhere = camera.noise[camera.noise["take"] == "none"]
+    share = everywhere["t"].to_numpy() / laboratory.motion.duration
+    error = 4.5 * np.sqrt((1e-4 + share * 3e-4) / 12)
+    assert np.all(np.abs(everywhere["b:a"] - 0.02 * (1 - share)) < error)
+    assert np.all(np.abs(everywhere["b:b"] - 0.04 * share) < error)
