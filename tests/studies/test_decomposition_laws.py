@@ -8,7 +8,6 @@ from scipy.linalg import lu
 from study_runs import options_of
 
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.cases.readings import read_claims
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
@@ -18,6 +17,7 @@ from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.evidence import PIVOTED, PLAIN, QR, QR_TRANSPOSED
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.studies.which_decomposition.stage import PAPER_ARM, robot_of
+from pipeline.verdicts.readings import read_claims
 
 ALL = (*laws.SIZES["all joints"], *laws.SETS["small_difference"])
 LAW = TimeLaw(320, 100.0, rest=(0.0, 0.45), ramp=(0.05, 0.35), peak=(0.2, 1.1))
