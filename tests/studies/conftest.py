@@ -16,7 +16,7 @@ from pipeline.studies.simulated import Laboratory, NoiseLaw
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """The recordings in the current directory, with a depth camera's noise and the datasets' results."""
+    """The recordings in the current directory, with a depth camera's noise."""
     monkeypatch.chdir(tmp_path)
     recordings = write_project(tmp_path)
     frames = {"take": "none", "frame": range(4), "t": np.linspace(0.0, 3.2, 4)}
