@@ -102,20 +102,17 @@ def _section(
                 child.attrs["href"] = _address(str(child.attrs["href"]), file, files, folder)
     html = parser.renderer.render(tokens, parser.options, {})
     html = html.replace("<table>", f"{TABLE}\n<table>").replace("</table>", "</table>\n</div>")
-    html = html.replace("&lt;br&gt;", "<br>")  # line ends in the cells of a table
-    html = UNSEEN.sub(FOLD, html)
+    html = UNSEEN.sub(FOLD, html.replace("&lt;br&gt;", "<br>"))  # line ends in a table's cells
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
-    return FOLDS.sub(FOLD, html) if file.stem == FOLDED else _side_by_side(html), headings
-
-
-def _side_by_side(html: str) -> str:
-    """Return ``html`` with the parts under headings of level 3 beside each other."""
+    if file.stem == FOLDED:
+        return FOLDS.sub(FOLD, html), headings
 
     def cards(found: re.Match) -> str:
+        """Return the parts under headings of level 3 beside each other."""
         inner = CARD.sub(r'<div class="card">\n\g<0></div>\n', found[0])
         return f'<div class="cards">\n{inner}</div>\n'
 
-    return CARDS.sub(cards, html)
+    return CARDS.sub(cards, html), headings
 
 
 def _anchor(file: Path, slug: str) -> str:
