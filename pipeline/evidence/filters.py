@@ -63,6 +63,7 @@ def _differences(
             value=own["difference"],
             low=own["low"],
             high=own["high"],
+            standard_error=own["standard_error"],
             model=own["model"],
             rival=rival,
             **places[own[column]],

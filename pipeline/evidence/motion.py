@@ -20,6 +20,7 @@ from pipeline.statistics.curves import (
     following_tests,
     mean_error_comparison,
     root_mean_square,
+    size_differences,
     spread_comparison,
     variation,
 )
@@ -44,7 +45,7 @@ class Outcome:
     deviation: np.ndarray | None = None  # (M+1, n) rad
     # (takes,) nats, of all steps and of the moving steps
     log_score: dict[str, np.ndarray] = field(default_factory=dict)
-    modelled: ModelledNoise | None = None  # at the recorded total variance, without its draws
+    modelled: ModelledNoise | None = None  # at the recorded total variance
     following: pd.DataFrame | None = None  # of following_tests
     refusals: list[str] = field(default_factory=list)
 
@@ -55,7 +56,7 @@ def noise_tests(
     """Return the noise of ``model`` at the recorded total variance, and the :func:`following_tests`
     of the recorded standard deviations. ``poses`` (takes, M+1, n) rad are the training takes.
     """
-    noise = modelled_noise(model, training, rng)
+    noise = modelled_noise(model, training)
     steady = constant_speed(poses)
     return noise, following_tests(noise, training.noise, steady, training.joints, rng)
 
@@ -82,6 +83,8 @@ def motion_evidence(
     for name, each in realized.items():
         error = np.linalg.norm(each.mean - takes.poses.mean(axis=0), axis=1)[1:]
         rows.append(evidence_row("greatest_mean_error", error.max(), model=name))
+    error = np.linalg.norm(_nominal_error(training).mean(axis=0), axis=-1)
+    rows.append(evidence_row("greatest_mean_error", error.max(), model=NO_NOISE))
     for name, curves in std.items():
         for joint, curve in zip(training.joints, curves.T, strict=True):
             if np.all(np.isfinite(curve)):
@@ -94,13 +97,21 @@ def motion_evidence(
     return evidence_table([*rows, *_score_rows(outcomes)])
 
 
+def _nominal_error(training: Recorded) -> np.ndarray:
+    """Return the nominal next pose minus the measured one (takes, M, n) in rad."""
+    return training.q + training.chain.nominal_step(training.q, training.v) - training.q_next
+
+
 def _recorded_rows(takes: Takes, limits: Sequence[float]) -> Rows:
     noise, recordings = takes.training.noise, [name.rpartition("_")[0] for name in takes.names]
     yield evidence_row("takes", len(noise), model=RECORDED)
     share = share_between(noise, recordings)
     yield evidence_row("share_of_variance_between_recordings", share, model=RECORDED)
+    steps = takes.training.chain.nominal_step(takes.training.q, takes.training.v)
+    ranges = np.ptp(np.cumsum(steps.mean(axis=0), axis=0), axis=0)
     for j, (joint, limit) in enumerate(zip(takes.training.joints, limits, strict=True)):
         keys = {"model": RECORDED, "joint": joint}
+        yield evidence_row("commanded_range", ranges[j], **keys)
         yield evidence_row("lag_one_correlation", lag_one_correlation(noise[..., j]), **keys)
         yield evidence_row("std_variation_of_constant_noise", limit, **keys)
 
@@ -139,14 +150,16 @@ def _noise_rows(
             seen.add((own.model, own.joint))
             yield evidence_row("std_error", own.error, **keys)
         rival = own.rival_joint if own.rival == own.model else own.rival
-        difference = (own.difference, own.low, own.high)
+        difference = (own.difference, own.low, own.high, own.standard_error)
         yield evidence_row("std_error", *difference, **keys, rival=rival)
+    for model, joint, *difference in size_differences(modelled, training.noise, training.joints):
+        yield evidence_row("std", *difference, model=model, joint=joint, rival=RECORDED)
     errors = {model: each.error for model, each in modelled.items()}
     for own in mean_error_comparison(errors).itertuples():
         if own.model not in seen:
             seen.add(own.model)
             yield evidence_row("mean_error_variation", own.std_over_time_rad, model=own.model)
-        difference = (own.difference, own.low, own.high)
+        difference = (own.difference, own.low, own.high, own.standard_error)
         keys = {"model": own.model, "rival": own.rival}
         yield evidence_row("mean_error_variation", *difference, **keys)
 
@@ -162,5 +175,6 @@ def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
         for own in score_comparison(scored, next(iter(scored))).itertuples() if scored else ():
             keys = {"model": own.model, "steps": steps}
             yield evidence_row("step_log_score", own.mean, **keys)
-            ends, rival = (own.difference, own.low, own.high), next(iter(scored))
+            ends = (own.difference, own.low, own.high, own.standard_error)
+            rival = next(iter(scored))
             yield evidence_row("step_log_score", *ends, **keys, rival=rival)

@@ -4,7 +4,6 @@ evaluated once.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -129,8 +128,8 @@ def outcome(
         result.mean, result.deviation, refused = realized_moments(*course, realized)
         result.refusals += [refused] if refused else []
         if case.mode == "one_step":
-            noise, result.following = noise_tests(result.model, training, takes.poses, following)
-            result.modelled = replace(noise, draws=noise.draws[:0])
+            tests = noise_tests(result.model, training, takes.poses, following)
+            result.modelled, result.following = tests
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         result.refusals.append(str(error))
     return result

@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy import ndarray
+from scipy.special import stdtrit
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
 from pipeline.models.steps import Estimate, Options, Recorded
-from pipeline.statistics.takes import percentile_interval
+from pipeline.statistics.takes import TAILS
 
 LEAST_TAKES = 10  # minimum for a 95 % interval: fewer takes have too few distinct resamplings
 
@@ -23,7 +24,7 @@ Estimator = Callable[[ndarray], Estimates]  # indices of takes → estimates by 
 
 
 class Spread(NamedTuple):
-    """Standard error of an estimate, and the ends of its 95 % percentile interval."""
+    """Standard error of an estimate, and the ends of its 95 % interval by Student's law."""
 
     standard_error: float
     low: float
@@ -49,12 +50,18 @@ def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Est
         return None
 
 
-def spreads(replicates: list[Estimates | None]) -> tuple[dict[str, Spread], int]:
-    """Return the spread of every estimate that all replicates have, and the number of failures."""
-    values = {
-        name: Spread(float(each.std(ddof=1)), *map(float, percentile_interval(each.to_numpy())))
-        for name, each in _common_estimates(replicates).items()
-    }
+def spreads(
+    replicates: list[Estimates | None], estimates: Estimates, takes: int
+) -> tuple[dict[str, Spread], int]:
+    """Return the spread of every one of the ``estimates`` from ``takes`` takes that all replicates
+    have, and the number of failures. The interval is centred on the estimate: percentiles of the
+    replicates are shifted by the bias of a resampled variance, (takes − 1)/takes.
+    """
+    quantile, values = float(stdtrit(takes - 1, TAILS[1])), {}
+    for name, each in _common_estimates(replicates).items():
+        error = float(each.std(ddof=1))
+        ends = (estimates[name] + sign * quantile * error for sign in (-1, 1))
+        values[name] = Spread(error, *map(float, ends))
     return values, replicates.count(None)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
-from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import estimate
 from pipeline.models.model import MotionModel
 from pipeline.models.steps import Options, Recorded, at_recorded_level
@@ -16,7 +15,6 @@ from pipeline.statistics.curves import ModelledNoise
 from pipeline.statistics.scores import nees, normal_log_score
 
 Steps = dict[str, ndarray]  # score → values at the steps of a take
-DRAWS = 1000  # draws of a step's process noise, at the poses of all takes in turn
 
 
 def score_take(
@@ -105,21 +103,14 @@ def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:
     return groups
 
 
-def modelled_noise(
-    model: MotionModel, recorded: Recorded, rng: np.random.Generator, draws: int = DRAWS
-) -> ModelledNoise:
+def modelled_noise(model: MotionModel, recorded: Recorded) -> ModelledNoise:
     """Process noise of ``model`` at the poses of ``recorded``, scaled to the recorded total
     variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
     model, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
     covariance = model.covariance(chain, q, v)
-    takes = np.resize(np.arange(len(q)), draws)
-    noise = draw_steps(model, chain, q[takes], v, rng)[0] - (q + chain.nominal_step(q, v))[takes]
-    root = np.linalg.cholesky(recorded.measurement + 1e-30 * np.eye(q.shape[-1]))
-    noise += rng.standard_normal(noise.shape) @ root.T
     return ModelledNoise(
         motion=np.diagonal(covariance, axis1=-2, axis2=-1).mean(axis=0),
         measurement=np.diagonal(recorded.measurement),
         error=model.mean(chain, q, v) - recorded.q_next,
-        draws=noise,
     )

@@ -101,17 +101,19 @@ def _resample(
     """Return estimates from resamplings of the takes, and the standard errors and intervals."""
     if estimate is None:
         return [], {}
-    takes, numbers = len(recorded.q), range(settings.scale.bootstrap_replicates)
+    takes, scale = len(recorded.q), settings.scale
+    quick = estimate.from_takes is not None
+    numbers = range(scale.bootstrap_replicates if quick else scale.bootstrap_refits)
     estimator = bootstrap.resampled_estimator(recorded, options, estimate)
     stream = (settings.seed, f"fit.{model}.bootstrap")
     trial = partial(_replicate, estimator=estimator, takes=takes, stream=stream)
-    if estimate.from_takes is not None:  # too quick for workers
+    if quick:  # too quick for workers
         replicates = [trial(number) for number in numbers]
     else:
         label = f"fit {model}: resamplings"
         replicates = list(run_trials(trial, numbers, compute=settings.compute, label=label))
     metrics = {}
-    for name, values in bootstrap.spreads(replicates)[0].items():
+    for name, values in bootstrap.spreads(replicates, estimate.estimates, takes)[0].items():
         if name not in estimate.undetermined:
             metrics[f"{name}_standard_error"] = values.standard_error
             if takes >= bootstrap.LEAST_TAKES:

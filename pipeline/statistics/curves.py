@@ -2,9 +2,11 @@
 
 The test of a joint compares the correlation of both standard deviations over time with a limit. The
 limit is √½ (the model explains half of the variation) or, if lower, a quantile of the correlation
-in draws of as many takes from the model, which allows for the error of few takes. The power is the
-share of draws of constant noise that the limit rejects. Draws have the model's law at each step;
-their ranks follow the recorded first-order autoregression (a Gaussian copula).
+in draws of as many takes with the modelled standard deviation, which allows for the error of few
+takes. The power is the share of draws of constant noise that the limit rejects. All draws have the
+tails of the recorded noise over its modelled standard deviation, and the recorded first-order
+autoregression of its ranks (a Gaussian copula): heavy tails alone move a standard deviation of few
+takes up and down.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,12 +36,11 @@ NO_NOISE = "no_noise"  # name in the tables of a prediction without noise
 
 @dataclass(frozen=True)
 class ModelledNoise:
-    """Moments and draws of a model's process noise ω at the recorded poses and level."""
+    """Moments of a model's process noise ω at the recorded poses and level."""
 
     motion: ndarray  # (M, n) rad², mean over the takes of the variance of a step
     measurement: ndarray  # (n,) rad², variances of the measurement noise
     error: ndarray  # (takes, M, n) rad, the model's mean next pose minus the measured one
-    draws: ndarray  # (S, M, n) rad, of ω with the measurement noise
 
     @property
     def std(self) -> ndarray:
@@ -75,11 +76,11 @@ def following_tests(
     rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
     for j, joint in enumerate(joints):
-        variates = _autoregression(noise[..., j], rng)
-        ordered = np.sort(modelled.draws[..., j].T, axis=1)
-        ranks = (ndtr(variates) * ordered.shape[1]).astype(np.intp).reshape(len(ordered), -1)
-        taken = np.take_along_axis(ordered, ranks, axis=1).reshape(variates.shape)
-        drawn, constant = taken.std(axis=-1, ddof=1), variates.std(axis=-1, ddof=1)
+        residuals = (noise[..., j] - noise[..., j].mean(axis=0)) / std[:, j]
+        ordered = np.sort(residuals.ravel())
+        ranks = (ndtr(_autoregression(noise[..., j], rng)) * len(ordered)).astype(np.intp)
+        constant = ordered[ranks].std(axis=-1, ddof=1)
+        drawn = constant * std[:, j, None]
         for name, chosen in {"all": np.full(len(steady), True), "constant_speed": steady}.items():
             curve = std[chosen, j]
             if chosen.sum() < 3 or np.ptp(curve) == 0:
@@ -134,14 +135,12 @@ def spread_comparison(
     All models have one level: in every set of takes of ``noise`` (takes, M, n) in rad, a factor on
     a model's variances makes modelled plus measurement variance equal to the takes' variance.
     """
-    measurement, errors = next(iter(modelled.values())).measurement, {}
     recorded = _variances(jackknife_counts(len(noise)), noise)
-    total = recorded.mean(axis=1).sum(axis=-1) - measurement.sum()
-    for model, each in modelled.items():
-        factor = np.maximum(total, 0) / each.motion.mean(axis=0).sum()
-        std = np.sqrt(factor[:, None, None] * each.motion + measurement)
-        distance = np.linalg.norm(std - np.sqrt(recorded), axis=1)
-        errors[model] = distance / np.sqrt(recorded.sum(axis=1))  # (1 + takes, n)
+    errors = {
+        model: np.linalg.norm(np.sqrt(variances) - np.sqrt(recorded), axis=1)
+        / np.sqrt(recorded.sum(axis=1))  # (1 + takes, n)
+        for model, variances in _at_total_variance(modelled, recorded).items()
+    }
     first, last, rows = next(iter(modelled)), len(joints) - 1, []
     for model, error in errors.items():
         for j, joint in enumerate(joints):
@@ -155,6 +154,33 @@ def spread_comparison(
                 rows.append((model, joint, rival, where, error[0, j], other[0], *difference))
     names = ["model", "joint", "rival", "rival_joint", "error", "rival_error"]
     return pd.DataFrame(rows, columns=[*names, *Difference._fields])
+
+
+def _at_total_variance(
+    modelled: Mapping[str, ModelledNoise], recorded: ndarray
+) -> dict[str, ndarray]:
+    """Return each model's variances (R, M, n) in rad² at the total variance of ``recorded``."""
+    measurement = next(iter(modelled.values())).measurement
+    total = np.maximum(recorded.mean(axis=1).sum(axis=-1) - measurement.sum(), 0)
+    return {
+        model: (total / each.motion.mean(axis=0).sum())[:, None, None] * each.motion + measurement
+        for model, each in modelled.items()
+    }
+
+
+def size_differences(
+    modelled: Mapping[str, ModelledNoise], noise: ndarray, joints: Sequence[str]
+) -> list[tuple]:
+    """Return model, joint, and the difference in rad of the modelled minus the recorded standard
+    deviation, root mean square over time, with the interval of the jackknife over takes.
+    """
+    recorded = _variances(jackknife_counts(len(noise)), noise)
+    size = np.sqrt(recorded.mean(axis=1))
+    return [
+        (model, joint, *jackknife_difference(np.sqrt(own.mean(axis=1))[:, j] - size[:, j]))
+        for model, own in _at_total_variance(modelled, recorded).items()
+        for j, joint in enumerate(joints)
+    ]
 
 
 def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:

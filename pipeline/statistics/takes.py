@@ -19,11 +19,14 @@ Quantities = Callable[[str, ndarray], dict[str, float]]
 
 
 class Difference(NamedTuple):
-    """Mean difference and the ends of its 95 % interval; ends are NaN if there is no interval."""
+    """Mean difference, the ends of its 95 % interval and its standard error, from which the degrees
+    of freedom follow; NaN if there is no interval.
+    """
 
     difference: float
     low: float = np.nan
     high: float = np.nan
+    standard_error: float = np.nan
 
 
 def takes_moments(samples: ndarray) -> tuple[ndarray, ndarray]:
@@ -71,7 +74,7 @@ def _student(difference: float, error: float, degrees: int) -> Difference:
     if degrees < 1:
         return Difference(float(difference))
     half = float(stdtrit(degrees, TAILS[1]) * error)
-    return Difference(float(difference), difference - half, difference + half)
+    return Difference(float(difference), difference - half, difference + half, float(error))
 
 
 def paired_difference(scores: ndarray, reference: ndarray) -> Difference:
@@ -122,6 +125,7 @@ def resampled_differences(
             table["difference"] = difference.iloc[0]
             if len(drawn) > 1:
                 table["low"], table["high"] = percentile_interval(difference.iloc[1:])
+                table["standard_error"] = difference.iloc[1:].std(ddof=1).to_numpy()
         tables.append(table)
     return pd.concat(tables, ignore_index=True)
 

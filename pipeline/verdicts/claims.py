@@ -1,76 +1,24 @@
-"""Claims of the paper and of the project in ``claims.yaml``, and the rules of verdicts.
+"""Claims of the paper and of the project in ``claims.yaml``."""
 
-A rule is a function of a table with a row for each case; a number that the claim lacks is NaN.
-``value`` is the run's number, ``than`` the number compared with. ``low`` and ``high`` bound the
-value, or for an order the difference ``value − than``. ``threshold`` and ``power`` belong to a test
-of the run. The claim states ``published``, ``tolerance`` and ``limit``. ``yardstick`` is the
-published value or the limit; ``distance`` is (published − value)/``standard_error``.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from itertools import product
-from pathlib import Path
-from typing import Literal, NamedTuple
-
-import numpy as np
-import pandas as pd
+from typing import Literal
 
 from pipeline.core.errors import ConfigError
-from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options
-from pipeline.statistics.curves import POWER
+from pipeline.verdicts.rules import RULES
 from pipeline.verdicts.run import Number, Reference, parse_entries
 
 CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
 NONE = "none"  # value of Claim.recording for a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
-COMPARED = ("value", "than", "low", "high", "threshold", "power")
-REFERENCES = ("value", "than", "difference", "threshold", "power")
-STATED = (*REFERENCES, "published", "limit", "tolerance", "standard_error")
+COMPARED = ("value", "than", "difference", "low", "high", "threshold", "power", "control")
+REFERENCES = ("value", "than", "difference", "threshold", "power", "control")
+STATED = (*REFERENCES, "published", "limit", "tolerance", "margin", "standard_error")
 EVERY = "every"  # value of ``each`` for all joints of a dataset's arm
 ENDS = {"low", "high"}  # of the difference, else of the value
 ORDERS = ("less", "greater")  # rules that need an interval of the difference
-Judge = Callable[[pd.DataFrame], pd.Series]
-
-HOLDS: dict[str, Judge] = {
-    "within_relative": lambda r: (r.value - r.published).abs() <= r.tolerance * r.published.abs(),
-    "within_absolute": lambda r: (r.value - r.published).abs() <= r.tolerance,
-    "below": lambda r: r.value < r.yardstick,
-    "above": lambda r: r.value > r.yardstick,
-    "varies": lambda r: r.value > r.limit,
-    "follows": lambda r: r.value >= r.threshold,
-    "less": lambda r: r.high < 0,
-    "greater": lambda r: r.low > 0,
-    "decreasing": lambda r: pd.Series(np.diff(r.value, prepend=np.inf) < 0, r.index),
-    "equivalent": lambda r: np.maximum(-r.low, r.high) < r.tolerance * r.than.abs(),
-    "interval_contains": lambda r: (
-        (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
-    ),
-    "standard_errors": lambda r: r.distance.abs() < r.limit,
-}
-DECIDES: dict[str, Judge] = dict.fromkeys(HOLDS, lambda r: r.value.notna()) | {
-    **dict.fromkeys(ORDERS, lambda r: (r.low > 0) | (r.high < 0)),
-    "varies": lambda r: (r.value <= r.limit) | (r.value > r.threshold),
-    "follows": lambda r: r.power >= POWER,
-}
-
-
-class Rule(NamedTuple):
-    """A rule in ``words``, the keys of a claim that it ``needs``, and two masks of cases: the rule
-    ``holds``, and the rule ``decides`` (an interval that contains zero decides no order).
-    """
-
-    words: str
-    needs: set[str]
-    holds: Judge
-    decides: Judge
-
-
-RULES = {
-    name: Rule(rule["words"], {*rule["needs"]}, HOLDS[name], DECIDES[name])
-    for name, rule in read_yaml(Path(__file__).with_name("rules.yaml")).items()
-}
 
 
 @options(frozen=True)
@@ -90,7 +38,10 @@ class Claim:
     - ``each``: lists of values by name, or ``joint: every``; each combination is a case, whose
       values replace the names in references;
     - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
-    - ``difference``: the difference of an order, whose interval decides;
+    - ``difference``: the difference of an order, whose interval decides; ``margin``: the least
+      relevant difference, in its unit;
+    - ``control``: the same number of a control without the claimed effect: where it passes too, the
+      rule has no power;
     - ``standard_error``: one reference, or several that add in squares;
     - ``by``: the construction of the models forces the claim (no verdict), or their total variance
       decides the claim; ``because`` has the reason;
@@ -115,10 +66,12 @@ class Claim:
     parameter: str = ""
     tolerance: Number | None = None
     limit: Number | None = None
+    margin: Number | None = None
     than: Reference | None = None
     difference: Reference | None = None
     threshold: Reference | None = None
     power: Reference | None = None
+    control: Reference | None = None
     standard_error: list[Reference] | Reference | None = None
     unless: Unless | None = None
     why: dict[str, str] = field(default_factory=dict)
@@ -139,9 +92,11 @@ class Claim:
             message = f"{rule} needs either a published value or a limit, not both"
             raise ConfigError(message, key="limit")
         if self.rule in ORDERS and self.by != CONSTRUCTION:
-            needs |= {"difference"}
+            needs |= {"difference", "margin"}
         needs -= ENDS
-        for key in sorted({"limit", "tolerance", "threshold", "power"} - needs - yardstick):
+        for key in sorted(
+            {"limit", "margin", "tolerance", "threshold", "power"} - needs - yardstick
+        ):
             if key in stated:
                 raise ConfigError(f"{rule} does not use this key; remove it", key=key)
         if missing := sorted(needs - stated - {"yardstick"}):
@@ -169,6 +124,7 @@ class Claim:
         """Words of the rule with the claim's numbers."""
         yardstick = "the published value" if self.limit is None else f"{self.limit:g}"
         numbers = {"tolerance": self.tolerance, "limit": self.limit, "yardstick": yardstick}
+        numbers["margin"] = self.margin
         return RULES[self.rule].words.format(**numbers)
 
     def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:

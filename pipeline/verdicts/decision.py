@@ -9,17 +9,21 @@ import numpy as np
 import pandas as pd
 
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, RULES, Claim
+from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, Claim
+from pipeline.verdicts.rules import RULES, decide_cases
 from pipeline.verdicts.run import ArmNames, IndexedEvidence, Reference, Run, index_evidence
 from pipeline.verdicts.wording import interval, number
 
 REPRODUCED = "reproduced"
 NOT_REPRODUCED = "not reproduced"
-SYNTHETIC_CANNOT = "cannot be decided with synthetic data"
+SYNTHETIC_PASSES = "synthetic: rule passes"
+SYNTHETIC_FAILS = "synthetic: rule fails"
 NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 WITHOUT_RECORDING = "no recording"  # heading of the column of claims that need no recording
+
+LEAST_RANGE = 0.01  # share of the greatest commanded range below which a joint is at rest
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
 
@@ -54,8 +58,11 @@ def decide_each(
     for run in runs:
         whose = "synthetic" if run.synthetic else "real"
         columns.append((run.dataset, "paper" if run.dataset in papers_own else whose, run))
-    columns.append((WITHOUT_RECORDING, "none", runs[0]))
-    return [Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns]
+    decided = [Decided(n, w, decide(claims, run.evidence, w, run.arm)) for n, w, run in columns]
+    # of the first run that has the numbers
+    without = zip(*(decide(claims, run.evidence, "none", run.arm) for run in runs), strict=True)
+    chosen = [next((v for v in own if v.verdict != NO_EVIDENCE), own[0]) for own in without]
+    return [*decided, Decided(WITHOUT_RECORDING, "none", chosen)]
 
 
 def decide(
@@ -65,7 +72,17 @@ def decide(
     ``arm``. A claim on numbered joints has no evidence on an arm without numbered joints.
     """
     rows = index_evidence(evidence)
+    arm = arm._replace(joints=moving_joints(evidence, arm.joints))
     return [_decide_claim(claim, rows, recordings, arm) for claim in claims]
+
+
+def moving_joints(evidence: pd.DataFrame, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the ``joints`` that the commanded motion moves, by LEAST_RANGE of the greatest range;
+    all joints without evidence on the ranges.
+    """
+    ranges = evidence[evidence["quantity"] == "commanded_range"].set_index("joint")["value"]
+    still = ranges.index[ranges < LEAST_RANGE * ranges.max()] if len(ranges) else ()
+    return tuple(joint for joint in joints if joint not in still)
 
 
 def _decide_claim(
@@ -83,23 +100,24 @@ def _decide_claim(
     if (unless := claim.unless) is not None:
         share = unless.value.look_up(evidence, arm)
         void = share is None or share > unless.limit  # a guard without a number is no evidence
-    decides, holds = known & rule.decides(r) & (not void), rule.holds(r)
+    holds = decide_cases(rule, r, known & (not void))
     half = NORMAL_QUANTILE * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
     rows = r.replace([np.inf, -np.inf], np.nan).astype(object)
-    rows = rows.where(rows.notna(), None).assign(holds=holds.astype(object).where(decides, None))
+    rows = rows.where(rows.notna(), None).assign(holds=pd.Series(holds, dtype=object))
     rows["case"] = [
         ", ".join(arm.named(v) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
         for case in named
     ]
     cases = tuple(map(Case._make, rows[[*Case._fields]].itertuples(index=False)))
     evident = not void and len(known) > 0 and known.all()
-    return Verdict(claim, _verdict_word(claim, recordings, evident, decides, holds), cases)
+    return Verdict(claim, _verdict_word(claim, recordings, evident, holds), cases)
 
 
 def _verdict_word(
-    claim: Claim, recordings: Recordings, evident: bool, decides: pd.Series, holds: pd.Series
+    claim: Claim, recordings: Recordings, evident: bool, holds: Sequence[bool | None]
 ) -> str:
+    """Return the verdict; one case that fails, corrected over all cases, refutes the claim."""
     if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
         return NO_RECORDING
     if not evident:
@@ -108,17 +126,17 @@ def _verdict_word(
         return FORCED
     if claim.about == "specimen" and recordings == "real":
         return NO_EVIDENCE
+    if False not in holds and None in holds:
+        return NO_EVIDENCE
     if claim.about != "method" and recordings == "synthetic":
-        return SYNTHETIC_CANNOT
-    if (decides & ~holds).any():
-        return NOT_REPRODUCED  # one failing case refutes the claim
-    return REPRODUCED if decides.all() else NO_EVIDENCE
+        return SYNTHETIC_FAILS if False in holds else SYNTHETIC_PASSES
+    return NOT_REPRODUCED if False in holds else REPRODUCED
 
 
 def _rule_table(
     claim: Claim, cases: list[dict], evidence: IndexedEvidence, arm: ArmNames
 ) -> pd.DataFrame:
-    """Return the table of a rule (:mod:`pipeline.verdicts.claims`) with a row for each case."""
+    """Return the table of a rule (:mod:`pipeline.verdicts.rules`) with a row for each case."""
 
     def numbers(reference: Reference | None) -> np.ndarray:
         values = [reference and reference.in_case(case).look_up(evidence, arm) for case in cases]
@@ -131,7 +149,11 @@ def _rule_table(
     named |= {end: replace(ends, column=end) if plain else None for end in sorted(ENDS)}
     r = pd.DataFrame({key: numbers(reference) for key, reference in named.items()})
     r["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
-    for key in ("published", "tolerance", "limit"):
+    if not claim.standard_errors:
+        r["standard_error"] = numbers(replace(ends, column="standard_error") if plain else None)
+    if claim.difference is None:
+        r["difference"] = r.value if claim.rule == "equivalent" else r.value - r.than
+    for key in ("published", "tolerance", "limit", "margin"):
         r[key] = np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
     r["yardstick"] = r.published.fillna(r.limit)
     return r.assign(distance=(r.published - r.value) / r.standard_error)

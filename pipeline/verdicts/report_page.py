@@ -122,17 +122,11 @@ def _rows(columns: Sequence[Decided]) -> Iterator[tuple[Verdict, ...]]:
 def _synthetic_rules(here: Run, decided: Sequence[Decided]) -> list[str]:
     """Return a sentence on the rules of claims that synthetic recordings cannot decide."""
     own = next(whose for whose in decided if whose.dataset == here.dataset)
-    undecided = [v for v in own.verdicts if v.verdict == d.SYNTHETIC_CANNOT]
-    undecided = [verdict for verdict in undecided if verdict.claim.source != PROJECT]
-    passing = sum(rule_passes(verdict) for verdict in undecided)
-    if not undecided:
+    words = [v.verdict for v in own.verdicts if v.claim.source != PROJECT]
+    passing, failing = words.count(d.SYNTHETIC_PASSES), words.count(d.SYNTHETIC_FAILS)
+    if not passing + failing:
         return []
-    return [TEXT["undecided"].format(len(undecided), passing, len(undecided) - passing)]
-
-
-def rule_passes(verdict: Verdict) -> bool:
-    """Return True if no case of a verdict fails the claim's rule."""
-    return not any(case.holds is False for case in verdict.cases)
+    return [TEXT["undecided"].format(passing + failing, passing, failing)]
 
 
 def claim_lines(here: Run, decided: Sequence[Decided], label: str | None) -> tuple[list[str], ...]:
@@ -173,11 +167,10 @@ def verdict_cell(verdict: Verdict) -> str:
         return ""
     if verdict.verdict == d.FORCED or not decided:
         return MARKS[d.FORCED]
-    undecided = f"synthetic: rule {'passes' if rule_passes(verdict) else 'fails'}"
-    mark = MARKS.get(verdict.verdict, undecided)
+    mark = MARKS.get(verdict.verdict, verdict.verdict)
     if len(verdict.cases) == 1:
         return f"{mark} {number(decided[0].value)}"
-    return f"{mark} {sum(case.holds for case in decided)}/{len(decided)}"
+    return f"{mark} {sum(case.holds for case in decided)} of {len(verdict.cases)}"
 
 
 def failures(here: Run, decided: Sequence[Decided]) -> str:

@@ -4,6 +4,7 @@ as they say, and pairing makes them narrow.
 """
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import ttest_rel
 
@@ -14,7 +15,6 @@ from pipeline.statistics.curves import (
     RECOGNISED,
     ModelledNoise,
     constant_noise_variation,
-    correlation,
     following_tests,
     mean_error_comparison,
     spread_comparison,
@@ -31,7 +31,7 @@ from pipeline.statistics.takes import (
     share_between,
 )
 
-STEPS, DRAWS, REPEATS, TAKES = 160, 1000, 150, 40
+STEPS, OWN, TAKES = 160, 25, 40
 JOINTS = ("elbow", "wrist")
 NOT_STEADY = np.zeros(STEPS, dtype=bool)
 LAWS = {
@@ -54,18 +54,8 @@ def takes_of(std: np.ndarray, law: str, share: float, takes: int, rng, *repeats)
     return std * unit
 
 
-def model_of(std: np.ndarray, draws: np.ndarray) -> ModelledNoise:
-    return ModelledNoise(std**2, np.zeros(std.shape[1]), draws, draws)
-
-
-def share_above(limits: np.ndarray, std: np.ndarray, truth: np.ndarray, *law) -> np.ndarray:
-    """Shares of new recordings of the ``truth`` whose correlation with ``std`` reaches the
-    ``limits`` in each joint, and in all at once.
-    """
-    recorded = takes_of(truth, *law, REPEATS).std(axis=1, ddof=1)
-    found = [[correlation(*pair) for pair in zip(std.T, each.T, strict=True)] for each in recorded]
-    above = np.array(found) >= limits
-    return np.array([*np.mean(above, axis=0), np.all(above, axis=1).mean()])
+def model_of(std: np.ndarray) -> ModelledNoise:
+    return ModelledNoise(std**2, np.zeros(std.shape[1]), np.zeros((1, *std.shape)))
 
 
 @pytest.mark.parametrize("takes", [4, 50])
@@ -78,22 +68,42 @@ def test_a_true_model_passes_in_all_joints_and_constant_noise_fails_as_often_as_
 ):
     std, rng = curve(variation), np.random.default_rng(takes)
     flat = np.sqrt(np.mean(std**2, axis=0)) * np.ones_like(std)
-    draws = std * LAWS[law](rng, (DRAWS, *std.shape))
-    noise = takes_of(std, law, share, takes, rng)
-    rows = following_tests(model_of(std, draws), noise, NOT_STEADY, JOINTS, rng)
-    limits = rows["limit"].to_numpy()
-    assert limits.max() <= HALF_EXPLAINED
-    error = np.sqrt(RECOGNISED * (1 - RECOGNISED) / REPEATS)
-    own = share_above(limits, std, std, law, share, takes, rng)
-    assert own[-1] >= RECOGNISED - 4 * error
-    constant = share_above(limits, std, flat, law, share, takes, rng)
-    assert 1 - constant[:-1] == pytest.approx(rows["power"].to_numpy(), abs=0.15)
+
+    def tested(truth: np.ndarray) -> pd.DataFrame:
+        noise = takes_of(truth, law, share, takes, rng)
+        return following_tests(model_of(std), noise, NOT_STEADY, JOINTS, rng)
+
+    own, constant = ([tested(truth) for _ in range(OWN)] for truth in (std, flat))
+    assert max(rows["limit"].max() for rows in own) <= HALF_EXPLAINED
+    passed = [(rows["correlation"] >= rows["limit"]).all() for rows in own]
+    assert np.mean(passed) >= RECOGNISED - 4 * np.sqrt(RECOGNISED * (1 - RECOGNISED) / OWN)
+    rejected = np.mean([rows["correlation"] < rows["limit"] for rows in constant])
+    power = np.mean([rows["power"] for rows in own])
+    assert rejected == pytest.approx(power, abs=0.15)
     # control: a fixed limit of √½ would fail the true model where nothing can be told
     if takes == 4 and variation == 0.05:
-        assert rows["power"].max() < POWER
-        assert share_above(HALF_EXPLAINED, std, std, law, share, takes, rng)[-1] < 0.1
+        assert power < POWER
+        fixed = [(rows["correlation"] >= HALF_EXPLAINED).all() for rows in own]
+        assert np.mean(fixed) < 0.1
     elif variation == 0.4 and share == 0:
-        assert rows["power"].min() > POWER
+        assert power > POWER
+
+
+def test_four_takes_with_the_tails_of_a_real_arm_have_no_power():
+    rng, std = np.random.default_rng(1), curve(0.1)
+
+    def tails(size: tuple) -> np.ndarray:  # kurtosis of about 30 in a sample
+        return rng.standard_t(2.5, size)
+
+    rows, correlations = [], []
+    for _ in range(OWN):
+        noise = std * tails((4, *std.shape))
+        table = following_tests(model_of(std), noise, NOT_STEADY, JOINTS, rng)
+        rows.append(table["power"].to_numpy() < POWER)
+        correlations.append(table["correlation"])
+    assert np.mean(rows) > 0.9
+    # the right standard deviation itself hardly ever explains half of the recorded one
+    assert np.mean(np.array(correlations) >= HALF_EXPLAINED) < 0.1
 
 
 @pytest.mark.parametrize("takes", [4, 50])
@@ -126,7 +136,7 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     noise = noise_of(np.sqrt(RAMP**2 + MEASUREMENT), TAKES, 2)
     motion = {"flat": level * FLAT**2, "ramp": RAMP**2, "same": 2 * FLAT**2}
     motion["even"] = level * np.mean(RAMP**2, 1)[:, None] * np.ones(2)
-    modelled = {name: ModelledNoise(own, MEASUREMENT, noise, noise) for name, own in motion.items()}
+    modelled = {name: ModelledNoise(own, MEASUREMENT, noise) for name, own in motion.items()}
     table = spread_comparison(modelled, noise, JOINTS)
     rows = table.set_index(["model", "rival", "joint", "rival_joint"])
     ramp = rows.loc[("ramp", "flat", "elbow", "elbow")]
@@ -165,7 +175,7 @@ def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     a, b = takes + rng.normal(0.3, 0.2, 12), takes + rng.normal(0, 0.2, 12)
     expected = ttest_rel(a, b).confidence_interval(0.95)
     differences = paired_difference(a, b)
-    assert differences == pytest.approx(((a - b).mean(), expected.low, expected.high))
+    assert differences[:3] == pytest.approx(((a - b).mean(), expected.low, expected.high))
     # control: unpaired, the takes' own spread would hide the difference
     assert differences.low > 0 > paired_difference(a, b[::-1]).low
 

@@ -13,7 +13,7 @@ def test_the_jackknife_of_a_mean_is_students_interval(takes):
     counts = jackknife_counts(takes)
     found = jackknife_difference(counts @ values / counts.sum(axis=1))
     known = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
-    assert found == pytest.approx((values.mean(), *known))
+    assert found[:3] == pytest.approx((values.mean(), *known))
     assert paired_difference(values, np.zeros(takes)) == pytest.approx(found)
 
 

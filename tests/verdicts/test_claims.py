@@ -1,6 +1,5 @@
-"""A rule holds on its side of the yardstick alone and never without its numbers; a reference finds
-the one number at its place; malformed claims are refused by name and key; a run is read as it was
-written; verdicts follow from claims, numbers and the kind of recordings.
+"""A reference finds the one number at its place; malformed claims are refused by name and key; a
+run is read as it was written; verdicts follow from claims, numbers and the kind of recordings.
 """
 
 from dataclasses import replace
@@ -14,13 +13,11 @@ from pipeline.core.columns import PLANE
 from pipeline.core.errors import ConfigError, ContractError
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import decision as d
-from pipeline.verdicts.claims import RULES, parse_claims
+from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.run import ArmNames, Place, Reference, Run, read_run, read_runs
 from pipeline.verdicts.run import index_evidence as index
 
 ROOT = Path(__file__).parents[2]
-COLUMNS = ["value", "than", "low", "high", "threshold", "power", "standard_error"]
-COLUMNS += ["published", "tolerance", "limit", "yardstick", "distance"]
 JOINTS = ("arm_joint_2", "arm_joint_3", "arm_joint_4")
 ARM = ArmNames(JOINTS, PLANE)
 ROWS = [("C1", "diagonal", 3, 1.0), ("C1", "full", 3, 2.0), ("C2", "diagonal", 5, 3.0)]
@@ -29,51 +26,6 @@ EVIDENCE = {
     "tables/sigma_s": pd.DataFrame(ROWS, columns=["name", "form", "agents", "e"]),
     "tables/t": pd.DataFrame({"score": ["rms_arm_joint_2"], "mean": [1.5]}),
 }
-
-
-def cases(value, **others) -> pd.DataFrame:
-    table = pd.DataFrame({"value": value} | others, dtype=float).reindex(columns=COLUMNS)
-    return table.assign(yardstick=table.published.fillna(table.limit))
-
-
-ENDS = {"than": 1.5, "low": [-1, 0.1], "high": [-0.1, 1]}
-# an interval about zero that is too wide shows no equivalence
-ABOUT = {"low": [-1, -3, -1, -5], "high": [1, 1, 3, 5], "than": 10, "tolerance": 0.2}
-AROUND = {"low": [5, 8, 5, 7.4], "high": [6, 9, 6.6, 9], "published": 7, "tolerance": 0.5}
-
-
-@pytest.mark.parametrize(
-    ("rule", "value", "others", "expected"),
-    [
-        ("within_relative", [11.9, 12.1, -10], {"published": 10, "tolerance": 0.2}, [1, 0, 0]),
-        ("within_relative", [-11.9, -12.1], {"published": -10, "tolerance": 0.2}, [1, 0]),
-        ("within_absolute", [0.044, 0.046], {"published": 0.04, "tolerance": 0.005}, [1, 0]),
-        ("below", [0.9, 1.0], {"limit": 1.0}, [1, 0]),
-        ("below", [0.9, 1.9], {"published": [1.0, 2.0]}, [1, 1]),
-        ("above", [1.1, 1.0], {"limit": 1.0}, [1, 0]),
-        ("less", [1.0, 2.0], ENDS, [1, 0]),
-        ("greater", [1.0, 2.0], ENDS, [0, 1]),
-        ("follows", [0.5, 0.5], {"threshold": [0.4, 0.6], "power": 1.0}, [1, 0]),
-        ("varies", [0.3, 0.2], {"threshold": 0.1, "limit": 0.25}, [1, 0]),
-        ("decreasing", [3, 2, 2, 1], {}, [1, 1, 0, 1]),
-        ("equivalent", [0, 0, 0, 0], ABOUT, [1, 0, 0, 0]),
-        ("interval_contains", [0, 0, 0, 0], AROUND, [0, 0, 1, 1]),
-        ("standard_errors", [1, 1, 1], {"distance": [1.9, -2.1, np.inf], "limit": 2}, [1, 0, 0]),
-    ],
-)
-def test_a_rule_holds_on_its_side_of_the_yardstick_alone(rule, value, others, expected):
-    assert RULES[rule].holds(cases(value, **others)).tolist() == expected
-
-
-def test_no_rule_holds_without_its_numbers():
-    missing = cases([np.nan, 1.0], tolerance=0.1)
-    others = set(RULES) - {"decreasing"}
-    assert not any(RULES[rule].holds(missing).any() for rule in others) and len(others) == 11
-
-
-def test_no_variation_that_chance_alone_would_make_is_decided():
-    rows = cases([0.2, 0.3, 0.5], limit=0.25, threshold=0.4)
-    assert RULES["varies"].decides(rows).tolist() == [1, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -236,7 +188,12 @@ PUBLISHED = RELATIVE | {"tolerance": 0.1}
 UNLESS = {"unless": {"value": metric("share"), "limit": 0.5, "reason": "a lag"}}
 POWER_OF = {"rule": "follows", "limit": None}
 POWER_OF |= {key: metric(f"{{model}}_{key}") for key in ("threshold", "power")}
-BETWEEN = {"than": metric("than"), "difference": metric("wishart") | {"rival": "a"}, "limit": None}
+BETWEEN = {
+    "than": metric("than"),
+    "difference": metric("wishart") | {"rival": "a"},
+    "limit": None,
+    "margin": 0.01,
+}
 AROUND_ZERO, BELOW_ZERO = ({"than": 0.1, "low": -0.2, "high": high} for high in (0.1, -0.1))
 
 
@@ -251,10 +208,11 @@ def powers(powers, thresholds) -> dict[str, float]:
     [
         ("synthetic", {}, {}, d.REPRODUCED),
         ("synthetic", FAILING, {}, d.NOT_REPRODUCED),
-        ("synthetic", {"about": "robots"}, {}, d.SYNTHETIC_CANNOT),
+        ("synthetic", {"about": "robots"}, {}, d.SYNTHETIC_PASSES),
+        ("synthetic", {"about": "robots"} | FAILING, {}, d.SYNTHETIC_FAILS),
         ("real", {"about": "robots"}, {}, d.REPRODUCED),
         ("paper", {"about": "robots"}, {}, d.REPRODUCED),
-        ("synthetic", {"about": "specimen"}, {}, d.SYNTHETIC_CANNOT),
+        ("synthetic", {"about": "specimen"}, {}, d.SYNTHETIC_PASSES),
         ("real", {"about": "specimen"}, {}, d.NO_EVIDENCE),
         ("paper", {"about": "specimen"}, {}, d.REPRODUCED),
         # what the construction forces has no verdict

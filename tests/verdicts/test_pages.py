@@ -75,7 +75,7 @@ def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_d
     )
     assert "Fig. 2 (Photo): a photo." in figure
     first, _, others = others.partition("### Without a figure")
-    assert first.startswith("- the statement<br>**youBot ✗ 2/3 · UR5 ✗ 0/2**\n")
+    assert first.startswith("- the statement<br>**youBot ✗ 2 of 3 · UR5 ✗ 0 of 2**\n")
     assert "- the statement<br>**no recording ✓ 0.2**\n" in others
     assert "*(the paper's own arm)*<br>**youBot synthetic: rule passes 0.2877**" in others
     assert (
@@ -91,7 +91,9 @@ def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_d
     assert "a: 0.6 and 1 more cases" in failures[1] and len(failures) == 2
     page = datasets_page(decided)
     assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
-    assert "| std | ✓ 0.1 | ✗ 0/2 | ✗ 2/3 |  |" in page and "| study |  |  |  | ✓ 0.2 |" in page
+    assert (
+        "| std | ✓ 0.1 | ✗ 0 of 2 | ✗ 2 of 3 |  |" in page and "| study |  |  |  | ✓ 0.2 |" in page
+    )
 
 
 def test_the_results_of_the_readme_are_between_its_marks(decided):

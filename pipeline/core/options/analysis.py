@@ -63,6 +63,7 @@ class Scale:
     study_repeats: Count
     convex_checks: Whole
     bootstrap_replicates: Whole
+    bootstrap_refits: Whole
     force_seconds: Positive
 
 

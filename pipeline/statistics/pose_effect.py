@@ -1,0 +1,110 @@
+"""Exponent of a pose quantity in the size of a joint's noise, after the joint speed.
+
+    ln s²_w = α_j + 2β ln|q̇_w| + 2γ ln x_w + ε_w,
+
+s²_w is the mean square of the noise of joint j over a window w of WINDOW moving steps and x a
+quantity of the pose, such as ‖J⁺‖. γ is 1 if the size of the noise is proportional to x at equal
+speed, and 0 if it depends on the speed alone. Steps are not independent: intervals are of the
+jackknife over motions, or over blocks of a single motion.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from numpy.random import Generator
+from scipy.special import ndtri
+
+from pipeline.statistics.curves import POWER
+from pipeline.statistics.takes import Difference, jackknife_counts, jackknife_difference
+
+WINDOW = 10  # steps
+BLOCKS = 8  # of a single motion
+MOVING = 0.05  # share of the joint's greatest speed below which a step does not count
+LEAST_WINDOWS = 20
+DRAWS = 200
+DETECTED = 0.975  # of the normal law, two-sided at 5 %
+
+
+class Windows(NamedTuple):
+    """Windows of all joints: ``group`` (W,) numbers their motions or blocks, ``joint`` (W,) their
+    joints; ``size`` (W,) is ln s², ``speed`` (W,) ln|q̇|² and ``pose`` (W,) ln x².
+    """
+
+    group: ndarray
+    joint: ndarray
+    size: ndarray
+    speed: ndarray
+    pose: ndarray
+
+
+class PoseEffect(NamedTuple):
+    """Exponent γ with its interval, and the power to tell γ = 1 from 0."""
+
+    exponent: Difference
+    power: float
+    windows: int
+    groups: int
+    spread: float  # standard deviation of ln x that the speed does not explain
+    needed: float  # the same, at which γ = 1 would be told from 0 with the power POWER
+
+
+def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> Windows:
+    """Return the windows of ``motions``: noise (M, n) in rad, commanded steps (M, n) in rad and the
+    pose quantity x > 0 (M,) of each.
+    """
+    rows = []
+    fastest = np.max([np.abs(dq).max(axis=0) for _, dq, _ in motions], axis=0)
+    for number, (noise, dq, x) in enumerate(motions):
+        for j in np.flatnonzero(fastest > 0):
+            moving = np.flatnonzero(np.abs(dq[:, j]) > MOVING * fastest[j])
+            for steps in np.array_split(moving, max(len(moving) // WINDOW, 1)):
+                size = np.mean(noise[steps, j] ** 2) if len(steps) == WINDOW else 0.0
+                if size > 0:  # not a window of exact zeros of quantised angles
+                    block = number if len(motions) > 1 else BLOCKS * steps[0] // len(noise)
+                    terms = (size, np.mean(dq[steps, j] ** 2), np.mean(x[steps] ** 2))
+                    rows.append((block, j, *np.log(terms)))
+    columns = np.array(rows, dtype=float).reshape(-1, len(Windows._fields)).T
+    return Windows(*columns)
+
+
+def pose_effect(windows: Windows, rng: Generator) -> PoseEffect | None:
+    """Return the effect of the pose, or None for too few windows or a pose quantity that the speed
+    determines. The power is the share of DRAWS of a true γ = 1, with the residuals of the windows
+    in their order and shifted within the groups, whose interval lies above 0.
+    """
+    groups = np.unique(windows.group)
+    if len(windows.size) < LEAST_WINDOWS or len(groups) < 3:
+        return None
+    weights = jackknife_counts(len(groups))[:, np.searchsorted(groups, windows.group)]
+    design = np.column_stack(
+        [windows.joint[:, None] == np.unique(windows.joint), windows.speed, windows.pose]
+    ).astype(float)
+    if np.linalg.matrix_rank(design) < design.shape[1]:
+        return None
+
+    def exponents(size: ndarray) -> ndarray:
+        return np.array([_slopes(design, size, own)[-1] for own in weights])
+
+    found = exponents(windows.size)
+    residuals = windows.size - design @ _slopes(design, windows.size, weights[0])
+    told = 0
+    for _ in range(DRAWS):
+        drawn = np.empty_like(residuals)
+        for group in groups:
+            own = windows.group == group
+            drawn[own] = np.roll(residuals[own], rng.integers(own.sum()))
+            drawn[own] *= rng.choice([-1.0, 1.0])
+        told += jackknife_difference(exponents(windows.pose + drawn)).low > 0
+    others = design[:, :-1]
+    rest = windows.pose - others @ np.linalg.lstsq(others, windows.pose, rcond=None)[0]
+    spread, effect = float(rest.std()) / 2, jackknife_difference(found)
+    error = (effect.high - effect.low) / (2 * ndtri(DETECTED))
+    needed = spread * error * (ndtri(DETECTED) + ndtri(POWER))
+    return PoseEffect(effect, told / DRAWS, len(rest), len(groups), spread, float(needed))
+
+
+def _slopes(design: ndarray, size: ndarray, weights: ndarray) -> ndarray:
+    kept = weights > 0
+    return np.linalg.lstsq(design[kept], size[kept], rcond=None)[0]

@@ -1,0 +1,150 @@
+"""Rules that decide the cases of a claim, with the probability of an error stated.
+
+A rule returns two probabilities for each case: of evidence at least as strong *for* the claim if
+the claim is just wrong, and *against* it if the claim is just true. A number without an interval
+has 0 or 1. A claim is refuted if one of its n cases is refuted after Holm's correction over the n
+cases (Holm 1979), and holds if every case holds (an intersection-union test, Berger 1982, which
+needs no correction). Any other claim has no evidence.
+
+The table of a rule has a row for each case; a number that the claim lacks is NaN. ``value`` is the
+run's number, ``than`` the number compared with. ``low`` and ``high`` are the 95 % interval of the
+value, or for an order and an equivalence of the difference ``value − than``; ``standard_error``
+belongs to it, else the interval is taken as normal. ``threshold`` and ``power`` belong to a test of
+the run. ``control`` is the value of a control without the claimed effect. The claim states
+``published``, ``tolerance``, ``limit`` and ``margin``; ``yardstick`` is the published value or the
+limit.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy import ndarray
+from scipy.special import stdtr, stdtrit
+
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.statistics.curves import POWER
+from pipeline.statistics.takes import NORMAL_QUANTILE, TAILS
+
+LEVEL = 0.05  # probability of a false verdict on a claim
+MOST_DEGREES = 200  # Student's law with more is taken as normal
+Table = pd.DataFrame
+Judge = Callable[[Table], tuple[ndarray, ndarray]]  # probabilities for and against
+
+
+def standard_errors(r: Table) -> tuple[ndarray, ndarray]:
+    """Return the standard error of the estimate of each case and its degrees of freedom, from the
+    interval; 0 for an estimate without an interval.
+    """
+    half = np.asarray((r.high - r.low) / 2, dtype=float)
+    error = np.where(np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error)
+    degrees = np.arange(1, MOST_DEGREES + 1)
+    quantiles = stdtrit(degrees, TAILS[1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(error > 0, half / error, NORMAL_QUANTILE)
+    fits = quantiles[None, :] <= 1.001 * ratio[:, None]
+    return np.nan_to_num(error), np.where(fits.any(axis=1), degrees[fits.argmax(axis=1)], np.inf)
+
+
+def beyond(distance: ndarray, r: Table) -> tuple[ndarray, ndarray]:
+    """Return the probabilities for and against ``distance`` > 0, an estimate with the standard
+    error of the case; 0 or 1 where it has none.
+    """
+    error, degrees = standard_errors(r)
+    distance = np.asarray(distance, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.where(error > 0, distance / error, np.copysign(np.inf, distance))
+    t = np.where(np.isnan(distance), np.nan, np.clip(t, -1e9, 1e9))
+    freedom = np.minimum(degrees, 1e6)
+    exact = error == 0
+    probability = np.where(exact, distance <= 0, stdtr(freedom, -t))
+    return probability, np.where(exact, distance > 0, stdtr(freedom, t))
+
+
+def _order(sign: float) -> Judge:
+    """Return the rule that the difference has the ``sign`` by more than the margin."""
+
+    def judge(r: Table) -> tuple[ndarray, ndarray]:
+        difference = r.difference.to_numpy(dtype=float)
+        margin = np.nan_to_num(r.margin.to_numpy(dtype=float))
+        without = r.low.isna() | r.high.isna()  # a difference without an interval decides nothing
+        sides = (beyond(side * difference - margin, r)[0] for side in (sign, -sign))
+        supports, refutes = (np.where(without, 1.0, probability) for probability in sides)
+        return supports, refutes
+
+    return judge
+
+
+def _sure(holds: pd.Series, fails: pd.Series) -> tuple[ndarray, ndarray]:
+    return np.where(holds, 0.0, 1.0), np.where(fails, 0.0, 1.0)
+
+
+def _within(r: Table, tolerance: pd.Series, distance: pd.Series) -> tuple[ndarray, ndarray]:
+    return beyond(tolerance - distance.abs(), r)
+
+
+def _falls(r: Table) -> pd.Series:
+    return pd.Series(np.diff(r.value, prepend=np.inf) < 0, r.index)
+
+
+def _contains(r: Table) -> pd.Series:
+    return (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
+
+
+JUDGES: dict[str, Judge] = {
+    "within_relative": lambda r: _within(r, r.tolerance * r.published.abs(), r.value - r.published),
+    "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
+    "below": lambda r: beyond(r.yardstick - r.value, r),
+    "above": lambda r: beyond(r.value - r.yardstick, r),
+    "varies": lambda r: _sure((r.value > r.limit) & (r.value > r.threshold), r.value <= r.limit),
+    "follows": lambda r: _sure(
+        (r.power >= POWER) & (r.value >= r.threshold), (r.power >= POWER) & (r.value < r.threshold)
+    ),
+    "less": _order(-1.0),
+    "greater": _order(1.0),
+    "decreasing": lambda r: _sure(_falls(r), ~_falls(r)),
+    "equivalent": lambda r: _within(r, r.tolerance * r.than.abs(), r.difference),
+    "interval_contains": lambda r: _sure(_contains(r), ~_contains(r)),
+    "standard_errors": lambda r: _sure(r.distance.abs() < r.limit, r.distance.abs() >= r.limit),
+}
+
+
+class Rule(NamedTuple):
+    """A rule in ``words``, the keys of a claim that it ``needs``, and its judge."""
+
+    words: str
+    needs: set[str]
+    judge: Judge
+
+
+RULES = {
+    name: Rule(rule["words"], {*rule["needs"]}, JUDGES[name])
+    for name, rule in read_yaml(Path(__file__).with_name("rules.yaml")).items()
+}
+
+
+def decide_cases(rule: Rule, r: Table, known: pd.Series) -> list[bool | None]:
+    """Return for each row of ``r`` whether the case holds, None if the rule does not decide it or
+    the row is not ``known``. A case that the control passes too is not decided: the rule has no
+    power there.
+    """
+    with np.errstate(invalid="ignore"):
+        supports, refutes = rule.judge(r)
+        ends = {"low": np.nan, "high": np.nan, "standard_error": np.nan}
+        of_control, _ = rule.judge(r.assign(value=r.control, **ends))
+    powerless = r.control.notna().to_numpy() & (of_control <= LEVEL)
+    known = known.to_numpy() & ~powerless
+    refuted = holm(np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)) & known
+    held = known & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
+    return [False if no else True if yes else None for yes, no in zip(held, refuted, strict=True)]
+
+
+def holm(probabilities: ndarray) -> ndarray:
+    """Return which of the hypotheses of a claim are rejected at LEVEL in all (Holm 1979)."""
+    order, count = np.argsort(probabilities), len(probabilities)
+    passed = probabilities[order] * (count - np.arange(count)) <= LEVEL
+    rejected = np.zeros(count, dtype=bool)
+    rejected[order] = np.logical_and.accumulate(passed)
+    return rejected

@@ -1,0 +1,56 @@
+"""The exponent of the pose is recovered, noise that knows only the speed has none, and a motion
+that cannot tell says so.
+"""
+
+import numpy as np
+import pytest
+
+from pipeline.statistics.curves import POWER
+from pipeline.statistics.pose_effect import pose_effect, windows_of
+
+MOTIONS, STEPS = 8, 400
+
+
+def motions(exponent: float, swing: float, rng: np.random.Generator, tails: float = np.inf):
+    """Noise proportional to the speed and to a power of a pose quantity."""
+    listed = []
+    for number in range(MOTIONS):
+        t = np.linspace(0, 2 * np.pi, STEPS)
+        dq = 1e-3 * np.stack([np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)], axis=1)
+        x = np.exp(swing * np.sin(3 * t + 0.7 * number))
+        unit = rng.standard_normal((STEPS, 3))
+        if np.isfinite(tails):
+            unit = rng.standard_t(tails, (STEPS, 3))
+        listed.append((0.05 * np.abs(dq) * x[:, None] ** exponent * unit, dq, x))
+    return listed
+
+
+@pytest.mark.parametrize("tails", [np.inf, 3.0])
+@pytest.mark.parametrize("exponent", [0.0, 1.0])
+def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
+    inside = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        found = pose_effect(windows_of(motions(exponent, 0.5, rng, tails)), rng)
+        _, low, high, _ = found.exponent
+        inside.append(low <= exponent <= high)
+        assert found.power > POWER and not low <= 1 - exponent <= high
+    assert np.mean(inside) >= 0.8
+
+
+def test_a_motion_through_equal_poses_cannot_tell_and_names_the_range_that_would():
+    rng = np.random.default_rng(1)
+    found = pose_effect(windows_of(motions(1.0, 0.02, rng)), rng)
+    assert found.power < POWER and found.exponent.low < 0 < found.exponent.high
+    assert found.needed > found.spread
+    rng = np.random.default_rng(2)
+    wide = pose_effect(windows_of(motions(1.0, 2.5 * found.needed, rng)), rng)
+    assert wide.power > POWER
+
+
+def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_nothing():
+    rng = np.random.default_rng(3)
+    noise, dq, x = (np.concatenate(each) for each in zip(*motions(1.0, 0.5, rng), strict=True))
+    found = pose_effect(windows_of([(noise, dq, x)]), rng)
+    assert found.groups == 8 and found.exponent.low > 0
+    assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
