@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
+from pipeline.recordings.inventory import raw_folder
 from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import REACH, SLACK, stretch
@@ -140,7 +140,7 @@ def _compare(motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circu
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
     """Return the steps of the undisturbed repetitions per motion, most repetitions first."""
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
-    places = find_movements(Path(dataset.recordings), dataset).items()
+    places = find_movements(raw_folder(dataset.recordings), dataset).items()
     movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}
     columns = [log.joints.index(joint) for joint in robot.joints]
     circular = circular_joints(robot.urdf, robot.joints)

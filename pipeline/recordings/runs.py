@@ -5,7 +5,6 @@ run, cut where the command rests. Runs with equal commands are one motion.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.models.runs import JointRun
 from pipeline.recordings.commands import standing_joints
+from pipeline.recordings.inventory import raw_folder
 from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
@@ -92,7 +92,7 @@ def joint_runs(
 
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     """Return :func:`joint_runs` of the robot's joints in the dataset's logs."""
-    places = find_movements(Path(dataset.recordings), dataset).items()
+    places = find_movements(raw_folder(dataset.recordings), dataset).items()
     movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}
     rate, noise = dataset.motion.rate, dataset.motion.pose_noise
     return joint_runs(movements, rate, dataset.robot.joints, noise)

@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 
 from pipeline.configuration import config
-from pipeline.core import contracts
+from pipeline.core import contracts, rng
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError, RecordingError
 from pipeline.core.filters import MEMORY, NONE
+from pipeline.evidence.pose import pose_table
 from pipeline.filtering.linear import baseline_predictions
 from pipeline.models.closed_loop import measured_poses
 from pipeline.models.joint_error.fit import FAMILY, runs_of
@@ -65,6 +66,10 @@ def _joint_tables(settings, recorded: Recorded, options: Models) -> dict[str, pd
     motions = logged_motions(dataset) if dataset.joint_log else []
     matrix = {name: own for name, own in options.items() if own.kind in MATRIX_KINDS}
     of_motions = recorded.joints, dataset.motion.pose_noise, recorded.chain, matrix
+    named = [name for name, own in settings.models.items() if own.kind in MATRIX_KINDS]
+    shapes = fitted_models(named, FIT, "predict")
+    stream = rng.stream(settings.seed, "predict.pose")
+    tables["pose_effect"] = pose_table(runs, recorded.chain, shapes, stream)
     return tables | {"other_motions": matrix_scores(motions, *of_motions)}
 
 

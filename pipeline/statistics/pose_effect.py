@@ -52,18 +52,18 @@ class PoseEffect(NamedTuple):
 
 def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> Windows:
     """Return the windows of ``motions``: noise (M, n) in rad, commanded steps (M, n) in rad and the
-    pose quantity x > 0 (M,) of each.
+    pose quantity x ≥ 0 (M, n) of each; x = 0 at rest.
     """
     rows = []
-    fastest = np.max([np.abs(dq).max(axis=0) for _, dq, _ in motions], axis=0)
+    fastest = np.max([np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions], axis=0)
     for number, (noise, dq, x) in enumerate(motions):
         for j in np.flatnonzero(fastest > 0):
             moving = np.flatnonzero(np.abs(dq[:, j]) > MOVING * fastest[j])
             for steps in np.array_split(moving, max(len(moving) // WINDOW, 1)):
                 size = np.mean(noise[steps, j] ** 2) if len(steps) == WINDOW else 0.0
-                if size > 0:  # not a window of exact zeros of quantised angles
+                if size > 0 and x[steps, j].all():  # not exact zeros of quantised angles
                     block = number if len(motions) > 1 else BLOCKS * steps[0] // len(noise)
-                    terms = (size, np.mean(dq[steps, j] ** 2), np.mean(x[steps] ** 2))
+                    terms = (size, np.mean(dq[steps, j] ** 2), np.mean(x[steps, j] ** 2))
                     rows.append((block, j, *np.log(terms)))
     columns = np.array(rows, dtype=float).reshape(-1, len(Windows._fields)).T
     return Windows(*columns)

@@ -21,7 +21,8 @@ def motions(exponent: float, swing: float, rng: np.random.Generator, tails: floa
         unit = rng.standard_normal((STEPS, 3))
         if np.isfinite(tails):
             unit = rng.standard_t(tails, (STEPS, 3))
-        listed.append((0.05 * np.abs(dq) * x[:, None] ** exponent * unit, dq, x))
+        x = np.repeat(x[:, None], 3, axis=1)
+        listed.append((0.05 * np.abs(dq) * x**exponent * unit, dq, x))
     return listed
 
 
