@@ -118,7 +118,8 @@ def test_there_is_evidence_on_every_claim_about_motion_camera_and_filter(base, t
     asked = [claim for claim in claims if not claim.id.startswith(WRENCH)]
     verdicts = decide(asked, evidence, "paper", ARM)
     assert len(verdicts) > 20
-    assert [v.claim.id for v in verdicts if any(case.value is None for case in v.cases)] == []
+    without = {v.claim.id for v in verdicts if any(case.value is None for case in v.cases)}
+    assert without <= {"u", "alpha"}  # an unbounded û and its α̂ have no number
 
 
 def test_filters_are_compared_with_the_training_takes_and_hold_the_noise_of_a_pose(takes):
