@@ -44,9 +44,7 @@ def ros_version(connection: Connection) -> str:
 
 
 def decoder(connection: Connection) -> Callable[[bytes], object]:
-    """Return the function from the bytes of a message to its fields; RecordingError for another
-    serialization than ROS's, and a definition that is absent or cannot be read.
-    """
+    """Return the decoder of a topic's messages; RecordingError for an unreadable definition."""
     form = getattr(connection.ext, "serialization_format", ROS1)
     types = _types(connection.msgtype, connection.msgdef, connection.digest, form)
     read = types.deserialize_ros1 if form == ROS1 else types.deserialize_cdr
@@ -55,9 +53,7 @@ def decoder(connection: Connection) -> Callable[[bytes], object]:
 
 @contextmanager
 def open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
-    """Yield the reader of a bag, and topic → reason for topics of another serialization, for which
-    rosbags refuses a folder.
-    """
+    """Yield a bag's reader, and topic → reason for topics of another serialization."""
     with ExitStack() as stack:
         folder, foreign = file, {}
         if (metadata := file / "metadata.yaml").is_file():
@@ -76,9 +72,7 @@ def open_bag(file: Path) -> Iterator[tuple[Any, dict[str, str]]]:
 
 
 def _require_sound(file: Path) -> None:
-    """Raise RecordingError for a pointer and an MCAP of another profile than ROS 2's, ValueError
-    for a database that is cut short, whose missing end SQLite may replace by zeros.
-    """
+    """Raise RecordingError for a pointer and a foreign MCAP, ValueError for a short database."""
     head = Head.read(file).content
     if (match := PROFILE.match(head)) and (length := match[1][0]):
         profile = head[match.end() :][:length].decode("latin-1")
@@ -91,9 +85,7 @@ def _require_sound(file: Path) -> None:
 
 
 def _link_without_foreign(file: Path, folder: Path) -> dict[str, str]:
-    """Write metadata without topics of another serialization into ``folder``, link the
-    files of the bag ``file`` beside it, and return topic → reason.
-    """
+    """Link the bag ``file`` into ``folder`` without foreign topics, and return topic → reason."""
     metadata, foreign = read_yaml(file / "metadata.yaml"), {}
     information, kept = metadata["rosbag2_bagfile_information"], []
     for entry in information["topics_with_message_count"]:
@@ -138,9 +130,7 @@ def _types(kind: str, definition: MessageDefinition, digest: str, form: str) -> 
 
 
 def _definition(known: Callable, schema: Any) -> MessageDefinition:
-    """Return the definition of an MCAP's ``schema``, none for a schema of another kind than ROS's,
-    for which rosbags refuses the whole bag.
-    """
+    """Return the definition of an MCAP's ``schema``; none for a schema that is not of ROS."""
     with suppress(KeyError):
         return known(schema)
     return MessageDefinition(MessageDefinitionFormat.NONE, "")

@@ -86,9 +86,7 @@ class Text:
 
 
 def read_text(file: Path) -> Text:
-    """Return the lines of ``file`` without line ends and byte-order mark; RecordingError for a file
-    that is unreadable, empty or no text.
-    """
+    """Return the lines of ``file``; RecordingError if it is unreadable, empty or no text."""
     content = file_content(file)
     if not content.strip():
         raise RecordingError("the file is empty; export or copy it again", file=file)

@@ -42,9 +42,7 @@ class Kind(StrEnum):
 
 
 def decoded(content: bytes) -> str | None:
-    """Return ``content`` decoded as UTF-8, UTF-16 or else Latin-1, up to the last complete
-    character, with line feeds as line ends; None where ``content`` is no text.
-    """
+    """Return ``content`` (UTF-8, UTF-16, else Latin-1) with line feeds; None if it is no text."""
     encoding = "utf-8-sig"
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding = "utf-16"
@@ -68,9 +66,7 @@ class Head:
 
     @classmethod
     def read(cls, file: Path) -> "Head":
-        """Return the first BYTES of ``file``, no bytes of a folder; OSError if unreadable,
-        RecordingError for a file that stands for another one.
-        """
+        """Return the first BYTES of ``file``, none of a folder; RecordingError for a pointer."""
         if Path(file).is_dir():
             return cls(Path(file), b"")
         with Path(file).open("rb") as stream:
@@ -216,9 +212,7 @@ def paths_below(folder: Path) -> list[Path]:
 
 
 def matching(folder: Path, pattern: str, *, key: str) -> list[Path]:
-    """Return the sorted paths below ``folder`` that match the glob ``pattern``; ConfigError with
-    the ``key`` of the pattern if it is no relative glob.
-    """
+    """Return the sorted matches of ``pattern``; ConfigError if it is no relative glob."""
     try:
         return sorted(folder.glob(pattern))
     except (ValueError, NotImplementedError, IndexError):

@@ -120,9 +120,7 @@ class Sheet:
         return columns
 
     def values(self, columns: list[int], *, gaps: bool = False) -> np.ndarray:
-        """Return the numbers (N, len(columns)) of ``columns``. A missing number is NaN if ``gaps``,
-        else RecordingError with its line.
-        """
+        """Return numbers (N, columns); a missing one is NaN if ``gaps``, else RecordingError."""
         form = {"separator": self.separator, "decimal": self.decimal, "gaps": gaps}
         return delimited.numbers_of(self.rows, self.lines, columns, file=self.file, **form)
 
@@ -189,10 +187,8 @@ def _sheet(
     last, numeric = split[-1], _numeric_columns(split)
     top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
     if top is None:
-        message = (
-            f"no samples: no row of numbers up to the line {lines[end - 1][:80]!r}; record it "
-        )
-        message += "or export it again"
+        message = f"no samples: no row of numbers up to the line {lines[end - 1][:80]!r}; record "
+        message += "it or export it again"
         raise RecordingError(message, file=file)
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
@@ -223,9 +219,7 @@ def _sheet(
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
-    """Return the index of the label line in a LabVIEW file (0 in other files) and the number of
-    deleted header lines of further segments. Rows without a cell in the column Comment get one.
-    """
+    """Return a LabVIEW file's label line (0 in others) and the number of deleted header lines."""
     ends = [n for n, line in enumerate(lines) if line.startswith(HEADER_END)]
     if not ends or ends[-1] + 1 >= len(lines):
         return 0, 0
@@ -255,9 +249,7 @@ def _numeric_columns(split: list[list[str]]) -> list[int]:
 def _first_row(
     lines: list[str], start: int, mark: str, numeric: list[int], last: list[str]
 ) -> int | None:
-    """Return the index of the first line from ``start`` on whose ``numeric`` cells are numbers or
-    missing; None without such a line.
-    """
+    """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or None."""
     for top in range(start, len(lines)):
         cells = split_line(lines[top], mark)
         values = [cells[column] for column in numeric] if len(cells) == len(last) else []
@@ -277,9 +269,7 @@ def _first_row(
 def _header(
     lines: list[str], places: list[int], mark: str, last: list[str], numeric: list[int], file: Path
 ) -> tuple[list[str], list[str], int]:
-    """Return labels, units and the labels' line number; RecordingError for a header line that seems
-    to be a damaged row or a row of another form, and for more labels than cells.
-    """
+    """Return labels, units and the labels' line; RecordingError for a damaged row above rows."""
 
     def fault(problem: str, line: int) -> RecordingError:
         return RecordingError(f"{problem}: export it again, or mend the line", file=file, line=line)

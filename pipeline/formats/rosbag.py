@@ -72,9 +72,7 @@ def _summary(file: Path) -> Summary:
 
 
 def topics(file: Path) -> dict[str, str]:
-    """Return topic → message type (``sensor_msgs/msg/Image`` for both ROS versions) of the topics
-    with messages in the bag ``file``; RecordingError as :func:`messages`.
-    """
+    """Return topic → message type of a bag's topics with messages; errors as :func:`messages`."""
     return {topic: kind for topic, (kind, number) in summary(file).topics.items() if number}
 
 
@@ -151,9 +149,7 @@ def _stream(file: Path, topic: str) -> Iterator[Any]:
 
 
 def seconds(message: object, **evidence: object) -> float:
-    """Return the time in s in the ``header`` of a message, to a quarter of a microsecond;
-    RecordingError for a message without a header and for a time of 0.
-    """
+    """Return the header's time in s to a quarter of a microsecond; RecordingError for none or 0."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is None or (stamp.sec, stamp.nanosec) == (0, 0):
         message = "the message has no time in its header; record with a driver that writes one"
@@ -218,10 +214,8 @@ def camera_info(message: object, *, width: int, height: int, **evidence: object)
         np.array(getattr(message, name, getattr(message, name.lower(), None)), dtype=float)
         for name in "KD"
     )
-    own = {
-        "stated": (message.width, message.height),
-        "model": message.distortion_model or "of no name",
-    }
+    own = {"stated": (message.width, message.height)}
+    own |= {"model": message.distortion_model or "of no name"}
     distortion = distortion if distortion.any() else np.zeros(0)
     return pinhole(matrix.reshape(3, 3), distortion, (width, height), **own, **evidence)
 

@@ -88,17 +88,13 @@ def tracking_errors(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the mask (n,) of joints that stand still in ``actual`` (N, n) rad while the command
-    ``target`` moves them.
-    """
+    """Return the mask (n,) of joints that stand still while ``target`` (N, n) rad moves them."""
     moved, commanded = np.ptp(actual, axis=0), np.ptp(target, axis=0)
     return (commanded > REACH) & (moved < STANDING)
 
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
-    """Return the pairing of least error of measured and commanded angles (N, n) in rad at ``rate``
-    (Hz). A pairing replaces the identity only if it halves the error.
-    """
+    """Return the pairing of angles (N, n) in rad; the identity unless another halves the error."""
     best = _plain(actual.shape[1])
     if (standing := standing_joints(actual, target)).any() and not standing.all():
         follows = np.flatnonzero(~standing)
@@ -288,9 +284,7 @@ def _require_near(
 
 
 def beyond_speed(steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float) -> np.ndarray:
-    """Return a mask of the ``steps`` (..., n) in ``seconds`` s that exceed the velocity ``limits``
-    (n,) of the joints by more than the allowance.
-    """
+    """Return the mask of ``steps`` (..., n) in ``seconds`` s that exceed the ``limits`` (n,)."""
     return np.abs(steps) > FASTER * limits * seconds + STEP_NOISE
 
 

@@ -121,9 +121,7 @@ def find_offset(
 
 
 class CameraTake(NamedTuple):
-    """A depth take's rows of ``frames`` and of ``markers``, and the rows of ``joints`` of the take
-    and, as a comparison, of other takes.
-    """
+    """Rows of a depth take: frames, markers, joints, and as a comparison of other takes."""
 
     rows: pd.DataFrame
     markers: pd.DataFrame
@@ -133,9 +131,7 @@ class CameraTake(NamedTuple):
 def with_markers(
     frames: pd.DataFrame, markers: pd.DataFrame, joints: pd.DataFrame
 ) -> list[CameraTake]:
-    """Return the depth takes with the markers and joint angles of the motion capture;
-    RecordingError without markers.
-    """
+    """Return the depth takes with markers and joint angles; RecordingError without markers."""
     by_take, tracked = (dict(list(table.groupby("take"))) for table in (markers, joints))
     names, takes = [*tracked], []
     for take, rows in frames.groupby("take", sort=False):

@@ -24,9 +24,7 @@ NOISE_MARGIN = 2.5  # 0.8 quantile of a residual over its noise, below which tak
 
 
 def require_distinct(what: str, samples: Mapping[str, np.ndarray], parts: Mapping = {}) -> None:
-    """Raise RecordingError where two of the ``samples`` (name → array of numbers) are equal to
-    within rounding, in whatever format or file; ``parts`` name training and test.
-    """
+    """Raise RecordingError where two ``samples`` are equal to within rounding."""
     order = sorted(samples, key=lambda name: (samples[name].shape, np.nansum(samples[name])))
     for first, second in pairwise(order):
         a, b = samples[first], samples[second]
@@ -51,9 +49,7 @@ def own_name(stated: str, file: Path) -> bool:
 
 
 def lags_beside_others(q: np.ndarray, rate: float) -> np.ndarray:
-    """Return the lags (takes,) in s of angles ``q`` (takes, K, n) at ``rate`` (Hz) behind their
-    median, without rows that lack an angle; 0 for two takes.
-    """
+    """Return the lags (takes,) in s of ``q`` (takes, K, n) behind their median; 0 for two takes."""
     if len(q) < 3:
         return np.zeros(len(q))
     median = np.nanmedian(q, axis=0)

@@ -59,9 +59,7 @@ def _collect(errors: list[PipelineError]) -> Iterator[None]:
 
 
 def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict]:
-    """Write the rows of all takes as the table ``name`` and return the takes' quality rows; append
-    an error for two takes with equal samples. The first column of a table names the take.
-    """
+    """Write the table ``name`` and return the quality rows; append an error for equal takes."""
     if takes:
         with _collect(errors):
             tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}

@@ -51,6 +51,12 @@ def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMov
     return movement.read_logged_movement(name, place, log, rate, urdf)
 
 
+def read_movements(dataset: Dataset) -> dict[str, LoggedMovement]:
+    """Return name → movement of all logs of the ``dataset``."""
+    places = find_movements(raw_folder(dataset.recordings), dataset).items()
+    return {name: read_dataset_movement(name, place, dataset) for name, place in places}
+
+
 def joint_log_rows(
     movements: Mapping[str, LoggedMovement], dataset: Dataset
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[dict]]:

@@ -110,9 +110,7 @@ def marker_rows(
 def _tracks(
     take: MotionTake, mocap: Mocap, file: Path
 ) -> tuple[dict[tuple[int, int], np.ndarray], list[np.ndarray]]:
-    """Return (link, marker), both from 1 → positions (N, 3) m in the world frame, and the positions
-    of other markers. A marker in the take may be called ``asset:marker`` if that is unambiguous.
-    """
+    """Return (link, marker) → positions (N, 3) m in the world frame, and other markers'."""
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
@@ -148,9 +146,7 @@ def _tracks(
 
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:
-    """Return the positions (P, N, 3) m in the world frame of ``places`` (P, 3) m in the frame of a
-    link, from the ``pose`` of a body ``mounted`` on the link.
-    """
+    """Return the positions (P, N, 3) m of ``places`` (P, 3) m on a link by a body's ``pose``."""
     tracked = np.isfinite(pose.position).all(axis=-1) & np.isfinite(pose.quaternion).all(axis=-1)
     mount = Rotation.from_euler("xyz", mounted.rpy).as_matrix()
     local = (places - np.array(mounted.position)) @ mount

@@ -13,8 +13,7 @@ from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.models.other_motions import MotionSteps
 from pipeline.recordings import repetitions
 from pipeline.recordings.commands import circular_joints
-from pipeline.recordings.inventory import raw_folder
-from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
+from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import REACH, SLACK, stretch
 
@@ -47,9 +46,7 @@ class FoundMotion:
         return max(min(round(KEPT * rate), (self.pause - 2 * SLACK - 2) // 2), 1)
 
     def like(self, ends: tuple, steps: int, circular: np.ndarray, reach: float, slack: int) -> bool:
-        """Return whether a motion of ``steps`` between ``ends`` equals this motion to within
-        ``slack`` steps and ``reach`` rad.
-        """
+        """Return whether ends and ``steps`` agree within ``reach`` rad and ``slack`` steps."""
         off = apart(np.stack([self.start, self.end]), np.stack(ends), circular)
         return bool(np.abs(off).max() <= reach and abs(self.steps - steps) <= slack)
 
@@ -140,8 +137,7 @@ def _compare(motion: FoundMotion, paths: Paths, chain: Chain, rate: float, circu
 def logged_motions(dataset: Dataset) -> list[MotionSteps]:
     """Return the steps of the undisturbed repetitions per motion, most repetitions first."""
     log, rate, robot = dataset.joint_log, dataset.motion.rate, dataset.robot
-    places = find_movements(raw_folder(dataset.recordings), dataset).items()
-    movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}
+    movements = read_movements(dataset)
     columns = [log.joints.index(joint) for joint in robot.joints]
     circular = circular_joints(robot.urdf, robot.joints)
     found, listed = [], []

@@ -69,9 +69,7 @@ def read_movement(
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
-    """Return the third derivative (root of the median square) of ``angles`` (N, joints) over
-    ``time`` (N,) s, divided by the third derivative over evenly spaced rows.
-    """
+    """Return the third derivative of ``angles`` over ``time``, relative to even rows."""
     from scipy.interpolate import CubicSpline
 
     clocks = time, np.arange(len(time)) / rate
@@ -130,9 +128,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
 
 
 def without_damage(angles: np.ndarray) -> np.ndarray:
-    """Return the running medians (N, joints) of five rows of ``angles`` (N, joints), which one or
-    two damaged cells do not change; ``angles`` if there are fewer rows.
-    """
+    """Return running medians (N, joints) of five rows, which two damaged cells do not change."""
     if len(angles) < DAMAGED:
         return angles
     beside = np.pad(angles, ((DAMAGED // 2,) * 2, (0, 0)), mode="reflect")

@@ -17,11 +17,8 @@ MEASURES = (
     *("clock_drift_standard_error", "camera_residual_share", "lag_behind_command"),
     *("lag_beside_others", "greatest_residual", "residual_beside_others", "disturbance"),
 )
-TWO_SIDED = (
-    "clock_drift",
-    "lag_behind_command",
-    "lag_beside_others",
-)  # the limit applies to the absolute value
+# measures whose limit applies to the absolute value
+TWO_SIDED = ("clock_drift", "lag_behind_command", "lag_beside_others")
 FEWEST = 2  # least number of takes of a part, for the covariance and for leaving one take out
 
 

@@ -14,15 +14,9 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
 from pipeline.models.runs import JointRun
 from pipeline.recordings.commands import standing_joints
-from pipeline.recordings.inventory import raw_folder
-from pipeline.recordings.joint_logs import find_movements, read_dataset_movement
+from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import (
-    REACH,
-    SLACK,
-    disturbances,
-    excursions,
-)
+from pipeline.recordings.repetitions import REACH, SLACK, disturbances, excursions
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
@@ -92,10 +86,8 @@ def joint_runs(
 
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     """Return :func:`joint_runs` of the robot's joints in the dataset's logs."""
-    places = find_movements(raw_folder(dataset.recordings), dataset).items()
-    movements = {name: read_dataset_movement(name, place, dataset) for name, place in places}
     rate, noise = dataset.motion.rate, dataset.motion.pose_noise
-    return joint_runs(movements, rate, dataset.robot.joints, noise)
+    return joint_runs(read_movements(dataset), rate, dataset.robot.joints, noise)
 
 
 def _runs_of(

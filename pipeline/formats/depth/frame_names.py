@@ -88,9 +88,7 @@ def _sequence(
 
 
 def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
-    """Return the times in ns that all ``stems`` state in one way, and the numbers that form them;
-    no times where none of the ``varying`` numbers is in them, or a counter is as likely.
-    """
+    """Return the times in ns that all ``stems`` state in one way, and the numbers in them."""
     for mark, read in ((DATE, _date), (SECONDS, _decimal), (DECIMAL, _decimal), (INTEGER, _epoch)):
         matches = [mark.search(stem) for stem in stems]
         if None in matches:
@@ -117,9 +115,7 @@ def _counts(matches: list[re.Match], mark: re.Pattern) -> bool:
 
 
 def _fraction(mark: str, digits: str, even: bool) -> int:
-    """Return ns: ``digits`` are decimals behind a point or if all are equally many (``even``), else
-    a whole number of ms, µs or ns.
-    """
+    """Return ns of a decimal fraction (``mark`` ".", or ``even``), else of whole ms, µs or ns."""
     if mark == "." or even:
         return int(digits.ljust(9, "0"))
     return int(digits) * (10**6 if len(digits) < 4 else 10**3 if len(digits) < 7 else 1)

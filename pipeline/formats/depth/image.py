@@ -45,9 +45,7 @@ cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 @dataclass(frozen=True)
 class RawDepth:
-    """One image of the sensor's software: ``pixels`` (H, W) uint16 or float32 (rounded from
-    float64), and the ``description`` of a TIFF.
-    """
+    """Image (H, W) uint16 or float32 of the sensor's software; ``description`` of a TIFF."""
 
     pixels: np.ndarray
     description: str = ""
@@ -208,9 +206,7 @@ def write_depth(file: Path, raw: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class DepthIndex:
-    """N frames of a sequence: increasing ``time`` (N,) in s on the sensor's clock, and ``files``
-    (N), paths relative to the take's folder.
-    """
+    """N frames: increasing ``time`` (N,) in s by the sensor, and ``files`` in the take's folder."""
 
     time: np.ndarray
     files: tuple[str, ...]
@@ -289,9 +285,7 @@ def require_step(steps: np.ndarray, file: Path) -> None:
 
 
 def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
-    """Return the index of :func:`named_frames`: times since the first frame by the times in the
-    names, else by the numbers in the names over ``rate``.
-    """
+    """Return the index of :func:`named_frames`, by times in names or numbers over ``rate``."""
     frames = named_frames(folder, pattern)
     scale = 1e-9 if frames.timed else 1 / rate
     time = np.array([(value - frames.values[0]) * scale for value in frames.values])

@@ -25,9 +25,8 @@ DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_C
 DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "distortion", "coeffs", "D", "d")
 KEYS = {"camera matrix": MATRIX, "distortion": DISTORTION}
 KEYS |= {side: (side, f"image_{side}", f"image_{side.title()}") for side in ("width", "height")}
-DISTORTION_KEY = re.compile(
-    r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1"
-)  # keys that may state a distortion
+# keys that may state a distortion
+DISTORTION_KEY = re.compile(r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1")
 # names of distortion models with OpenCV's coefficients
 MODELS = ("plumb_bob", "radtan", "rational_polynomial", "distortion.brown_conrady", "none")
 # keys of RealSense → keys of this module
@@ -133,10 +132,8 @@ def read_intrinsics(
 
     sides = [numbers(side, count=1) for side in ("width", "height")]
     stated = [None if side is None else int(side) for side in sides]
-    size = tuple(
-        given or own or most
-        for given, own, most in zip((width, height), stated, ANY_SIZE, strict=True)
-    )
+    sides = zip((width, height), stated, ANY_SIZE, strict=True)
+    size = tuple(given or own or most for given, own, most in sides)
     camera = numbers("camera matrix", matrix, 9)
     if camera is not None:
         # Open3D writes the matrix as a flat list, column by column
@@ -160,9 +157,7 @@ def read_intrinsics(
 
 
 def _values(file: Path) -> tuple[Mapping, bool]:
-    """Return key → value of the file, numbers as text, and whether it is JSON. A last line of YAML
-    without line end is ignored, since its number may be cut.
-    """
+    """Return key → value, numbers as text, and whether it is JSON; a cut YAML line is ignored."""
     text = read_text(file)
     body, whole = "\n".join(text.lines), "\n".join([*text.lines, text.cut or ""])
     is_json, documents = whole.lstrip().startswith("{"), []

@@ -72,9 +72,7 @@ def _numbers(rows: Mapping[str, Mapping[str, str]], name: str, count: int) -> np
 
 
 def _offset(basic: Mapping[str, str], stated: Mapping[str, str]) -> np.ndarray:
-    """Return the offset (3,) of the basic transform, in the torque unit's unit of length if the
-    file has DistUnits, else as stated.
-    """
+    """Return the offset (3,) of the basic transform, in the torque's unit of length."""
     if any(float(basic.get(angle, 0)) for angle in ("Rx", "Ry", "Rz")):
         raise ValueError("the basic transform has a rotation; get a calibration with UserAxis")
     offset = np.array([float(basic.get(shift, 0)) for shift in ("Dx", "Dy", "Dz")])

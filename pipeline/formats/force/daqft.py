@@ -97,9 +97,7 @@ def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
 
 
 def write_daqft(file: Path, record: ForceRecord, *, decimal: str = ".") -> None:
-    """Write ``record`` as DAQ F/T does on a PC with the ``decimal`` mark "." or ",": in N and N·m,
-    with fifteen significant digits and averaging level 1.
-    """
+    """Write ``record`` as DAQ F/T does, in N and N·m, with the ``decimal`` mark "." or ","."""
     separator = ";" if decimal == "," else ","
     labels = [f"Force {axis} (N)" for axis in "XYZ"] + [f"Torque {axis} (N-m)" for axis in "XYZ"]
     labels += [f"Frequency = {record.rate:.15G}".replace(".", decimal), "Averaging Level = 1"]

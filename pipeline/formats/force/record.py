@@ -262,11 +262,11 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
     wanted = [*FORCES, *(TORQUES if {*TORQUES} & {*named} else ())]
     if twice or {*wanted} ^ {*named}:
         found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
+        labels = ", ".join(sheet.labels) or "none"
         message = (
-            f"the named axes are {found or 'none'} (labels: {', '.join(sheet.labels) or 'none'}"
+            f"the named axes are {found or 'none'} (labels: {labels}); fx, fy and fz, and all "
         )
-        message += "); fx, fy and fz, and all or none of tx, ty, tz are required once each; name "
-        message += "them in columns"
+        message += "or none of tx, ty, tz are required once each; name them in columns"
         raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
     return sheet.columns({axis: named[axis] for axis in wanted}, KEY)
 

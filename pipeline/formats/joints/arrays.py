@@ -132,9 +132,7 @@ def _npz(file: Path) -> Arrays:
 
 
 def _numeric(value: object) -> np.ndarray:
-    """Return ``value`` as an array of numbers, dates, durations or words, lists of equal length as
-    rows. Any other ``value`` becomes an array of shape ().
-    """
+    """Return ``value`` as numbers, dates, durations or words; shape () for anything else."""
     kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
     if kind == "O" and value.ndim == 1 and {*map(type, value)} == {str}:
         return value.astype(str)

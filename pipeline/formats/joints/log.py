@@ -131,9 +131,7 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
 
 
 def names_in_cells(sheet: Sheet, count: int) -> list[str]:
-    """Return the ``count`` joints' names in the cells of columns such as ``field.joint_names0``, or
-    no names. Raises RecordingError with the line where the names change.
-    """
+    """Return ``count`` joints' names in cells, or none; RecordingError where they change."""
     columns = {n for n, label in enumerate(sheet.labels) if is_names(label)}
     if not (columns := sorted(columns - {*sheet.numeric})):
         return []
@@ -154,9 +152,7 @@ def joint_labels(signal: str, joints: Sequence[str]) -> list[str]:
 def write_joint_table(
     file: Path, time: np.ndarray, signals: Mapping[str, np.ndarray], joints: Sequence[str]
 ) -> None:
-    """Write ``time`` (N,) in s with six decimals and the ``signals`` (N, joints) in rad with seven,
-    below a row of :func:`joint_labels`.
-    """
+    """Write ``time`` (N,) in s and ``signals`` (N, joints) in rad below :func:`joint_labels`."""
     header = ["time", *(label for signal in signals for label in joint_labels(signal, joints))]
     table = np.column_stack([time, *signals.values()])
     row = ",".join(["%.6f", *["%.7f"] * (table.shape[1] - 1)]) + "\n"

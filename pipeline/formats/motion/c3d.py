@@ -119,11 +119,8 @@ def _first_block(file: Path) -> C3dHeader:
     start, ratio = struct.unpack_from("<2H", content, 16)
     # a negative scale means floating point; DEC stores the word with the sign first
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
-    frames, start, row = (
-        last - first + 1,
-        (max(start, 1) - 1) * BLOCK,
-        width * (4 * points + analog),
-    )
+    start, row = (max(start, 1) - 1) * BLOCK, width * (4 * points + analog)
+    frames = last - first + 1
     needed = start + frames * row
     if frames < 1 or (last != LONGEST and size < needed):
         message = f"the header announces {points} points in {frames} frames, which need {needed} "
@@ -134,9 +131,7 @@ def _first_block(file: Path) -> C3dHeader:
 
 
 def _announced_frames(header: C3dHeader, contents: dict[str, np.ndarray]) -> int:
-    """Return the number of frames: the header's, unless it is the low word of a greater number in
-    TRIAL or POINT:LONG_FRAMES, or the greatest possible one and the file is longer.
-    """
+    """Return the frames by the header, TRIAL, POINT:LONG_FRAMES or the file's length."""
     start, end, stated = (_long(contents[name]) for name in ("start", "end", "long_frames"))
     if None not in (start, end):
         stated = max(end - start + 1, stated or 0)

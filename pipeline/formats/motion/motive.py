@@ -172,9 +172,7 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
 
 
 def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
-    """Return the frame rows, their line numbers and the number of rows equal to the row before;
-    RecordingError where a row has fewer cells than labels, or content in an unlabelled column.
-    """
+    """Return frame rows, their lines, and repeated rows; RecordingError for a malformed row."""
     rows, numbers, repeated, width = [], [], 0, len(header.labels)
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
         if not line.strip(", \t"):
@@ -213,9 +211,7 @@ def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray, file: 
 
 
 def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.ndarray:
-    """Return (N, 4) quaternions x, y, z, w from ``rotation``: axis → quaternion component, or axis
-    → Euler angle in degrees about the moving axes, in the ``order`` of the axes, such as XYZ.
-    """
+    """Return quaternions (N, 4) x, y, z, w from quaternions or Euler angles (°) in ``order``."""
     from scipy.spatial.transform import Rotation
 
     if {*rotation} == {*"XYZW"}:

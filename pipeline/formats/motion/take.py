@@ -67,9 +67,7 @@ def settle_unit(stated: str, option: str | None, file: Path, *, key: str) -> str
 
 
 def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarray:
-    """Return the frame numbers (N,) int64 in ``values`` (N,); RecordingError with the line where a
-    number is not whole or does not increase.
-    """
+    """Return whole, increasing frame numbers (N,) int64; else RecordingError with the line."""
     whole = np.isfinite(values) & (values == np.round(values)) & (np.abs(values) < 2**53)
     if (invalid := ~whole | np.append(False, np.diff(values) <= 0)).any():
         line = lines[int(np.argmax(invalid))]
