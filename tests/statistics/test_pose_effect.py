@@ -26,6 +26,7 @@ def motions(exponent: float, swing: float, rng: np.random.Generator, tails: floa
     return listed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tails", [np.inf, 3.0])
 @pytest.mark.parametrize("exponent", [0.0, 1.0])
 def test_the_exponent_is_recovered_and_told_from_the_other(exponent, tails):
