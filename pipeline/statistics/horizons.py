@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from pipeline.statistics.takes import Difference, jackknife_difference, paired_difference
+
 WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a horizon
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
@@ -41,18 +43,20 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     )
     joints = (own - other).groupby(["motion", "block", "horizon"]).sum()
     each = joints.groupby(["motion", "block"]).mean().dropna().to_numpy()
-    return interval_of(each)
+    if len(each) < 2:
+        return float(each.mean()) if len(each) else np.nan, -np.inf, np.inf
+    return paired_difference(each, np.zeros(len(each)))[:3]
 
 
-def interval_of(values: np.ndarray) -> tuple[float, float, float]:
-    """Mean of ``values`` (K,) and its 95 % interval by Student's t; infinite for one value."""
-    from scipy.stats import t
-
-    if len(values) < 2:
-        return float(np.mean(values)) if len(values) else np.nan, -np.inf, np.inf
-    width = t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    mean = float(values.mean())
-    return mean, mean - float(width), mean + float(width)
+def pooled_interval(scores: pd.DataFrame, name: str) -> Difference:
+    """Return the :func:`pooled` number ``name`` of ``scores``, with the interval of the jackknife
+    over the held-out motions or blocks.
+    """
+    parts = scores.groupby(["motion", "block"], sort=False).ngroup().to_numpy()
+    left_out = [scores, *(scores[parts != part] for part in np.unique(parts))]
+    values = [pooled(own.assign(all=""), ["all"])[name].iloc[0] for own in left_out if len(own)]
+    several = len(values) > 2
+    return jackknife_difference(np.array(values)) if several else Difference(values[0])
 
 
 def faults_of(scores: pd.DataFrame, model: str) -> list[str]:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.statistics.horizons import chosen_law, faults_of, interval_of, margins, pooled
+from pipeline.statistics.horizons import chosen_law, faults_of, margins, pooled, pooled_interval
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
 from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
@@ -46,14 +46,15 @@ def at_horizons(scores: pd.DataFrame, model: str) -> str:
     horizon, over all joints, with the least and greatest joint and intervals over motions.
     """
     own, rows = scores[(scores["model"] == model) & (scores["samples"] == "commanded")], []
-    joints, blocks = (pooled(own, ["horizon", *by]) for by in (["joint"], ["motion", "block"]))
+    joints = pooled(own, ["horizon", "joint"])
     for horizon, row in pooled(own, ["horizon"]).iterrows():
         cells = [horizon]
         for name in ("ratio", "one_sigma", "two_sigma"):
-            _, low, high = interval_of(blocks.loc[horizon][name].dropna().to_numpy())
+            value, low, high, _ = pooled_interval(own[own["horizon"] == horizon], name)
             ends = joints.loc[horizon][name].agg(["min", "max"])
-            spread = f"{row[name]:.2f} {interval(low, high)}"
-            cells.append(f"{spread}; joints {ends['min']:.2f} to {ends['max']:.2f}")
+            ends = f"joints {ends['min']:.2f} to {ends['max']:.2f}"
+            between = "" if pd.isna(low) else f" [{low:.2f}, {high:.2f}]"
+            cells.append(f"{value:.2f}{between}; {ends}")
         left = f"{row['autocorrelation']:.2f}" if horizon == "one sample" else "–"
         rows.append([*cells, left])
     header = ["ahead", "σ predicted/measured", "within ±1σ", "within ±2σ", "autocorrelation left"]

@@ -88,7 +88,7 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     first = page[: page.index("## Why")]
     assert "**Model for another motion: joint error with memory** (`joint_error`)" in first
     assert "nats a sample above joint_step." in first
-    assert "| 0.5 s | 1.10 [1.1, 1.1]; joints 1.10 to 1.10 | 0.70" in first
+    assert "| 0.5 s | 1.10 [1.10, 1.10]; joints 1.10 to 1.10 | 0.70" in first
     assert "| 0.25 |" in first and "12 runs of 3 motion(s)" in first
     assert "Not used: run_9 (disturbed)." in first and "stood still: b." in first
     assert "| a | 2 | 80 | 0.05 | 0.01 | 4.5 |" in first
