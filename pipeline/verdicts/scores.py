@@ -74,7 +74,7 @@ def widths(run: Run) -> list[str]:
     """Return a sentence for each matrix model on the joints where its standard deviation is widest
     and narrowest beside the recordings, and where its error is above the error of no noise.
     """
-    stds, sentences = run.evidence.query("quantity == 'std'").set_index("model"), []
+    stds, sentences = run.evidence.query("quantity == 'std' and rival == ''").set_index("model"), []
     errors = run.evidence.query("quantity == 'std_error' and rival == @NO_NOISE")
     for model in (name for name, kind in run.models.items() if kind in MATRIX_KINDS):
         own, recorded = (
