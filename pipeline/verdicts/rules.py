@@ -34,11 +34,15 @@ Table = pd.DataFrame
 Judge = Callable[[Table], tuple[ndarray, ndarray]]  # probabilities for and against
 
 
-def standard_errors(r: Table) -> tuple[ndarray, ndarray]:
+def standard_errors(r: Table, side: int = 0) -> tuple[ndarray, ndarray]:
     """Return the standard error of the estimate of each case and its degrees of freedom, from the
-    interval; 0 for an estimate without an interval.
+    interval; 0 for an estimate without an interval. An interval without a standard error may be
+    skew: ``side`` 1 is its part above the value, −1 the part below.
     """
     half = np.asarray((r.high - r.low) / 2, dtype=float)
+    if side:
+        part = r.high - r.value if side > 0 else r.value - r.low
+        half = np.where(r.standard_error.isna(), part, half)
     error = np.where(np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error)
     degrees = np.arange(1, MOST_DEGREES + 1)
     quantiles = stdtrit(degrees, TAILS[1])
@@ -48,11 +52,11 @@ def standard_errors(r: Table) -> tuple[ndarray, ndarray]:
     return np.nan_to_num(error), np.where(fits.any(axis=1), degrees[fits.argmax(axis=1)], np.inf)
 
 
-def beyond(distance: ndarray, r: Table) -> tuple[ndarray, ndarray]:
+def beyond(distance: ndarray, r: Table, side: int = 0) -> tuple[ndarray, ndarray]:
     """Return the probabilities for and against ``distance`` > 0, an estimate with the standard
-    error of the case; 0 or 1 where it has none.
+    error of the case on ``side``; 0 or 1 where it has none.
     """
-    error, degrees = standard_errors(r)
+    error, degrees = standard_errors(r, side)
     distance = np.asarray(distance, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(error > 0, distance / error, np.copysign(np.inf, distance))
@@ -96,8 +100,8 @@ def _contains(r: Table) -> pd.Series:
 JUDGES: dict[str, Judge] = {
     "within_relative": lambda r: _within(r, r.tolerance * r.published.abs(), r.value - r.published),
     "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
-    "below": lambda r: beyond(r.yardstick - r.value, r),
-    "above": lambda r: beyond(r.value - r.yardstick, r),
+    "below": lambda r: beyond(r.yardstick - r.value, r, 1),
+    "above": lambda r: beyond(r.value - r.yardstick, r, -1),
     "varies": lambda r: _sure((r.value > r.limit) & (r.value > r.threshold), r.value <= r.limit),
     "follows": lambda r: _sure(
         (r.power >= POWER) & (r.value >= r.threshold), (r.power >= POWER) & (r.value < r.threshold)

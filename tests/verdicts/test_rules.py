@@ -135,8 +135,9 @@ def test_a_difference_below_the_margin_and_a_wide_interval_decide_nothing():
     assert decided("less", sharp | {"margin": 1e-6}) == [None]
     wide = {"low": -0.5, "high": 0.6, "difference": 0.05, "value": 0.05, "than": 1.0}
     assert decided("equivalent", wide | {"tolerance": 0.2}) == [None]
-    # a greatest value whose interval straddles the limit
-    assert decided("below", {"value": 0.21, "low": 0.17, "high": 0.27, "yardstick": 0.25}) == [None]
+    # a greatest value whose interval, which is skew, straddles the limit
+    assert decided("below", {"value": 0.21, "low": 0.20, "high": 0.26, "yardstick": 0.25}) == [None]
+    assert decided("below", {"value": 0.21, "low": 0.20, "high": 0.23, "yardstick": 0.25}) == [True]
 
 
 def test_a_limit_that_a_control_without_the_effect_passes_has_no_power():
