@@ -28,7 +28,7 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.takes import NORMAL_QUANTILE, TAILS
 
-LEVEL = 0.05  # probability of a false verdict on a claim
+LEVEL = 0.025  # probability of a false verdict on one side, as of a two-sided 95 % interval
 MOST_DEGREES = 200  # Student's law with more is taken as normal
 Table = pd.DataFrame
 Judge = Callable[[Table], tuple[ndarray, ndarray]]  # probabilities for and against
@@ -146,7 +146,7 @@ def decide_cases(rule: Rule, r: Table, known: pd.Series) -> list[bool | None]:
 
 
 def holm(probabilities: ndarray) -> ndarray:
-    """Return which of the hypotheses of a claim are rejected at LEVEL in all (Holm 1979)."""
+    """Return which of the hypotheses of a claim are rejected (Holm 1979)."""
     order, count = np.argsort(probabilities), len(probabilities)
     passed = probabilities[order] * (count - np.arange(count)) <= LEVEL
     rejected = np.zeros(count, dtype=bool)
