@@ -79,7 +79,9 @@ def evidence_of(numbers: dict[str, float | None]) -> pd.DataFrame:
     """The table of the ``numbers`` of :func:`metric`; low and high are ends of the difference."""
     known = {name: value for name, value in numbers.items() if value is not None}
     ends = [known.pop(name, np.nan) for name in ("low", "high")]
+    takes = known.pop("takes", 100)
     rows = [evidence_row("std", value, model=name) for name, value in known.items()]
+    rows.append(evidence_row("takes", takes, model="recorded"))
     return evidence_table([*rows, evidence_row("std", -0.1, *ends, model="wishart", rival="a")])
 
 
@@ -236,6 +238,9 @@ def powers(powers, thresholds) -> dict[str, float]:
         ("real", POWER_OF, powers((0.9, 0.1), (0.005, 0.01)), d.NO_EVIDENCE),
         ("real", POWER_OF, powers((0.9, 0.1), (0.02, 0.01)), d.NOT_REPRODUCED),
         ("real", POWER_OF, powers((0.1, 0.1), (0.02, 0.02)), d.NO_EVIDENCE),
+        # takes that do not determine the tails
+        ("real", POWER_OF, powers((0.9, 0.9), (0.02, 0.02)) | {"takes": 4}, d.NO_EVIDENCE),
+        ("real", POWER_OF, powers((0.9, 0.9), (0.02, 0.02)) | {"takes": 40}, d.NOT_REPRODUCED),
         # an order whose interval covers zero, or that has none
         ("real", BETWEEN | {"rule": "less"}, BELOW_ZERO, d.REPRODUCED),
         ("real", BETWEEN | {"rule": "less"}, AROUND_ZERO, d.NO_EVIDENCE),

@@ -96,12 +96,12 @@ DRAWN = {
     "varies": (lambda rng: varied(rng, 0.6), lambda rng: varied(rng, 0.0)),
     "follows": (lambda rng: followed(rng, 0.6), lambda rng: followed(rng, 0.0)),
     "less": (
-        lambda rng: [difference_of(rng.normal(-0.4, 0.5, 20), margin=0.05)],
-        lambda rng: [difference_of(rng.normal(0.4, 0.5, 20), margin=0.05)],
+        lambda rng: [difference_of(rng.normal(-0.5, 0.5, 20), margin=0.05)],
+        lambda rng: [difference_of(rng.normal(0.5, 0.5, 20), margin=0.05)],
     ),
     "greater": (
-        lambda rng: [difference_of(rng.normal(0.4, 0.5, 20), margin=0.05)],
-        lambda rng: [difference_of(rng.normal(-0.4, 0.5, 20), margin=0.05)],
+        lambda rng: [difference_of(rng.normal(0.5, 0.5, 20), margin=0.05)],
+        lambda rng: [difference_of(rng.normal(-0.5, 0.5, 20), margin=0.05)],
     ),
     "decreasing": (lambda rng: means(rng, 3, 2, 1), lambda rng: means(rng, 1, 2, 3)),
     "equivalent": (
@@ -161,7 +161,7 @@ def test_one_of_many_true_cases_of_few_takes_is_not_refuted_by_chance():
         corrected.append(False in decided("less", *cases))
         single.append(any(False in decided("less", case) for case in cases))
     assert np.mean(corrected) <= LEVEL + 4 * np.sqrt(LEVEL * (1 - LEVEL) / 400)
-    assert np.mean(single) > 0.3  # control: uncorrected
+    assert np.mean(single) > 0.2  # control: uncorrected
 
 
 def test_holm_rejects_in_order_and_stops_at_the_first_that_passes():
