@@ -71,7 +71,10 @@ def elsewhere(**environment: str) -> tuple[str, str]:
         "functions = [f(x).tobytes() for f in (np.sin, np.exp, np.arccos, np.arctan)]; "
         "print(images, hashlib.sha256(b''.join(functions)).hexdigest())"
     )
-    how = {"cwd": Path(pipeline.__file__).parents[1], "env": os.environ | environment}
+    how = {
+        "cwd": Path(pipeline.__file__).parents[1],
+        "env": os.environ | {"PYTHONPATH": "tests/helpers"} | environment,
+    }
     done = subprocess.run(
         [sys.executable, "-c", script], **how, capture_output=True, text=True, check=True
     )

@@ -37,9 +37,11 @@ def logs(tmp_path) -> Path:
     target = np.vstack([rest[1], *[there, rest[0], back, rest[1]] * 3])
     tables = {"q_actual": target, "q_target": target}
     tables["qd_target"] = np.diff(target, axis=0, prepend=target[:1]) / 0.01
-    for name in ("No1_slow", "No2_slow"):
+    for number, name in enumerate(("No1_slow", "No2_slow")):
         (tmp_path / "logs" / name).mkdir(parents=True)
-        for signal, rows in tables.items():
+        # equal samples would be a copy
+        off = number * 1e-3 * np.sin(np.arange(len(target)) / 7)[:, None]
+        for signal, rows in (tables | {"q_actual": target + off}).items():
             log = JointLog(np.arange(len(rows)) / 100, {"actual": rows}, {})
             write_joint_log(tmp_path / "logs" / name / f"{signal}.csv", log)
     (tmp_path / "logs/rest_3").mkdir()

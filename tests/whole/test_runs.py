@@ -79,7 +79,7 @@ def test_a_run_killed_at_any_moment_completes_to_the_same_bytes(reproduced, tmp_
                 shutil.rmtree(folder / name)
     succeeds("dvc", "repro", LAST, cwd=folder)
     expected = outputs(reproduced, *KILLED, LAST)
-    assert len(expected) == 8 and outputs(folder, *KILLED, LAST) == expected
+    assert len(expected) == 9 and outputs(folder, *KILLED, LAST) == expected
     files = [*folder.glob("data/**/*")]
     assert not [file for file in files if file.match(".*.partial") or file.match("stray.parquet")]
 

@@ -159,6 +159,8 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
         weights, impulse = tried.response(joint.samples[-1].steps)
         std, factor = np.sqrt(growth @ tried.scale[0])[:, None], unit_variance_factor(tried.degrees)
         for each in joint.samples:
+            if not len(each.end):  # no part is as long as the horizon
+                continue
             off = (r[each.end] - past[each.before] @ weights[each.steps - 1, 0])[:, None] / size
             variance = tried.variance(std, each.end, each.steps, impulse)
             scale = np.sqrt(variance * factor + floor)

@@ -231,7 +231,7 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
         for error in ERRORS:
             means = np.log(own.pivot(index="agents", columns="repeat", values=error))
             slopes = np.polyfit(np.log(means.index.to_numpy(float)), means.to_numpy(), 1)[0]
-            rows.append((part, error, *paired_difference(slopes, np.zeros_like(slopes))))
+            rows.append((part, error, *paired_difference(slopes, np.zeros_like(slopes))[:3]))
     return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
 
 

@@ -91,7 +91,9 @@ def entries(
     found |= {
         f"{section}.{key}": one for section, of in sections.items() for key, one in of.items()
     }
-    found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(relpath(folder.resolve())))}
+    near = Path(relpath(folder.resolve()))  # in the project or beside it
+    place = folder.resolve() if ".." in near.parts[1:] else near
+    found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(str(place)))}
     for file in sorted(folder.glob("*")):
         if re.match("(?i)licen[cs]e|copying", file.name) and file.is_file():
             lines = file.read_text(errors="replace").splitlines()[:20]
