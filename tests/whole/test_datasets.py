@@ -113,7 +113,8 @@ def test_logs_of_a_real_robot_become_a_report_beside_that_of_another_dataset(rep
     stages, printed = in_one_process(folder)
     assert "data/raw/lab/dvc.yaml:inventory" in stages
     lacking = ("no motion capture", "the dataset has no depth camera", "nothing to filter")
-    for words in (*lacking, *(f"the dataset lab has no {part}" for part in ("depth", "force"))):
+    left_out = (f"ingest: the dataset has no {part};" for part in ("depth", "force"))
+    for words in (*lacking, *left_out):
         assert words in printed
     dataset = OmegaConf.load(folder / "data/config.yaml").dataset
     assert dataset.name == "lab" and len(dataset.joint_log.start) == len(dataset.robot.joints)
