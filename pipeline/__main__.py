@@ -110,11 +110,13 @@ def error_summary(error: Exception) -> str:
 
 
 def _end_with_parent() -> None:
-    """Have the system interrupt this process when its parent ends, as DVC after a kill: the next
-    run would work on the same outputs.
+    """Have Linux interrupt this process when its parent ends, as DVC after a kill: the next run
+    would work on the same outputs. By SIGTERM, as a program started with ``&`` ignores SIGINT.
     """
-    set_parent_death_signal = 1
-    ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGINT)
+    if sys.platform == "linux":
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        set_parent_death_signal = 1
+        ctypes.CDLL(None).prctl(set_parent_death_signal, signal.SIGTERM)
 
 
 def _restore_hint() -> str:

@@ -134,7 +134,10 @@ def test_without_docstrings_the_help_and_the_page_are_the_same():
 
 
 def test_a_stage_ends_with_the_program_that_started_it(tmp_path):
-    stage = "import pipeline.__main__ as m, time; m._end_with_parent(); open('begun', 'w'); "
+    stage = (
+        "import pipeline.__main__ as m, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN)"
+    )
+    stage += "; m._end_with_parent(); open('begun', 'w')"
     stage += "\ntry:\n time.sleep(60)\nexcept KeyboardInterrupt:\n open('ended', 'w')"
     starter = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', sys.argv[1]])"
     command = [sys.executable, "-c", f"{starter}; time.sleep(60)", stage]
