@@ -14,7 +14,7 @@ from pipeline.arm.urdf import Joint, read_urdf
 from pipeline.core.angles import TURN, whole_turns
 from pipeline.core.columns import columns, members, values
 from pipeline.core.errors import RecordingError
-from pipeline.recordings.repetitions import REACH, lag
+from pipeline.recordings.lags import REACH, lag
 
 OPTION = "dataset.joint_log"
 STEADY = 0.9  # least speed over the 0.9 quantile, low enough that noise leaves no gap

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Arrangement, Force
-from pipeline.recordings.repetitions import lag
+from pipeline.recordings.lags import lag
 
 SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by far more, by noise
 # nats by which a force record may miss its own configuration, and share at which another is nearer:

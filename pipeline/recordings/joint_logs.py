@@ -18,8 +18,10 @@ from pipeline.formats.joints.log import OPTION, LogOptions
 from pipeline.recordings import movement, repetitions
 from pipeline.recordings.commands import circular_joints, require_pair
 from pipeline.recordings.inventory import named_takes, raw_folder
+from pipeline.recordings.lags import REACH, in_phase, lag, stretch
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
+from pipeline.recordings.repetitions import SLACK
 
 RESIDUALS = "residuals"
 
@@ -73,16 +75,13 @@ def joint_log_rows(
     steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(movements, dataset)
     note, rows, reference = partial(_note, quality), {}, None
-    find = repetitions.align if rest else repetitions.in_phase
     for name, take in takes.items():
         if reference is None:
             reference = take.target[take.first :][: steps + 1]
         turns = TURN * turns_apart(reference[0], take.target[take.first], take.circular)
-        start = find(take.target + turns, take.first, reference)
+        start = in_phase(take.target + turns, take.first, reference, SLACK, whole=rest > 0)
         logged = {"actual": take.actual + turns, "target": take.target + turns} | take.signals
-        rows[name] = {
-            key: repetitions.stretch(signal, start - rest, length) for key, signal in logged.items()
-        }
+        rows[name] = {key: stretch(signal, start - rest, length) for key, signal in logged.items()}
         if start != round(start):
             note(name, "resampled_rows", length)
     if rows:
@@ -106,7 +105,7 @@ def joint_log_rows(
         raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
         note(take, "command_deviation", deviation, "rad")
-        note(take, "lag_behind_command", repetitions.lag(command[moving], q[moving], rate), "s")
+        note(take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
     # the commanded angle changes one sample before the commanded speed is first logged
     desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
@@ -158,7 +157,7 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
     for joint in sorted({*locked} & {*read.joints}):
         angle, column = locked[joint], read.joints.index(joint)
         measured = read.actual[rows, column]
-        if np.abs(apart(measured, angle, read.circular[column])).max() > repetitions.REACH:
+        if np.abs(apart(measured, angle, read.circular[column])).max() > REACH:
             message = f"{joint} is locked at {angle:.4g} rad, but was logged from"
             message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it at the logged"
             message += " angle, or choose a motion in which it does not move"

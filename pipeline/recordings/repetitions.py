@@ -6,10 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.core.angles import apart
+from pipeline.recordings.lags import REACH
 
-REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
 REST_SPEED = 1e-4  # rad/s: less than a microradian per sample, below the resolution of encoders
-PHASE_ROUNDS = 4  # each round squares the error of the phase
 # least scale of the score of a whole take and of its greatest window, over the median of the takes;
 # LEAST_SPREAD is also the least scale of a joint, over the median of all joints
 LEAST_SPREAD, LEAST_IN_WINDOWS = 0.25, 0.45
@@ -125,39 +124,6 @@ def _find_passes(
             else:
                 runs.append(Excursion(first, first + steps, whole=True))
     return Repetitions(runs, {"overlapping": overlapping})
-
-
-def in_phase(angles: np.ndarray, first: int, reference: np.ndarray) -> float:
-    """Return the place between rows from which ``angles`` follow ``reference`` by least squares."""
-    place = float(first)
-    for _ in range(PHASE_ROUNDS):
-        late = lag(reference, stretch(angles, place, len(reference)), 1.0)
-        place = float(np.clip(place + late, max(0, first - SLACK), first + SLACK))
-        place = min(place, float(len(angles) - len(reference)))
-    return place
-
-
-def align(angles: np.ndarray, first: int, reference: np.ndarray) -> int:
-    """Return the row within two of ``first`` from which ``angles`` follow ``reference`` best."""
-    rows = range(first - SLACK, first + SLACK + 1)
-    return min(rows, key=lambda row: np.abs(angles[row : row + len(reference)] - reference).max())
-
-
-def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
-    """Return ``length`` rows of ``angles`` from row ``place`` on; cubic splines between rows."""
-    from scipy.interpolate import CubicSpline
-
-    if place == round(place):
-        return angles[round(place) :][:length]
-    return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))
-
-
-def lag(commanded: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Return the lag in s of ``measured`` behind ``commanded`` angles; NaN without a motion."""
-    if not np.ptp(commanded, axis=0).max() > REACH:
-        return np.nan
-    velocity = np.gradient(commanded, axis=0) * rate
-    return float(np.sum((commanded - measured) * velocity) / np.sum(velocity**2))
 
 
 def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:

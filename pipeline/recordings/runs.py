@@ -15,8 +15,9 @@ from pipeline.core.options.dataset import Dataset
 from pipeline.models.runs import JointRun
 from pipeline.recordings.commands import standing_joints
 from pipeline.recordings.joint_logs import read_movements
+from pipeline.recordings.lags import REACH, delayed, joint_lags
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import REACH, SLACK, disturbances, excursions
+from pipeline.recordings.repetitions import SLACK, Excursion, disturbances, excursions
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
@@ -26,11 +27,7 @@ SAME = 0.01  # greatest distance of equal commands over the motion of the farthe
 ALIKE = 1e-3  # rad, greatest difference of commands whose errors are compared
 FEWEST = 5  # least number of runs that show a disturbed one
 STARTED = 0.1  # least step of a moving command, over its greatest step
-SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
 ENDS = 0.05  # share of the rows at each end that may not follow the command
-OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
-LAG_ROUNDS = 6  # rounds of least squares, each with the command at the lag of the round before
-FURTHEST = 0.1  # s, greatest lag of a joint that least squares finds
 SETTLED = 0.25  # s after a motion in which an arm may still move
 RESTING = 50  # least number of rows at rest that show the noise of a measured angle
 LEAST_STEPS, MULTIPLES, IN_PHASE = 20, 8.0, 0.8  # differences that show a quantum
@@ -42,6 +39,14 @@ class RunsOfLogs(NamedTuple):
 
     runs: list[JointRun]
     unused: dict[str, str]
+
+
+class Place(NamedTuple):
+    """Commanded motion of a run in the log of a movement."""
+
+    movement: str
+    motion: Excursion
+    pause: int  # steps of the shorter rest before or after
 
 
 def joint_runs(
@@ -56,7 +61,22 @@ def joint_runs(
     else estimated from rows at rest, else from the quantum. Disturbed runs among FEWEST or more
     of one motion are not used. Raises RecordingError without a run.
     """
-    unused, runs, circular = {}, [], {}
+    (runs, unused), _ = located_runs(movements, rate, joints, pose_noise)
+    runs = [run for run in runs if run.name not in unused]
+    if not runs:
+        found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
+        raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
+    return RunsOfLogs(runs, unused)
+
+
+def located_runs(
+    movements: Mapping[str, LoggedMovement],
+    rate: float,
+    joints: Sequence[str] = (),
+    pose_noise: float | None = None,
+) -> tuple[RunsOfLogs, dict[str, Place]]:
+    """Return all runs as :func:`joint_runs`, also disturbed ones, and name → place."""
+    unused, runs, places, circular = {}, [], {}, {}
     joints = [*(joints or next(iter(movements.values())).joints)]
     for read in movements.values():
         columns = [read.joints.index(joint) for joint in joints]
@@ -66,22 +86,21 @@ def joint_runs(
             unused[read.joints[column]] = (
                 "its command moves by {:.3g} rad, it moves by {:.2g} rad".format(*moved)
             )
-    joints = [joint for joint in joints if joint not in unused]
+    if not (joints := [joint for joint in joints if joint not in unused]):
+        return RunsOfLogs([], unused), {}
     for name, read in movements.items():
         found = _runs_of(name, read, rate, joints, pose_noise)
         circular = read.circular[[read.joints.index(joint) for joint in joints]]
-        runs += found
+        for run, place in found:
+            runs.append(run)
+            places[run.name] = place
         if not found:
             unused[name] = f"the command never moves by more than {REACH:g} rad"
     runs = named_motions(runs, circular)
     for name, score, others in _disturbed(runs):
         reason = f"disturbed: {score:.3g} robust standard deviations from {others} runs of"
         unused[name] = f"{reason} the same motion"
-    runs = [run for run in runs if run.name not in unused]
-    if not (runs and joints):
-        found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
-        raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
-    return RunsOfLogs(runs, unused)
+    return RunsOfLogs(runs, unused), places
 
 
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
@@ -92,13 +111,14 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
 
 def _runs_of(
     name: str, read: LoggedMovement, rate: float, joints: Sequence[str], stated: float | None
-) -> list[JointRun]:
-    """Return the runs in one movement, from pause to pause."""
+) -> list[tuple[JointRun, Place]]:
+    """Return the runs in one movement, from pause to pause, and their places."""
     columns = [read.joints.index(joint) for joint in joints]
     measured, target = read.actual[:, columns], read.target[:, columns]
+    every = excursions(read.target, read.speed)
     moved = [
         run
-        for run in excursions(read.target, read.speed)
+        for run in every
         if np.ptp(target[max(run.first - 1, 0) : run.last + 1], axis=0).max(initial=0.0) > REACH
     ]
     if not moved:
@@ -113,68 +133,34 @@ def _runs_of(
         resting[max(run.first - SLACK, 0) : run.last + round(SETTLED * rate)] = False
     quantum = np.array([find_quantum(joint) for joint in measured.T])
     noise = stated or _noise_at_rest(measured, resting) or _noise_of(quantum)
-    edges = [0]
+    known = read.counts.get("command_delay", 0.0)
+    groups = [[moved[0]]]
     for before, after in pairwise(moved):
         if after.first - before.last >= PAUSE * rate:
-            edges.append((before.last + after.first) // 2)
-    known = read.counts.get("command_delay", 0.0)
-    runs = []
-    for number, (first, stop) in enumerate(zip(edges, [*edges[1:], len(target)], strict=True), 1):
-        inside = (rows >= first) & (rows < stop)
-        runs.append(
-            JointRun(
-                name=f"{name}_{number}" if len(edges) > 1 else name,
-                rate=rate,
-                command=command[inside],
-                measured=measured[cut][inside],
-                joints=tuple(joints),
-                lag=late + known,
-                quantum=quantum,
-                pose_noise=noise,
-                motion="",
-            )
+            groups.append([])
+        groups[-1].append(after)
+    middles = [(before[-1].last + after[0].first) // 2 for before, after in pairwise(groups)]
+    limits, runs = [0, *middles, len(target)], []
+    for i, group in enumerate(groups):
+        inside = (rows >= limits[i]) & (rows < limits[i + 1])
+        run = JointRun(
+            name=f"{name}_{i + 1}" if len(groups) > 1 else name,
+            rate=rate,
+            command=command[inside],
+            measured=measured[cut][inside],
+            joints=tuple(joints),
+            lag=late + known,
+            quantum=quantum,
+            pose_noise=noise,
+            motion="",
         )
+        whole = group[0].whole and group[-1].whole
+        first, last = group[0].first, group[-1].last
+        before = first - max((other.last for other in every if other.last <= first), default=0)
+        after = min((other.first for other in every if other.first >= last), default=len(target))
+        place = Place(name, Excursion(first, last, whole), min(before, after - last))
+        runs.append((run, place))
     return runs
-
-
-def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.ndarray:
-    """Return the lag (n,) in s of ``measured`` behind ``command`` (N, n) in rad, by least squares
-    over rows in motion: one lag of all joints, and a joint's own lag if this reduces its error by
-    more than a tenth.
-    """
-    n = command.shape[1]
-    lags = np.full(n, _least_squares_lag(command, measured, rate))
-    for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
-        pair = command[:, [j]], measured[:, [j]]
-        own = _least_squares_lag(*pair, rate)
-        if _typical_error(*pair, own * rate) < OWN_LAG * _typical_error(*pair, lags[j] * rate):
-            lags[j] = own
-    return lags
-
-
-def _least_squares_lag(command: np.ndarray, measured: np.ndarray, rate: float) -> float:
-    """Return the lag in s; rows far from their command, as at a stop, are left out."""
-    late = 0.0
-    for _ in range(LAG_ROUNDS):
-        shifted, cut = delayed(command, np.full(command.shape[1], late * rate))
-        error, velocity = shifted - measured[cut], np.gradient(shifted, axis=0) * rate
-        used = _usual_rows(error, velocity)
-        late += float(np.sum((error * velocity)[used]) / np.sum(velocity[used] ** 2))
-        late = float(np.clip(late, -FURTHEST, FURTHEST))
-    return late
-
-
-def _usual_rows(error: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Return the mask (N,) of rows in motion whose error is below FAR times the median."""
-    speed, size = np.abs(velocity).max(axis=1), np.linalg.norm(error, axis=1)
-    moving = speed > SLOW * speed.max()
-    return moving & (size <= FAR * np.median(size[moving]))
-
-
-def _typical_error(command: np.ndarray, measured: np.ndarray, rows: float) -> float:
-    shifted, cut = delayed(command, np.array([rows]))
-    error = measured[cut] - shifted
-    return float(np.std(error[_usual_rows(error, np.gradient(shifted, axis=0))]))
 
 
 def following_rows(error: np.ndarray) -> slice:
@@ -187,20 +173,6 @@ def following_rows(error: np.ndarray) -> slice:
     last = np.flatnonzero(beyond[len(size) - ends :])
     start = int(first[-1]) + 1 if len(first) else 0
     return slice(start, len(size) - (ends - int(last[0]) if len(last) else 0))
-
-
-def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
-    """Return ``command`` (N, n) delayed by ``rows`` (n,) of any fraction, by cubic splines, and the
-    slice of the rows at which all joints have a command.
-    """
-    from scipy.interpolate import CubicSpline
-
-    before, after = (max(int(np.ceil((s * rows).max())), 0) for s in (1, -1))
-    cut, at = slice(before, len(command) - after), np.arange(len(command))
-    if not rows.any():
-        return command, cut
-    each = zip(command.T, rows, strict=True)
-    return np.stack([CubicSpline(at, c)(at[cut] - late) for c, late in each], axis=1), cut
 
 
 def find_quantum(angles: np.ndarray) -> float:

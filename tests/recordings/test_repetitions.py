@@ -7,18 +7,15 @@ import pytest
 
 from pipeline import arm
 from pipeline.core.options.dataset import Robot
+from pipeline.recordings.lags import in_phase, lag, stretch
 from pipeline.recordings.motions import find_motions
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
-    align,
     beside_others,
     commanded_speeds,
     disturbances,
     excursions,
     find_repetitions,
-    in_phase,
-    lag,
-    stretch,
 )
 
 RATE = 125.0
@@ -92,7 +89,7 @@ def test_a_way_without_enough_rest_beside_it_or_at_another_speed_is_another_moti
 def test_takes_are_aligned_on_their_commands_to_the_row(shift):
     angles, _ = log(*WHOLE, creep=5e-5)
     reference = log(*WHOLE)[0][50 : 50 + STEPS + 1]
-    assert align(angles, 350 + shift, reference) == 350
+    assert in_phase(angles, 350 + shift, reference, 2, whole=True) == 350
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.6e-3, -0.4e-3])
@@ -125,7 +122,7 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     assert {run.steps for run in outcome.runs} == {steps}
     reference = command[first : first + steps + 1]
     for number, run in enumerate(outcome.runs):
-        place = in_phase(command, run.first, reference)
+        place = in_phase(command, run.first, reference, 2)
         assert place == pytest.approx(first + number * period, abs=1e-4)
         np.testing.assert_allclose(stretch(command, place, steps + 1), reference, atol=1e-6)
     # the control: by whole rows the last one is off by a third of a row

@@ -11,9 +11,10 @@ from scipy.io import savemat
 from source_code import ROOT
 
 from pipeline.core.errors import RecordingError
+from pipeline.recordings.lags import joint_lags
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import commanded_speeds
-from pipeline.recordings.runs import find_quantum, joint_lags, joint_runs
+from pipeline.recordings.runs import find_quantum, joint_runs
 from pipeline.tools.characterize.logs import folder_logs
 
 RATE, N = 200.0, 1600

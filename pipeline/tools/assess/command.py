@@ -27,8 +27,9 @@ from pipeline.models.runs import JointRun
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.joint_logs import find_takes, read_dataset_movement
+from pipeline.recordings.lags import in_phase, stretch
 from pipeline.recordings.motion_capture import marker_rows
-from pipeline.recordings.repetitions import align, in_phase, stretch
+from pipeline.recordings.repetitions import SLACK
 from pipeline.recordings.runs import joint_runs
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
@@ -153,9 +154,9 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
         motions = "; ".join(sorted(set(observed))) or "no motion"
         message = f"no repetition of the dataset's motion; the file has {motions}"
         raise RecordingError(message, file=file)
-    path, place = mean[rest : rest + moving + 1], align if rest else in_phase
+    path, near = mean[rest : rest + moving + 1], (SLACK, rest > 0)
     return {
-        name: stretch(take.actual, place(take.actual, take.first, path) - rest, steps + 1)
+        name: stretch(take.actual, in_phase(take.actual, take.first, path, *near) - rest, steps + 1)
         for name, take in takes.items()
     }
 

@@ -35,6 +35,7 @@ from pipeline.formats.joints.names import (
 )
 from pipeline.formats.number_sheet import Sheet
 from pipeline.recordings.commands import find_pairing, suspects, tracking_errors
+from pipeline.recordings.lags import lag
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
     UNWRAPPED,
@@ -42,7 +43,7 @@ from pipeline.recordings.movement import (
     smoothness_by_rows,
     without_damage,
 )
-from pipeline.recordings.repetitions import commanded_speeds, excursions, lag
+from pipeline.recordings.repetitions import commanded_speeds, excursions
 from pipeline.tools.inspect.finding import Finding
 
 RATES = 5.0, 5000.0  # Hz, range of the rates of controllers' logs

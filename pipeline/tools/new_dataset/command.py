@@ -23,9 +23,9 @@ from pipeline.core.options.dataset import JointLogSection, Robot
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.lags import REACH
 from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
 from pipeline.recordings.movement import read_logged_movement
-from pipeline.recordings.repetitions import REACH
 from pipeline.tools.check.command import value_faults
 from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.finding import printable_path

@@ -1,0 +1,89 @@
+"""Lag of measured angles behind a command, and angles between rows."""
+
+import numpy as np
+
+REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
+SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
+OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
+ROUNDS = 6  # rounds of least squares, each with the command at the lag of the round before
+FURTHEST = 0.1  # s, greatest lag of a joint that least squares finds
+
+
+def lag(
+    command: np.ndarray, measured: np.ndarray, rate: float, furthest: float = FURTHEST
+) -> float:
+    """Return the lag in s, at most ``furthest``, of ``measured`` behind ``command`` (N, n) in rad,
+    by least squares over rows in motion; NaN without a motion. Rows far from their command, as at a
+    stop, are left out.
+    """
+    if not np.ptp(command, axis=0).max(initial=0.0) > REACH:
+        return np.nan
+    late = 0.0
+    for _ in range(ROUNDS):
+        shifted, cut = delayed(command, np.full(command.shape[1], late * rate))
+        error, velocity = shifted - measured[cut], np.gradient(shifted, axis=0) * rate
+        used = _usual_rows(error, velocity)
+        late += float(np.sum((error * velocity)[used]) / np.sum(velocity[used] ** 2))
+        late = float(np.clip(late, -furthest, furthest))
+    return late
+
+
+def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.ndarray:
+    """Return the :func:`lag` (n,) in s by joint: of all joints, or a joint's own if this reduces
+    the joint's error by more than a tenth.
+    """
+    n = command.shape[1]
+    lags = np.full(n, lag(command, measured, rate))
+    for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
+        pair = command[:, [j]], measured[:, [j]]
+        own = lag(*pair, rate)
+        if _typical_error(*pair, own * rate) < OWN_LAG * _typical_error(*pair, lags[j] * rate):
+            lags[j] = own
+    return lags
+
+
+def _usual_rows(error: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the mask (N,) of rows in motion whose error is below FAR times the median."""
+    speed, size = np.abs(velocity).max(axis=1), np.linalg.norm(error, axis=1)
+    moving = speed > SLOW * speed.max()
+    return moving & (size <= FAR * np.median(size[moving]))
+
+
+def _typical_error(command: np.ndarray, measured: np.ndarray, rows: float) -> float:
+    shifted, cut = delayed(command, np.array([rows]))
+    error = measured[cut] - shifted
+    return float(np.std(error[_usual_rows(error, np.gradient(shifted, axis=0))]))
+
+
+def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
+    """Return ``command`` (N, n) delayed by ``rows`` (n,) of any fraction, by cubic splines, and the
+    slice of the rows at which all joints have a command.
+    """
+    from scipy.interpolate import CubicSpline
+
+    before, after = (max(int(np.ceil((s * rows).max())), 0) for s in (1, -1))
+    cut, at = slice(before, len(command) - after), np.arange(len(command))
+    if not rows.any():
+        return command, cut
+    each = zip(command.T, rows, strict=True)
+    return np.stack([CubicSpline(at, c)(at[cut] - late) for c, late in each], axis=1), cut
+
+
+def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
+    """Return ``length`` rows of ``angles`` from row ``place`` on; cubic splines between rows."""
+    from scipy.interpolate import CubicSpline
+
+    if place == round(place):
+        return angles[round(place) :][:length]
+    return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))
+
+
+def in_phase(
+    angles: np.ndarray, first: int, reference: np.ndarray, most: int, whole: bool = False
+) -> float:
+    """Return the row, within ``most`` of ``first``, from which ``angles`` follow ``reference`` by
+    least squares: a ``whole`` row, or a place between rows.
+    """
+    late = lag(reference, angles[first : first + len(reference)], 1.0, most)
+    place = first + (0.0 if np.isnan(late) else late)
+    return float(np.clip(round(place) if whole else place, 0, len(angles) - len(reference)))
