@@ -10,11 +10,14 @@ from numpy import ndarray
 from pipeline.core.compiled import compiled
 from pipeline.core.errors import ConfigError
 from pipeline.planning.problem import TURN, Cost, InfeasibleError, Problem, settle
-from pipeline.planning.self_motion import NEWTON_STEPS, grid, refine, spacing_of, stages
+from pipeline.planning.self_motion import CURVE_STEPS, NEWTON_STEPS, grid, spacing_of, stages
 
 POINTS = 200  # grid points per step
 REFINED_PATHS = 3  # greatest number of paths through the grid that are refined
 LEAST_DISTANCE = 0.5  # rad, least distance between the ends of refined paths
+TUBE = 11  # poses at each step of a refinement
+WIDEST, NARROWEST = 0.05, 1e-5  # rad, greatest displacement in a tube
+GAIN = 1e-3  # least relative improvement after which the tube keeps its width
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
     steps = stages(problem, spacing)
     ways = cheapest_paths(problem, cost, steps, grid(problem, steps, spacing))
     planned, failed = [], []
-    for way, _ in ways if problem.spare > 0 else ways[:1]:
+    for way, _ in ways:
         try:
             planned.append(_refined_motion(problem, cost, way, steps))
         except InfeasibleError as error:
@@ -154,6 +157,34 @@ def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) 
         raise failure
     each, clearance = cost(joints[:-1], problem.steps), chain.least_singular_value(joints)
     return Planned(joints, each, problem.objective(each, joints), clearance)
+
+
+def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
+    """Return the motion (M+1, n) in rad of least objective that is found near ``joints`` (M+1, n),
+    or ``joints`` if no motion near by keeps the limits. Raises the errors of ``cost``.
+
+    Each round searches TUBE poses at every step, displaced along the self-motion from the best
+    motion so far, by dynamic programming (Heidari, Chow, Kokotović and Meredith, Water Resources
+    Research 7, 1971). After an improvement of less than GAIN the next tube is half as wide.
+    """
+    chain, every, width, least = problem.chain, np.arange(len(joints)), WIDEST, np.inf
+    targets = np.repeat(problem.path, TUBE, axis=0)
+    while width > NARROWEST:
+        normal, offsets = np.linalg.svd(chain.jacobian(joints))[2][:, -1:], np.linspace(-1, 1, TUBE)
+        near = joints[:, None] + width * offsets[:, None] * normal
+        q, kept = settle(chain, near.reshape(len(targets), -1), targets, CURVE_STEPS)
+        kept &= chain.within_limits(q) & problem.clear(q)
+        tube = [q[own][kept[own]] for own in np.arange(len(q)).reshape(-1, TUBE)]
+        width, earlier = width / 2, least
+        try:
+            (way, value), *_ = cheapest_paths(problem, cost, every, tube)
+        except InfeasibleError:
+            continue
+        if value < least:
+            joints, least = way, value
+        if least < earlier - GAIN * abs(least):
+            width *= 2
+    return joints
 
 
 @compiled

@@ -149,8 +149,7 @@ def uncertainty(model: MotionModel, chain: Chain, objective: str) -> Cost:
     an axis. A zero command without noise costs 0. Raises ModelDomainError as ``model.covariance``.
 
     If the covariance has the rank m of the task, e.g. under a matrix model with n > m, ln det uses
-    the m variances in the row space of J, else all n. Noise of steps in the null space of J (scaled
-    model) is not included.
+    the m variances in the row space of J, else all n.
     """
 
     def of_regular(q: ndarray, v: ndarray) -> ndarray:
