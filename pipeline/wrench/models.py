@@ -15,7 +15,6 @@ known T, determine Σ_S and Ψ_S up to one factor.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -256,7 +255,7 @@ class MatrixModel:
 
 def matrix_model(system: CableSystem) -> MatrixModel:
     """Return the matrix model of a cable system with S̲ at the mean directions e̲ and Ψ_S = I, as
-    in the paper. The mean of S is A(κ)·S̲; :func:`moment_fit` estimates Ψ_S.
+    in the paper. The mean of S is A(κ)·S̲.
     """
     identity = np.eye(system.tension.shape[-1])
     covariance = system.tension_sd[..., None] ** 2 * identity
@@ -298,22 +297,3 @@ def sample_wrenches(model: MatrixModel, sigma_s: ndarray, samples: int, rng: Gen
     noise = normal(np.zeros(len(sigma_s)), sigma_s, samples, method="eigh")
     scale = np.sqrt(np.einsum("ki,ij,kj->k", actuation, model.psi, actuation))
     return actuation @ model.jacobian.T + scale[:, None] * noise
-
-
-class KroneckerFit(NamedTuple):
-    """S ~ N(mean, Σ_S ⊗ Ψ_S) with tr Ψ_S = m."""
-
-    mean: ndarray  # (n, m)
-    sigma_s: ndarray  # Σ_S (n, n), per cable
-    psi: ndarray  # Ψ_S (m, m)
-
-
-def moment_fit(jacobians: ndarray) -> KroneckerFit:
-    """Fit the law of recorded ``jacobians`` (N, n, m), rows of one unit, by E[XXᵀ] = tr(Ψ_S)·Σ_S
-    and E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5).
-    """
-    mean, m = jacobians.mean(axis=0), jacobians.shape[-1]
-    x = jacobians - mean
-    covariance = np.einsum("kia,kjb->iajb", x, x) / len(x)
-    psi = np.einsum("iaib->ab", covariance)
-    return KroneckerFit(mean, np.einsum("iaja->ij", covariance) / m, psi * m / np.trace(psi))

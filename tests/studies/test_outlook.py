@@ -16,7 +16,6 @@ from pipeline.studies.outlook.stage import (
     lever,
     motion_of,
     pose_of,
-    recorded_rows,
     slope_rows,
 )
 from pipeline.wrench.models import Bounds
@@ -62,7 +61,7 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
     share = np.trace(legs, axis1=1, axis2=2).mean() / np.sum(whole**2, axis=1).mean()
     assert np.sqrt(share) == pytest.approx(OPTIONS.noise, rel=1e-9)
     if name == "additive":
-        steps = inverse @ v + rng.multivariate_normal(np.zeros(6), law.floor, draws)
+        steps = inverse @ v + rng.multivariate_normal(np.zeros(6), legs[k], draws)
     elif name == "gaussian":
         # Algorithm 2, literally: J⁻¹ + N
         size = law.alpha * np.sqrt((law.u**2 - np.sum(inverse**2)) / 36)
@@ -110,7 +109,7 @@ def test_what_is_no_robot_or_motion_is_refused_by_its_key(changes, key):
     assert refused.value.evidence["key"] == key
 
 
-def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
+def test_errors_fall_with_the_number_of_cables():
     assert lever(BOUNDS) == pytest.approx(0.25)  # a cube's root mean square, half its side
     rows = [
         error_rows(BOUNDS, [3, 6, 12, 24], (200, 300), np.random.default_rng(n)).assign(repeat=n)
@@ -118,6 +117,3 @@ def test_errors_fall_with_the_cables_and_recorded_directions_reduce_them():
     ]
     slopes = slope_rows(pd.concat(rows))["slope"]
     assert np.all((slopes > -0.65) & (slopes < -0.35))
-    known = recorded_rows(BOUNDS, 6, (200, 8, 400), np.random.default_rng(3))
-    errors = known.pivot(index="part", columns="known", values="error")
-    assert np.all(errors["directions"] < 0.7 * errors["bounds"])

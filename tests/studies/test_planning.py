@@ -12,7 +12,7 @@ from study_runs import options_of
 from pipeline.configuration.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.scaled.law import ScaledModel
+from pipeline.models.kinds import build_model
 from pipeline.models.steps import process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
@@ -61,7 +61,8 @@ def test_a_plan_has_the_least_sum_by_its_model(bench, motions):
 
 def test_a_model_without_an_order_or_a_covariance_has_no_plan(bench):
     wide = WishartModel(0.9, Decomposition("qr_transposed"))
-    constant = ScaledModel(1e-6 * np.eye(3))
+    constant = {"kind": "additive", "noise_covariance": (1e-6 * np.eye(3)).tolist()}
+    constant = build_model(constant)
     for model, words in ((constant, "same at every step"), (wide, "exists only")):
         with pytest.raises(ModelDomainError, match=words):
             stage.plan_motion(bench, model, OPTIONS)

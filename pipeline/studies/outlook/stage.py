@@ -1,7 +1,7 @@
 """outlook: the paper's models on two extensions, a hexapod and cables that tow a load."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -16,8 +16,8 @@ from pipeline.core.columns import SPACE
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.figures import style
 from pipeline.models.gaussian.law import GaussianModel
+from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel, frobenius
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
@@ -25,11 +25,8 @@ from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval
 from pipeline.verdicts.wording import table
 from pipeline.wrench.models import (
     Bounds,
-    CableSystem,
     draw_systems,
     matrix_model,
-    moment_fit,
-    sample_directions,
     study_bounds,
     wrench_covariance,
     wrench_mean,
@@ -56,16 +53,10 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
         stream = rng.stream(settings.seed, "outlook.towing", repeat)
         rows = error_rows(bounds, options.agents, (systems, study.test_systems), stream)
         errors.append(rows.assign(repeat=repeat))
-    sizes = (systems, options.few, options.recorded)
-    recorded = [
-        recorded_rows(bounds, m, sizes, rng.stream(settings.seed, "outlook.recorded", m))
-        for m in (options.agents[0], options.agents[-1])
-    ]
     return {
         "hexapod": hexapod_rows(motion, models),
         "towing": concatenate(errors),
         "towing_slopes": slope_rows(concatenate(errors)),
-        "towing_recorded": concatenate(recorded),
     }
 
 
@@ -168,7 +159,9 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
     steps = np.matvec(motion.inverse, motion.v)
     trace = noise**2 * float(np.mean(np.vecdot(steps, steps)))
     models: dict[str, MotionModel] = {
-        "additive": ScaledModel(trace / LEGS * np.eye(LEGS)),
+        "additive": build_model(
+            {"kind": "additive", "noise_covariance": (trace / LEGS * np.eye(LEGS)).tolist()}
+        ),
         "gaussian": GaussianModel(1.0, bound * frobenius(motion.inverse).max()),
     } | {name: WishartModel(0.1, Decomposition(name)) for name in DECOMPOSITIONS}
     try:
@@ -183,14 +176,11 @@ def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.D
     """Return the table ``hexapod``."""
     parts = []
     for name, model in models.items():
-        legs, pose = motion.covariances(model)
-        variances = np.diagonal(pose, axis1=-2, axis2=-1)
+        _, pose = motion.covariances(model)
         columns = {
             "place": np.linspace(0, 1, len(motion.q)),
             "least_singular_value": np.linalg.svd(motion.inverse, compute_uv=False)[:, -1],
-            "legs": np.sqrt(np.trace(legs, axis1=-2, axis2=-1)),
-            "position": np.sqrt(variances[:, :3].sum(axis=-1)),
-            "rotation": np.sqrt(variances[:, 3:].sum(axis=-1)) / motion.robot.length,
+            "rotation": np.sqrt(np.trace(pose[:, 3:, 3:], axis1=1, axis2=2)) / motion.robot.length,
         }
         parts.append(pd.DataFrame({"model": name} | columns))
     return concatenate(parts)
@@ -235,52 +225,24 @@ def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])
 
 
-def recorded_rows(
-    bounds: Bounds, agents: int, sizes: tuple[int, int, int], rng: np.random.Generator
-) -> pd.DataFrame:
-    """Return rows of ``towing_recorded``: errors over ``sizes[1]`` systems with Σ_S from bounds, a
-    mean over ``sizes[0]`` systems, and with Σ_S and Ψ_S from ``sizes[2]`` directions of a cable.
-    """
-    size = lever(bounds)
-    sigma_s = averaged_sigma_s(draw_systems(bounds, sizes[0], agents, rng).in_units_of(size))
-    drawn = draw_systems(bounds, sizes[1], agents, rng).in_units_of(size)
-    due, bounded, known = [], [], []
-    for k in range(sizes[1]):
-        parts = (getattr(drawn, field.name) for field in fields(drawn))
-        system = CableSystem(*(part if part is None else part[k] for part in parts))
-        directions = sample_directions(system.direction, system.concentration, sizes[2], rng)
-        fit = moment_fit(np.einsum("mnp,kmp->knm", system.maps(), directions))
-        model = matrix_model(system)
-        bounded.append(model.covariance(sigma_s["full"].mean))
-        known.append(replace(model, jacobian=fit.mean, psi=fit.psi).covariance(fit.sigma_s))
-        due.append(wrench_covariance(system))
-    rows = []
-    for part, block in PARTS.items():
-        own = np.array(due)[:, block, block]
-        for name, modelled in (("bounds", bounded), ("directions", known)):
-            error = covariance_errors(np.array(modelled)[:, block, block], own).mean()
-            rows.append({"part": part, "agents": agents, "known": name, "error": error})
-    return pd.DataFrame(rows)
-
-
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     motion, errors = tables["hexapod"], tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
     means = 100 * errors.groupby(["part", "agents"])[[*ERRORS, "shift"]].mean()
     few, many = errors["agents"].min(), errors["agents"].max()
-    known = tables["towing_recorded"].pivot(index=["part", "agents"], columns="known")
-    means["directions"], rows = 100 * known["error", "directions"], []
-
-    def add(name: str, part: str, column: str, slope: str = MISSING) -> None:
-        rows.append([name, *(f"{means.loc[(part, m), column]:.3g}" for m in (few, many)), slope])
-
-    for row in tables["towing_slopes"].itertuples():
-        form, slope = ERRORS[row.error][0], interval(row.slope, row.low, row.high)
-        add(f"{row.error} of {row.part}, {form} Σ_S", row.part, row.error, slope)
-    for part in PARTS:
-        add(f"covariance of {part}, Σ_S and Ψ_S of recorded directions", part, "directions")
-        add(f"mean of {part}, over the standard deviation", part, "shift")
+    rows = [
+        (f"{row.error} of {row.part}, {ERRORS[row.error][0]} Σ_S", row.part, row.error, row)
+        for row in tables["towing_slopes"].itertuples()
+    ] + [(f"mean of {part}, over the standard deviation", part, "shift", None) for part in PARTS]
+    cells = [
+        [
+            name,
+            *(number(means.loc[(part, m), column]) for m in (few, many)),
+            MISSING if row is None else interval(row.slope, row.low, row.high),
+        ]
+        for name, part, column, row in rows
+    ]
     header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
     return {
         "noise": options.noise,
@@ -288,7 +250,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "few": few,
         "many": many,
         "repeats": errors["repeat"].nunique(),
-        "table": table(header, rows),
+        "table": table(header, cells),
         "length": options.length,
     } | (ends["last"] / ends["first"]).to_dict()
 

@@ -1,7 +1,5 @@
 """Likelihoods of the decompositions given the paper's printed numbers, over random paths.
 
-A Wishart step J₂⁺B⁻¹a, a = J₁⁻¹v, r = ‖a‖, has the covariance
-r²·J₂⁺R·diag(Var z, (E z²/(d−m))·I)·RᵀJ₂⁺ᵀ, R orthonormal with first column a/r, d = (m+1)/σ_B².
 On a path the models at the printed parameters give ratios of standard deviations (root of the mean
 variance over all steps):
 
@@ -23,7 +21,8 @@ import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.core.errors import ConfigError
-from pipeline.models.wishart.decomposition import orthonormalize
+from pipeline.models.model import frobenius
+from pipeline.models.wishart.decomposition import Decomposition, split
 from pipeline.models.wishart.law import step_variances
 from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.studies.which_decomposition.paths import Paths
@@ -46,56 +45,35 @@ SETS = {  # quantities in addition to one of SIZES
 SPAN = 9  # number of tolerances in an integral over the tolerance
 INTEGRATED = 0.0  # value of the tolerance in rows with the integral
 BLOCK = 50  # paths that are evaluated at once, so that the buffers fit into the cache
+# factors of the rows of J that fix the pivots of partial pivoting; powers of 2 are exact
+PIVOT_SCALES = 2.0 ** np.array([0, -100, -200])
+WIDTHS = [  # standard deviations of a step in rad, roots of the mean variance over a path
+    ("kind", "U10"),  # of the path
+    ("norm", float),  # greatest ‖J⁻¹‖_F on the path
+    ("gaussian", float),  # Gaussian model, equal in all joints
+    ("wishart", float, (len(READINGS), 3)),  # Wishart model by reading and joint
+]
 
 
-def wishart_parts(
-    reading: str, jacobian: np.ndarray, inverse: np.ndarray, v: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return A_j = r²·(J₂⁺J₂⁺ᵀ)_jj and C_j = (J⁺v)_j², both (n, ...), from J (m, n, ...),
-    J⁺ (n, m, ...) and the commanded step v (m, ...), the batch last for contiguous entries: a joint
-    has the variance across·(A − C) + along·C (:func:`pipeline.models.wishart.law.step_variances`).
-
-    QR of J has J₁ = I, as rotations do not change the law of B. LU has J₁ = PᵀL of PJ = LU, P a
-    fixed order of three rows or partial pivoting.
-    """
-    (m, n), nominal = jacobian.shape[:2], np.einsum("ij...,j...->i...", inverse, v)
-    identity = np.zeros((m, m, *jacobian.shape[2:]))
-    identity[range(m), range(m)] = 1.0
-    # columns: J, which becomes multipliers and J₂; v, which becomes a; P
-    rows = np.concatenate([jacobian, v[:, None], identity], axis=1)
-    if reading == QR:
-        back = inverse
-    elif reading == QR_TRANSPOSED:
-        orthonormalize(rows, n)
-        back = np.swapaxes(rows[:, :n], 0, 1)
-    else:
-        rows = rows[list(PLAIN.get(reading, range(m)))]
-        for k in range(m):
-            if reading == PIVOTED:
-                greatest = k + np.abs(rows[k:, k]).argmax(axis=0)
-                for i in range(k + 1, m):
-                    rows[[k, i]] = np.where(greatest == i, rows[[i, k]], rows[[k, i]])
-            rows[k + 1 :, k] /= rows[k, k]
-            rows[k + 1 :, k + 1 : n + 1] -= rows[k + 1 :, k, None] * rows[k, k + 1 : n + 1]
-        for i in range(m):
-            identity[i, :i] = rows[i, :i]
-        first = np.einsum("ki...,kj...->ij...", rows[:, n + 1 :], identity)
-        back = np.einsum("ij...,jk...->ik...", inverse, first)
-    return (rows[:, n] ** 2).sum(axis=0) * (back * back).sum(axis=1), nominal * nominal
-
-
-def wishart_variance(parts: tuple[np.ndarray, np.ndarray], m: int, sigma_b: float) -> np.ndarray:
-    """Return the joints' variances (n, ...) of a step in rad² from :func:`wishart_parts`."""
-    along, across = step_variances((m + 1) / sigma_b**2, m)
-    total, nominal = parts
-    return across * (total - nominal) + along * nominal
-
-
-def gaussian_variance(
-    norm: np.ndarray, v: np.ndarray, alpha: float, u: float, n: int
+def wishart_variance(
+    reading: str, jacobian: np.ndarray, v: np.ndarray, sigma_b: float
 ) -> np.ndarray:
-    """Return the variance (...) of a joint's step in rad², α²(u² − ‖J⁺‖_F²)‖v‖²/(nm)."""
-    return alpha**2 * (u**2 - norm**2) * (v * v).sum(axis=0) / (n * len(v))
+    """Return the joints' variances (..., n) in rad² of a Wishart step at J (..., m, n) for the task
+    step v (..., m). LU without pivoting, PJ = LU, is the pivoted LU of DPJ with decreasing scales
+    D, by L = D⁻¹L'D and U = D⁻¹U'.
+    """
+    if order := PLAIN.get(reading):
+        rows, scale = list(order), PIVOT_SCALES
+        scaled = scale[:, None] * jacobian[..., rows, :], scale * v[..., rows]
+        a, back, _ = split(*scaled, Decomposition(PIVOTED))
+        a, back = a / scale, back * scale
+    else:
+        a, back, _ = split(jacobian, v, Decomposition(reading))
+    m = a.shape[-1]
+    along, across = step_variances((m + 1) / sigma_b**2, m)
+    nominal = np.matvec(back, a) ** 2
+    total = np.vecdot(a, a)[..., None] * np.vecdot(back, back)
+    return across * (total - nominal) + along * nominal
 
 
 class Published(NamedTuple):
@@ -105,11 +83,6 @@ class Published(NamedTuple):
     alpha: float  # α̂ of the Gaussian model
     u: float  # û, the bound on ‖J⁻¹‖_F
     covariance: np.ndarray  # (n, n) Σ̂_ω of the additive model, rad²
-
-    @property
-    def std(self) -> np.ndarray:
-        """Standard deviation (n,) of a step in rad, the root of the mean variance."""
-        return np.sqrt(np.diag(self.covariance))
 
     @property
     def total_std(self) -> float:
@@ -129,60 +102,36 @@ def published_values(claims: Sequence[Claim]) -> Published:
     return Published(*(stated[name].published for name in ("sigma-b", "alpha", "u")), matrix)
 
 
-class Widths(NamedTuple):
-    """Root mean square standard deviation of a step on each of P paths, in rad."""
-
-    kind: np.ndarray  # (P,) kind of the path
-    norm: np.ndarray  # (P,) greatest ‖J⁻¹‖_F on the path
-    gaussian: np.ndarray  # (P,) Gaussian model, equal in all joints
-    wishart: np.ndarray  # (P, R, n) Wishart model by reading
-
-    @property
-    def difference(self) -> np.ndarray:
-        """Standard deviation (R, P) of the Wishart model over the Gaussian model's."""
-        total, n = np.linalg.norm(self.wishart, axis=-1).T, self.wishart.shape[-1]
-        return total / (np.sqrt(n) * self.gaussian)
-
-    def subset(self, mask: np.ndarray) -> "Widths":
-        """Return the paths of the ``mask`` (P,)."""
-        return Widths(*(part[mask] for part in self))
-
-
-def concatenate_widths(parts: Sequence[Widths]) -> Widths:
-    """Return the paths of all ``parts``."""
-    return Widths(*map(np.concatenate, zip(*parts, strict=True)))
-
-
-def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") -> Widths:
-    """Return the widths of both models at the printed parameters ``stated`` on ``paths``."""
-    blocks, n = [], paths.q.shape[-1]
+def widths(chain: PlanarChain, paths: Paths, stated: Published, kind: str = "") -> np.ndarray:
+    """Return the WIDTHS (P,) of both models at the printed parameters ``stated`` on ``paths``."""
+    result, n = np.zeros(len(paths.q), WIDTHS), paths.q.shape[-1]
     for start in range(0, len(paths.q), BLOCK):
-        q, step, inverse = (part[start : start + BLOCK] for part in paths)
-        jacobian = chain.jacobian(q)
-        v = np.ascontiguousarray(np.moveaxis(np.matvec(jacobian, step), -1, 0))
-        jacobian, inverse = (
-            np.ascontiguousarray(np.moveaxis(part, (-2, -1), (0, 1)))
-            for part in (jacobian, inverse)
-        )
-        norms = np.sqrt((inverse * inverse).sum(axis=(0, 1)))
-        variances = [
-            wishart_variance(wishart_parts(reading, jacobian, inverse, v), len(v), stated.sigma_b)
-            for reading in READINGS
-        ]
-        wishart = np.sqrt(np.stack([variance.mean(axis=-1).T for variance in variances], axis=1))
-        gaussian = gaussian_variance(norms, v, stated.alpha, stated.u, n).mean(axis=-1)
-        blocks.append(Widths(np.full(len(q), kind), norms.max(-1), np.sqrt(gaussian), wishart))
-    return concatenate_widths(blocks)
+        block = slice(start, start + BLOCK)
+        q, step = (part[block] for part in paths)
+        jacobian, norm = chain.jacobian(q), frobenius(chain.inverse_jacobian(q))
+        v = np.matvec(jacobian, step)
+        gaussian = stated.alpha**2 * (stated.u**2 - norm**2) * np.vecdot(v, v) / (n * v.shape[-1])
+        wishart = [wishart_variance(name, jacobian, v, stated.sigma_b) for name in READINGS]
+        part = result[block]
+        part["kind"], part["norm"] = kind, norm.max(axis=-1)
+        part["gaussian"] = np.sqrt(gaussian.mean(axis=-1))
+        part["wishart"] = np.sqrt(np.stack([each.mean(axis=1) for each in wishart], axis=1))
+    return result
 
 
-def log_quantities(drawn: Widths, stated: Published) -> dict[str, np.ndarray]:
-    """Return the logarithm (R, P) or (P,) of each quantity; 0 equals the printed numbers."""
-    n = len(stated.covariance)
-    joints = np.moveaxis(drawn.wishart / stated.std, -1, 0)
-    quantities = {f"joint {j + 1}": ratio.T for j, ratio in enumerate(joints)} | {
-        "trace": np.linalg.norm(drawn.wishart, axis=-1).T / stated.total_std,
-        "gaussian": np.sqrt(n) * drawn.gaussian / stated.total_std,
-        "difference": drawn.difference,
+def log_quantities(
+    drawn: np.ndarray, stated: Published, widening: float = 0.0
+) -> dict[str, np.ndarray]:
+    """Return the logarithm (R, P) or (P,) of each quantity of the WIDTHS ``drawn``; 0 equals the
+    printed numbers. ``widening`` is added to the logarithm of the Gaussian model's width.
+    """
+    n, total = len(stated.covariance), np.linalg.norm(drawn["wishart"], axis=-1).T
+    joints = np.moveaxis(drawn["wishart"], 0, -1) / np.sqrt(np.diag(stated.covariance))[:, None]
+    gaussian = np.exp(widening) * np.sqrt(n) * drawn["gaussian"]
+    quantities = {f"joint {j + 1}": joints[:, j] for j in range(n)} | {
+        "trace": total / stated.total_std,
+        "gaussian": gaussian / stated.total_std,
+        "difference": total / gaussian,
     }
     return {name: np.log(values) for name, values in quantities.items()}
 
@@ -197,7 +146,7 @@ def densities(
 
 
 def evidence_rows(
-    drawn: Widths, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
+    drawn: np.ndarray, stated: Published, tolerances: Sequence[float], span: tuple[float, float]
 ) -> pd.DataFrame:
     """Return rows of ``evidence`` for the prior of the paths ``drawn``, for each tolerance f and
     for the integral over f in ``span``, uniform in ln ln f.
@@ -220,33 +169,27 @@ def evidence_rows(
     return pd.concat(rows, ignore_index=True)
 
 
-def width_rows(drawn: Widths, stated: Published) -> pd.DataFrame:
+def width_rows(drawn: np.ndarray, stated: Published) -> pd.DataFrame:
     """Return rows of the table ``widths`` for the prior of the paths ``drawn``."""
-    n, rows = len(stated.covariance), []
-    gaussian = np.repeat(drawn.gaussian[:, None], n, axis=1)
-    models = [*np.moveaxis(drawn.wishart, 1, 0), gaussian]
-    for reading, joints in zip((*READINGS, GAUSSIAN), models, strict=True):
-        total = np.linalg.norm(joints, axis=-1)
-        width, difference = total / stated.total_std, total / (np.sqrt(n) * drawn.gaussian)
+    quantities, rows = log_quantities(drawn, stated), []
+    difference = np.exp(quantities["difference"]).min(axis=1)
+    models = zip((*READINGS, GAUSSIAN), (*quantities["trace"], quantities["gaussian"]), strict=True)
+    for (reading, logs), least in zip(models, (*difference, 1.0), strict=True):
+        width, row = np.exp(logs), {"reading": reading, "paths": len(drawn), "least_ratio": least}
         levels = {"low": 0.05, "median": 0.5, "high": 0.95, "best": 0.99}
-        row = {"reading": reading, "paths": len(width)}
         row |= {name: np.quantile(width, level) for name, level in levels.items()}
-        row |= {f"joint_{j + 1}": np.median(joints[:, j]) / stated.std[j] for j in range(n)}
-        row |= {"least_ratio": difference.min(), "median_ratio": np.median(difference)}
-        rows.append(row | {"greatest_ratio": difference.max(), "reached": np.mean(width >= 1)})
+        rows.append(row | {"reached": np.mean(width >= 1)})
     return pd.DataFrame(rows)
 
 
-def unsquared_rows(drawn: Widths, stated: Published, tolerances: Sequence[float]) -> pd.DataFrame:
-    """Return the table ``unsquared``, with Σ_k = α(u² − ‖J⁻¹‖²)/n², over pivoted LU with α²."""
-    names = (*SIZES["joints 1 and 2"], *SETS["small_difference"])
-    own, shift = log_quantities(drawn, stated), -np.log(stated.alpha) / 2
-    wider = own | {"gaussian": own["gaussian"] + shift, "difference": own["difference"] - shift}
-    low, high = np.exp(np.quantile(wider["difference"], [0.05, 0.95], axis=1))
+def unsquared_rows(drawn: np.ndarray, stated: Published, tolerances: Sequence[float]):
+    """Return the table ``unsquared``: pivoted LU and Σ_k = α(u² − ‖J⁻¹‖²)/n² over α² for α."""
+    names, pivoted = (*SIZES["joints 1 and 2"], *SETS["small_difference"]), READINGS.index(PIVOTED)
+    squared = log_quantities(drawn, stated)
+    other = log_quantities(drawn, stated, widening=-np.log(stated.alpha) / 2)
+    low, high = np.exp(np.quantile(other["difference"][pivoted], [0.05, 0.95]))
     rows = []
     for f in tolerances:
-        due = densities(own, names, f)[READINGS.index(PIVOTED)].mean()
-        likelihood = densities(wider, names, f).mean(axis=1) / due
-        columns = {"likelihood": likelihood, "low_ratio": low, "high_ratio": high}
-        rows.append(pd.DataFrame({"reading": READINGS, "tolerance": f} | columns))
-    return pd.concat(rows, ignore_index=True)
+        own, due = (densities(each, names, f)[pivoted].mean() for each in (other, squared))
+        rows.append({"tolerance": f, "likelihood": own / due, "low_ratio": low, "high_ratio": high})
+    return pd.DataFrame(rows)

@@ -59,7 +59,6 @@ class Paths(NamedTuple):
 
     q: np.ndarray  # (P, K, n) rad, at the start of every step
     step: np.ndarray  # (P, K, n) rad
-    inverse: np.ndarray  # (P, K, n, m) J⁻¹
 
 
 def draw_paths(
@@ -120,11 +119,9 @@ def _feasible_paths(
         error = np.abs(greatest_speed(q, stride) / peak[chosen] - 1)
         kept &= error < SPEED_TOLERANCE * (5 if stride > 1 else 1)
         chosen, q = chosen[kept], q[kept]
-        inverse = chain.inverse_jacobian(q)
-        kept = (frobenius(inverse) < bound).all(axis=1)
-        chosen, q, inverse = chosen[kept], q[kept], inverse[kept]
-    step = np.diff(q, axis=1) / once[chosen, None, None]
-    return Paths(q[:, :-1], step, inverse[:, :-1])
+        kept = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
+        chosen, q = chosen[kept], q[kept]
+    return Paths(q[:, :-1], np.diff(q, axis=1) / once[chosen, None, None])
 
 
 def joint_angles(chain: PlanarChain, pose: np.ndarray, elbow: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
@@ -19,7 +20,7 @@ from pipeline.core.validation import validated
 from pipeline.figures import style
 from pipeline.studies.frame import Study, Tables, concatenate, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
-from pipeline.studies.which_decomposition.evidence import PLAIN, Published, Widths
+from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.verdicts.readings import read_claims
 from pipeline.verdicts.wording import table
@@ -50,12 +51,12 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
     label = "which_decomposition: paths"
     chunks = trials(settings, label, widths_of_chunk, range(options.chunks), **common)
-    drawn = {name: laws.concatenate_widths([chunk[name] for chunk in chunks]) for name in chunks[0]}
+    drawn = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
     ramped = drawn[RAMPED]
     priors = {RAMPED: ramped}
-    priors |= {f"{kind}s alone": ramped.subset(ramped.kind == kind) for kind in KINDS}
-    near = ramped.norm > options.least_norm
-    priors[f"greatest ‖J⁻¹‖ above {options.least_norm:g}"] = ramped.subset(near)
+    priors |= {f"{kind}s alone": ramped[ramped["kind"] == kind] for kind in KINDS}
+    near = ramped["norm"] > options.least_norm
+    priors[f"greatest ‖J⁻¹‖ above {options.least_norm:g}"] = ramped[near]
     priors[FULL_SPEED] = drawn[FULL_SPEED]
     likelihoods = [
         laws.evidence_rows(part, stated, options.tolerances, options.span).assign(prior=name)
@@ -73,7 +74,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 def widths_of_chunk(
     chunk: int, chain: PlanarChain, options: SimpleNamespace, stated: Published, seed: int
-) -> dict[str, Widths]:
+) -> dict[str, np.ndarray]:
     """Return the widths by time law, on paths of the arm with a last link of random length."""
     stream, parts = rng.stream(seed, "which_decomposition", chunk), {}
     links, still = chain.links.copy(), (0.0, 0.0)
@@ -85,7 +86,7 @@ def widths_of_chunk(
     for name, (law, count) in timed.items():
         drawn = {kind: draw_paths(chain, law, kind, stated.u, count, stream) for kind in KINDS}
         widths = [laws.widths(chain, paths, stated, kind) for kind, paths in drawn.items()]
-        parts[name] = laws.concatenate_widths(widths)
+        parts[name] = np.concatenate(widths)
     return parts
 
 
@@ -93,21 +94,18 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
     """Return the table ``units`` at equally spaced poses ``q`` (K, n) of an arm in space: noise in
     other units, and in axes turned about z by ``turns`` in degrees.
     """
-    jacobian, pseudoinverse = chain.jacobian(q), chain.inverse_jacobian(q)
+    jacobian, step = chain.jacobian(q), q[1] - q[0]
     cases = [("m", 0.0, np.eye(6)), ("mm", 0.0, np.diag([1000.0] * 3 + [1.0] * 3))]
     for degrees in turns:
-        cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        turn = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        turn = Rotation.from_euler("z", -degrees, degrees=True).as_matrix()
         cases.append(("m", degrees, np.kron(np.eye(2), turn)))
-    rows = []
+    nominal, rows = np.matvec(chain.inverse_jacobian(q), np.matvec(jacobian, step)), []
     for unit, degrees, change in cases:
-        changed = np.moveaxis(change @ jacobian, 0, -1)
-        inverse = np.moveaxis(pseudoinverse @ np.linalg.inv(change), 0, -1)
-        v = np.einsum("ijk,j->ik", changed, q[1] - q[0])
+        v = np.matvec(change @ jacobian, step)
         for reading in GENERAL:
-            parts = laws.wishart_parts(reading, changed, inverse, v)
-            variance = laws.wishart_variance(parts, len(v), sigma_b)
-            rows.append((reading, unit, degrees, np.sqrt(variance.sum() / parts[1].sum())))
+            variance = laws.wishart_variance(reading, change @ jacobian, v, sigma_b)
+            noise = np.sqrt(variance.sum() / np.sum(nominal**2))
+            rows.append((reading, unit, degrees, noise))
     return pd.DataFrame(rows, columns=["reading", "unit", "turn", "noise"])
 
 
@@ -137,7 +135,6 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     by = widths.set_index(["reading", "prior"])
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
     below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
-    unsquared = tables["unsquared"]
     still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
     ranges = ("tool", "rest", "ramp", "peak")
     return {
@@ -154,7 +151,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "ramped": ramped,
         "constant": constant,
         "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
-        "post": unsquared[unsquared["reading"] == laws.PIVOTED].iloc[-1],
+        "post": tables["unsquared"].iloc[-1],
         **{name: "{:g} to {:g}".format(*getattr(options, name)) for name in ranges},
         **(still["mm"] / still["m"]).to_dict(),
     }
