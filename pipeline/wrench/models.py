@@ -80,18 +80,6 @@ def mean_resultant_length(concentration: ndarray, dimension: int) -> ndarray:
     return ive(dimension / 2, concentration) / ive(dimension / 2 - 1, concentration)
 
 
-def sample_directions(
-    mean: ndarray, concentration: ndarray, samples: int, rng: Generator
-) -> ndarray:
-    """Draw unit vectors (samples, m, p) of cables with the ``mean`` directions e̲ (m, p) and
-    ``concentration`` κ (m,): Eq. (vMis) in the plane, von Mises–Fisher in space.
-    """
-    from scipy.stats import vonmises_fisher
-
-    laws = [vonmises_fisher(mu, kappa) for mu, kappa in zip(mean, concentration, strict=True)]
-    return np.stack([law.rvs(samples, random_state=rng) for law in laws], axis=1)
-
-
 def wrench_map(attachment: ndarray) -> ndarray:
     """Return G = [I; (r)×] (..., n, p) of a force at ``attachment`` r (..., p) in m."""
     p = attachment.shape[-1]
