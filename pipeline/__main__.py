@@ -10,6 +10,7 @@ import ctypes
 import errno
 import gc
 import os
+import re
 import signal
 import sys
 import traceback
@@ -19,6 +20,7 @@ from functools import partial
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
+from typing import TextIO
 
 import pipeline.core.environment  # noqa: F401 - before NumPy, whose arithmetic depends on it
 from pipeline.core.errors import PipelineError
@@ -38,6 +40,7 @@ NO_ENVIRONMENT = (
     "`. .venv/bin/activate`"
 )
 TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # but for tab and line end
 OUT_OF_MEMORY = "free some memory and run the command again"
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
 # error number of the system → what to do
@@ -56,6 +59,7 @@ def main() -> int:
     gc.disable()  # imports make no garbage, and collections during them take time
     for stream in filter(None, (sys.stdout, sys.stderr)):
         stream.reconfigure(errors="replace")  # prints ? for a character that the locale lacks
+        stream.write = partial(_write_plain, stream)
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     try:
         if "DVC_STAGE" in os.environ:
@@ -84,6 +88,11 @@ def main() -> int:
                 traceback.print_exception(error)
             print(f"error: {name}: {error_summary(error)}{_restore_hint()}", file=sys.stderr)
         return 1
+
+
+def _write_plain(stream: TextIO, text: str) -> int:
+    """Write ``text`` without control characters, on which a terminal acts: names are from files."""
+    return type(stream).write(stream, CONTROL.sub("\ufffd", text))
 
 
 def error_summary(error: Exception) -> str:

@@ -66,12 +66,20 @@ mpl.rcParams.update(
 def model_lines(models: Iterable[str]) -> dict[str, dict]:
     """Return label, colour and dashes of every model; a model not in MODELS gets a FURTHER look."""
     further = cycle(FURTHER)
-    return {model: MODELS.get(model) or {"label": model} | next(further) for model in models}
+    return {
+        model: MODELS.get(model) or {"label": plain_label(model)} | next(further)
+        for model in models
+    }
+
+
+def plain_label(name: str) -> str:
+    """Return a ``name`` from a file as text: without formulas and control characters."""
+    return "".join(c if c.isprintable() else " " for c in name).replace("$", r"\$")
 
 
 def joint_label(joint: str) -> str:
-    """Return a joint's name as text: without underscores and formulas."""
-    return joint.replace("_", " ").replace("$", r"\$")
+    """Return a joint's name as text, without underscores."""
+    return plain_label(joint.replace("_", " "))
 
 
 def joint_lines(joints: Sequence[str]) -> dict[str, dict]:

@@ -105,7 +105,7 @@ def wrench_density(
     for row, (name, each) in zip(grid, configurations.items(), strict=True):
         pulls = np.multiply(each.tension, [np.cos(each.direction), np.sin(each.direction)])
         _draw_robots(row[0], each, pulls, ROBOTS * tension)
-        row[0].set_title(name, loc="left", fontweight="bold")
+        row[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
         own = force_density[force_density["configuration"] == name]
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
             rows = own[own["source"] == source]
@@ -152,7 +152,7 @@ def wrench_planes(wrench_planes: pd.DataFrame, recordings: str) -> Figure:
         for axes, (x, y) in zip(row, planes, strict=True):
             _draw_plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
             axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
-        row[0].set_title(name, loc="left", fontweight="bold")
+        row[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
     lines = Line2D([], [], color=style.VERMILLION, lw=0.7, label="matrix model")
     entries = [Patch(color=style.GREY, label=recordings), lines]
     figure.legend(handles=entries, loc="outside upper center", ncols=2)
@@ -201,7 +201,7 @@ def wrench_marginals(wrench_marginals: pd.DataFrame, recordings: str) -> Figure:
             if len(shown):
                 axes.set_xlim(shown["value"].min(), shown["value"].max())
             axes.locator_params(axis="x", nbins=3)
-        line[0].set_title(name, loc="left", fontweight="bold")
+        line[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
         line[0].set_ylabel("density (1/N)")
     style.legend(figure, ncols=2)
     return figure

@@ -31,7 +31,7 @@ from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import PipelineError
 from pipeline.figures.style import save
 from pipeline.verdicts import wording
-from pipeline.verdicts.wording import MISSING
+from pipeline.verdicts.wording import MISSING, plain_page
 
 DATA, REPORTS = Path("data/studies"), Path("reports/studies")
 CSV_DIGITS = "%.6g"
@@ -78,7 +78,7 @@ class Study:
                 shown = {table: tables[table] for table in signature(self.draw).parameters}
                 save(self.draw(**shown), report, name)
                 page = page.format(**self.facts(tables, options))
-        contracts.write_text(page, REPORTS / f"{name}.md")
+        contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
 
 
 def trials(

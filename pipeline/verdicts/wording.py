@@ -10,7 +10,9 @@ import pandas as pd
 from pipeline.core.typed_yaml import read_yaml
 
 MISSING = "–"
-CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")  # characters, other than line ends
+# start of a tag that the pages do not use themselves
+TAG = re.compile(r'<(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)')
 TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 
 
@@ -34,10 +36,16 @@ def interval(low: float, high: float) -> str:
     return f"[{number(low)}, {number(high)}]"
 
 
+def plain_page(text: str) -> str:
+    """Return the Markdown ``text`` of a page, in which names come from files, without control
+    characters and with all tags escaped that the pages do not use.
+    """
+    return TAG.sub("&lt;", CONTROL.sub(" ", text))
+
+
 def escaped(text: str) -> str:
     """Return ``text`` for a cell: no columns, no tags but line ends, no control characters."""
-    plain = " ".join(CONTROL.sub(" ", text).split())
-    return re.sub(r"<(?!br>)", "&lt;", plain).replace("|", r"\|")
+    return re.sub(r"<(?!br>)", "&lt;", " ".join(plain_page(text).split())).replace("|", r"\|")
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -61,4 +69,4 @@ def join_names(names: Iterable[str]) -> str:
 def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
     """Return the paragraphs ``parts``, then the ``sections`` by heading; empty ones are dropped."""
     headed = [f"## {heading}\n{text}" for heading, text in (sections or {}).items() if text]
-    return "\n\n".join([*filter(None, parts), *headed]) + "\n"
+    return plain_page("\n\n".join([*filter(None, parts), *headed]) + "\n")

@@ -6,10 +6,9 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,14 @@ from pipeline.tools.check.command import value_faults
 from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.finding import printable_path
 from pipeline.tools.new_dataset.layout import RecordingLayout, layout
-from pipeline.tools.new_dataset.template import Entry, fill_template, keyed_lines, text_of
+from pipeline.tools.new_dataset.template import (
+    Entry,
+    fill_template,
+    keyed_lines,
+    place_of,
+    set_value,
+    text_of,
+)
 from pipeline.tools.new_dataset.values import KEYS, entries
 
 FROM = "folder of the recordings (default: fill in the ??? of the existing dataset NAME)"
@@ -83,10 +89,10 @@ def assigned_values(words: Sequence[str]) -> dict[str, str]:
 
 def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
     """Return a draft of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml from the
-    recordings in ``folder``; without ``folder``, from the two existing files.
+    recordings in ``folder``, read with the ``assigned`` URDF; without ``folder``, from the files.
 
-    ``assigned`` keys stay open. Raises ConfigError or RecordingError for an invalid name or folder,
-    and for files that would be overwritten.
+    Raises ConfigError or RecordingError for an invalid name or folder, and for files that would be
+    overwritten.
     """
     if not Path("params.yaml").is_file():
         raise ConfigError("there is no params.yaml here; run the pipeline from the project's root")
@@ -98,37 +104,26 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
         if missing := [file for file in (sheet, option) if not file.is_file()]:
             message = "there is no such dataset; make it with --from FOLDER"
             raise ConfigError(message, file=missing[0])
-        texts = {file: file.read_text() for file in (sheet, option)}
+        texts = {file: file.read_text(encoding="utf-8") for file in (sheet, option)}
         folder = Path(_merge_values(texts).get("recordings", ""))
         return Draft(name, texts, layout(inspect(folder), folder), folder)
-    inventory = sheet.with_name("dvc.yaml")
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    for file in filter(Path.exists, (sheet, option, inventory)):
+    for file in filter(Path.exists, (sheet, option, sheet.with_name("dvc.yaml"))):
         message = "this file exists and is not overwritten; choose another name, or leave out"
         raise ConfigError(f"{message} --from to fill in open values", file=file)
     recorded = layout(inspect(folder), folder)
-    texts = dict(zip((sheet, option), dataset_texts(name, recorded, folder, assigned), strict=True))
-    if sheet.parent.resolve() not in folder.resolve().parents:
-        texts[inventory] = _read_template("inventory.yaml", name)
-    return Draft(name, texts, recorded, folder)
-
-
-def dataset_texts(
-    name: str, recorded: RecordingLayout, folder: Path, assigned: Mapping[str, str]
-) -> list[str]:
-    """Return the texts of datasheet and option file, with ??? for the ``assigned`` keys."""
     known = entries(name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}})
-    known |= dict.fromkeys(known.keys() & assigned.keys(), Entry())
-    templates = _read_template("template.yaml", name).split("---\n")
-    texts = [fill_template(template, known) for template in templates]
+    sections = {key.partition(".")[0] for key in known}
+    known |= {key: Entry() for key in assigned if key.partition(".")[0] in sections}
+    texts = [fill_template(part, known) for part in _template("template", name).split("---\n")]
     if unplaced := [text_of(printable_path(one.file, folder)) for one in recorded.unplaced]:
         texts[0] += f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}\n"
-    return texts
+    return Draft(name, dict(zip((sheet, option), texts, strict=True)), recorded, folder)
 
 
-def _read_template(file: str, name: str) -> str:
-    text = Path(__file__).with_name(file).read_text(encoding="utf-8")
+def _template(file: str, name: str) -> str:
+    text = Path(__file__).with_name(f"{file}.yaml").read_text(encoding="utf-8")
     return text.replace("{name}", name)
 
 
@@ -144,7 +139,7 @@ def _merge_values(texts: Mapping[Path, str]) -> dict[str, Any]:
 
 @dataclass
 class Draft:
-    """Texts of a dataset's files, and the layout ``recorded`` of the recordings in ``folder``."""
+    """Texts of a dataset's two files; layout ``recorded`` of the recordings in ``folder``."""
 
     name: str
     texts: dict[Path, str]
@@ -152,25 +147,22 @@ class Draft:
     folder: Path
 
     def values(self) -> dict[str, Any]:
-        """Return the values of all files; ConfigError for a text that is no YAML."""
+        """Return the values of both files; ConfigError for a text that is no YAML."""
         return _merge_values(self.texts)
 
-    def open_values(self) -> dict[str, tuple[str, Path, int]]:
-        """Return key → comment, file and line (from 0) of every ???, in the order of the files."""
+    def open_values(self) -> dict[str, str]:
+        """Return key → comment of every ???, in the order of the files."""
         return {
-            key: (parts["hint"] or "", file, number)
-            for file, text in self.texts.items()
-            for number, (_, key, parts) in enumerate(keyed_lines(text))
+            key: parts["hint"] or ""
+            for text in self.texts.values()
+            for _, key, parts in keyed_lines(text)
             if parts is not None and OPEN in (parts["value"] or "")
         }
 
     def answer(self, key: str, value: str) -> None:
-        """Replace the ??? of ``key`` by ``value`` (YAML). Raises ConfigError, without any change,
-        for a key that is not open, and the first fault that the value causes.
+        """Set ``key`` to ``value`` (YAML, else text). Raises ConfigError, without any change, for a
+        value that is missing, and the first fault that the value causes.
         """
-        if key not in (open_values := self.open_values()):
-            keys = ", ".join(open_values) or "none"
-            raise ConfigError(f"no such value is open; open values: {keys}", key=key)
         value = " ".join(value.split())
         if value in ("", OPEN):
             raise ConfigError("a value is required here", key=key)
@@ -180,41 +172,14 @@ class Draft:
         except ConfigError:
             quoted = True
         written = json.dumps(value, ensure_ascii=False) if quoted else value
-        _, file, number = open_values[key]
-        lines = self.texts[file].splitlines()
-        line = re.sub(r"# suggested is [^;]*; ", "# ", lines[number])
-        lines[number] = line.replace(OPEN, written, 1)
-        texts = self.texts | {file: "\n".join(lines) + "\n"}
+        places = {file: len(place_of(text, key)) for file, text in self.texts.items()}
+        file = max(places, key=places.get) if any(places.values()) else [*places][1]
+        texts = self.texts | {file: set_value(self.texts[file], key, written)}
         before = {str(fault) for fault in value_faults(self.values())}
         for fault in value_faults(_merge_values(texts)):
             if str(fault) not in before:
                 raise fault
         self.texts = texts
-
-    def reopen(self, key: str) -> None:
-        """Set ``key`` to ???: in its line, or in a new line of its section. ConfigError for a key
-        with parts, and for a section that the files lack.
-        """
-        parent, _, name = key.rpartition(".")
-        for file, text in self.texts.items():
-            lines = text.splitlines()
-            for number, (_, own, parts) in enumerate(keyed_lines(text)):
-                if parts is None or own not in (key, parent) or (own == parent and not parent):
-                    continue
-                value, indent = parts["value"] or "", parts["indent"]
-                if own == key and not value:
-                    raise ConfigError(f"has parts: set {key}.PART", key=key)
-                if own == key and OPEN not in value:
-                    hint = f" # {parts['hint']}" if parts["hint"] else ""
-                    lines[number] = f"{indent}{parts['key']}: {OPEN}{hint}"
-                elif own == parent and not value and key not in self._keys():
-                    lines.insert(number + 1, f"{indent}  {name}: {OPEN}")
-                self.texts = self.texts | {file: "\n".join(lines) + "\n"}
-                if own == key:
-                    return
-
-    def _keys(self) -> set[str]:
-        return {key for text in self.texts.values() for _, key, _ in keyed_lines(text)}
 
     def fill(
         self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
@@ -224,7 +189,6 @@ class Draft:
         ``ask``, answers from the terminal. Raises ConfigError for an invalid answer.
         """
         for key, value in assigned.items():
-            self.reopen(key)
             self.answer(key, value)
         while suggested:  # repeat, since a suggestion may depend on another one
             before = self.open_values()
@@ -237,10 +201,17 @@ class Draft:
         if motion is not None:
             self._choose_motion(str(motion), self.show_motions())
         if ask:
-            self._ask()
+            with suppress(EOFError, KeyboardInterrupt):
+                self._ask()
 
     def write(self) -> None:
-        """Write the files."""
+        """Write the files, and the inventory of recordings that are outside of the datasheet's
+        folder.
+        """
+        inventory = next(iter(self.texts)).with_name("dvc.yaml")
+        outside = inventory.parent.resolve() not in self.folder.resolve().parents
+        if outside and not inventory.exists():
+            contracts.write_text(_template("inventory", self.name), inventory)
         for file, text in self.texts.items():
             contracts.write_text(text, file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
@@ -271,47 +242,37 @@ class Draft:
             raise ConfigError(f"there is no motion {number}; choose 1 to {len(offered)}")
         motion = offered[int(number) - 1]
         rest = motion.rest(self.values()["motion"]["rate"])
-        ends = (_round(motion.start, 4), _round(motion.end, 4))
-        values = dict(zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True))
-        for key in values.keys() & self.open_values().keys():
-            self.answer(key, str(values[key]))
+        ends = _round(motion.start, 4), _round(motion.end, 4)
+        for key, value in zip(KEYS, (motion.steps + 2 * rest, *ends, rest), strict=True):
+            if key in self.open_values():
+                self.answer(key, str(value))
 
     def _ask(self) -> None:
-        """Ask for the open values one by one, the robot first, the motion last."""
+        """Ask for the open values one by one, the robot first, the motion by its number last. An
+        empty answer accepts the suggestion, else leaves ???.
+        """
         passed: set[str] = set()
-        with suppress(EOFError, KeyboardInterrupt):
-            while keys := [key for key in self.open_values() if key not in passed]:
-                key = min(keys, key=lambda one: (one[:6] != "robot.", one in KEYS))
-                if key in KEYS and not passed & {*KEYS}:
-                    try:
-                        offered = self.show_motions()
-                        print(f"motion to analyse: {', '.join(KEYS)}")
-                        prompt = "number, or nothing to enter the values one by one? "
-                        _accept_answer(partial(self._choose_motion, offered=offered), prompt)
-                    except PipelineError as error:
-                        print(f"! {error}")
-                passed.add(key)
-                if key in (open_values := self.open_values()):
-                    entry = self._entries().get(key, Entry())
-                    hint = f"\n{key}: {open_values[key][0]}"
-                    print("; ".join(filter(None, [hint, entry.note])))
-                    suggested = entry.value if isinstance(entry.value, str) else None
-                    if not _accept_answer(partial(self.answer, key), "? ", suggested):
-                        print("left as ???")
-
-
-def _accept_answer(
-    accept: Callable[[str], None], prompt: str, suggested: str | None = None
-) -> bool:
-    """Prompt until ``accept`` raises no error, and return True; return False for no answer."""
-    while answer := input(f"[{suggested}] " if suggested else prompt).strip() or suggested:
-        try:
-            accept(answer)
-            return True
-        except PipelineError as error:
-            print(f"! {error}")
-            suggested = None if answer == suggested else suggested
-    return False
+        offered: list[FoundMotion] = []
+        while keys := [key for key in self.open_values() if key not in passed]:
+            key, answer = min(keys, key=lambda one: (one[:6] != "robot.", one in KEYS)), ""
+            key = "motion" if key in KEYS and "motion" not in passed else key
+            entry = self._entries().get(key, Entry())
+            suggested = entry.value if isinstance(entry.value, str) else ""
+            hint = self.open_values().get(key, f"number, or nothing to enter {', '.join(KEYS)}")
+            try:
+                if key == "motion":
+                    offered = offered or self.show_motions()
+                print("; ".join(filter(None, [f"\n{key}: {hint}", entry.note])))
+                answer = input(f"[{suggested}] " if suggested else "? ").strip() or suggested
+                if not answer:
+                    passed.add(key)
+                elif key == "motion":
+                    self._choose_motion(answer, offered)
+                else:
+                    self.answer(key, answer)
+            except PipelineError as error:
+                print(f"! {error}")
+                passed |= {key} if answer == suggested else set()
 
 
 def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:

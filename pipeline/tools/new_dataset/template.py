@@ -6,12 +6,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from pipeline.configuration.datasheet import OPEN
+from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import parse_yaml
 
 LINE = re.compile(
     r'(?P<optional>\??)(?P<indent> *)(?P<key>"(?:[^"\\]|\\.)*"|[^\s#:"]+):'
-    r"(?: (?P<value>[^#].*?))?(?: # (?P<hint>.*))?"
+    r'(?: (?P<value>"(?:[^"\\]|\\.)*"|[^#].*?))?(?: # (?P<hint>.*))?'
 )
+SUGGESTED = re.compile("suggested is [^;]*; ")
 
 
 class Entry(NamedTuple):
@@ -45,25 +47,60 @@ def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
     """Return the ``template`` with the certain ``entries``, without unused optional (?) keys."""
     lines, left_out = [], " "
     for line, key, parts in keyed_lines(template):
+        below = f"{key}."
         if parts is None:
             lines.append(line)
+        elif below.startswith(left_out):
             continue
-        below = f"{key}."
-        if below.startswith(left_out):
-            continue
-        if parts["optional"] and not any(f"{one}.".startswith(below) for one in entries):
+        elif parts["optional"] and not any(f"{one}.".startswith(below) for one in entries):
             left_out = below
-            continue
-        value, note, certain = entries.get(key, Entry(""))
-        nested = value if isinstance(value, Mapping) else {}
-        suggested = f"suggested is {value}" if value and not certain else ""
-        if not nested:
-            value = (value or parts["value"] or "") if certain and value is not None else OPEN
-        hint = "; ".join(filter(None, [suggested, note, parts["hint"]]))
-        head = f"{parts['indent']}{parts['key']}:"
-        lines.append(" ".join([head, *filter(None, [not nested and value, hint and f"# {hint}"])]))
-        lines += _block(nested, f"{parts['indent']}  ")
+        else:
+            value, note, certain = entries.get(key, Entry(""))
+            nested = value if isinstance(value, Mapping) else {}
+            suggested = f"suggested is {value}" if value and not certain else ""
+            if not nested:
+                value = (value or parts["value"] or "") if certain and value is not None else OPEN
+            lines.append(_line(parts, "" if nested else value, suggested, note, parts["hint"]))
+            lines += _block(nested, f"{parts['indent']}  ")
     return "\n".join(lines) + "\n"
+
+
+def place_of(text: str, key: str) -> str:
+    """Return the longest part of the dotted ``key`` that has a line in ``text``."""
+    keys = {own for _, own, parts in keyed_lines(text) if parts}
+    while key and key not in keys:
+        key = key.rpartition(".")[0]
+    return key
+
+
+def set_value(text: str, key: str, value: str) -> str:
+    """Return ``text`` with the ``value`` (YAML) of ``key`` in its line, else in a new line of its
+    section or at the end. Raises ConfigError for a key with parts, and for one below a value.
+    """
+    lines, above = text.splitlines(), place_of(text, key)
+    places = {own: (n, parts) for n, (_, own, parts) in enumerate(keyed_lines(text)) if parts}
+    number, parts = places.get(above, (len(lines) - 1, None))
+    stated = parts is not None and parts["value"]
+    if above == key and stated:
+        lines[number] = _line(parts, value, SUGGESTED.sub("", parts["hint"] or ""))
+    elif above == key:
+        raise ConfigError(f"has parts: set {key}.PART", key=key)
+    elif stated:
+        raise ConfigError(f"{above} is {stated}: set {above} to {{key: value, …}}", key=key)
+    else:
+        indent = f"{parts['indent']}  " if parts else ""
+        name, more, _ = key.removeprefix(above).strip(".").partition(".")
+        lines.insert(number + 1, f"{indent}{name}:{'' if more else f' {value}'}")
+        if more:
+            return set_value("\n".join(lines), key, value)
+    return "\n".join(lines) + "\n"
+
+
+def _line(parts: re.Match, value: str, *hints: str | None) -> str:
+    """Return a line with the indent and the key of ``parts``."""
+    hint = "; ".join(filter(None, hints))
+    words = f"{parts['indent']}{parts['key']}:", value, hint and f"# {hint}"
+    return " ".join(filter(None, words))
 
 
 def _block(values: Mapping[str, Any], indent: str) -> Iterator[str]:

@@ -75,22 +75,21 @@ def entries(
     robot = _robot(facts, bool(depth or (takes and not bodies)))
     if len(robots) == 1:
         robot.setdefault("robot.urdf", Entry(text_of(Path(relpath(urdf)).as_posix())))
+    groups = recorded.groups["joint_log"]
     sections = {
-        "mocap": _mocap(recorded, links, bodies) if takes else {},
-        "encoders": _encoders(recorded) if recorded.groups["encoders"] else {},
-        "depth": _depth(recorded.groups["depth"], cameras) if depth else {},
-        "force": _force(force, calibrations, folder) if force else {},
-        "joint_log": _joint_log(recorded.groups["joint_log"], folder, urdf, robot, facts)
-        if logs
-        else {},
+        "mocap": takes and _mocap(recorded, links, bodies),
+        "encoders": recorded.groups["encoders"] and _encoders(recorded),
+        "depth": depth and _depth(recorded.groups["depth"], cameras),
+        "force": force and _force(force, calibrations, folder),
+        "joint_log": logs and _joint_log(groups, folder, urdf, robot, facts),
     }
-    found = _questions([{"": one} for one in (*takes, *force, *depth)])
-    found |= _questions([group.named for group in recorded.groups["joint_log"]])
-    kept = {section for section, of in sections.items() if of} | {"motion"}
-    found = {key: entry for key, entry in found.items() if key.partition(".")[0] in kept}
-    found |= {
-        f"{section}.{key}": one for section, of in sections.items() for key, one in of.items()
-    }
+    found = _questions(
+        [*({"": one} for one in (*takes, *force, *depth)), *(g.named for g in groups)]
+    )
+    kept = {section for section, known in sections.items() if known} | {"motion"}
+    found = {key: one for key, one in found.items() if key.partition(".")[0] in kept}
+    for section, known in sections.items():
+        found |= {f"{section}.{key}": one for key, one in dict(known).items()}
     near = Path(relpath(folder.resolve()))  # in the project or beside it
     place = folder.resolve() if ".." in near.parts[1:] else near
     found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(str(place)))}
@@ -103,15 +102,28 @@ def entries(
         found["trajectory"] = _one_of(trajectories)
     if recorded.groups["encoders"]:
         found["measurement"] = Entry("")
-    unit = get_filled(values, "joint_log.time_unit")
-    paired = [one for one in logs if "role" in one.facts] or logs
-    steps = [one.facts["step_of_time"] for one in paired if "step_of_time" in one.facts]
-    rates = {f"{one.rate:.4g}" for one in (*takes, *logs) if one.rate}
-    rates |= {f"{1 / (step * TIME_UNITS[unit]):.4g}" for step in steps if unit}
-    stated = not any("time_unit" in one.suggested for one in logs)
-    found["motion.rate"] = Entry(rates.pop() if len(rates) == 1 else None, certain=stated)
+    found["motion.rate"] = _rate(takes, logs, get_filled(values, "joint_log.time_unit"))
     found["motion.steps"] = _consensus(take.facts["steps"] for take in takes)
     return found | robot
+
+
+def _rate(takes: Sequence[Finding], logs: Sequence[Finding], unit: str | None) -> Entry:
+    """Return the one rate of all recordings; a suggestion if no log states the unit of times."""
+    rates, paired = {take.rate for take in takes}, any("role" in one.facts for one in logs)
+    for log in logs:
+        suggested, step = log.suggested.get("time_unit"), log.facts.get("step_of_time")
+        if log.rate:
+            known = unit and suggested
+            rates.add(log.rate * (TIME_UNITS[suggested] / TIME_UNITS[unit] if known else 1.0))
+        elif (
+            step
+            and (second := TIME_UNITS.get(unit or suggested))
+            and paired <= ("role" in log.facts)
+        ):
+            rates.add(1 / (step * second))
+    stated = {f"{rate:.4g}" for rate in rates if rate}
+    certain = not any("time_unit" in log.suggested for log in logs)
+    return Entry(stated.pop() if len(stated) == 1 else None, certain=certain)
 
 
 def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:

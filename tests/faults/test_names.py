@@ -1,0 +1,72 @@
+"""Names from files are plain text wherever they are printed: terminal, pages, HTML and figures."""
+
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+from motive_files import rows_file
+
+from pipeline.__main__ import main
+from pipeline.core.errors import RecordingError
+from pipeline.figures import style, wrench
+from pipeline.tools.inspect import command
+from pipeline.tools.page.command import page as html_page
+from pipeline.verdicts.wording import page, table
+
+NAMES = ["a|b", "<img src=x onerror=1>", "<script>x</script>", "$x^{$", "a\x1b[2Jb", "c\x9b1md"]
+
+
+class Tags(HTMLParser):
+    """Names of the tags in an HTML page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.names: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attributes: list) -> None:
+        self.names.append(tag)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_in_prose_and_cells_of_a_page_adds_no_tag_column_or_control_character(
+    name, tmp_path
+):
+    def tags(word: str) -> list[str]:
+        rows = table([word, "value"], [[word, 1.0]])
+        text = page([f"# Results of {word}", f"Joint {word} moves."], {"Rows": rows})
+        assert not any(words in text for words in ("\x1b", "\x9b", "<img", "<script"))
+        (tmp_path / "report.md").write_text(text, encoding="utf-8")
+        return Tags(html_page("Results", [tmp_path / "report.md"], tmp_path)).names
+
+    assert tags(name) == tags("plain") and tags("plain").count("td") == 2
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_in_a_figure_is_no_formula(name, tmp_path):
+    figure, _ = style.model_panels([name], [name], "error")
+    figure.savefig(tmp_path / "panels.svg")
+    density = np.exp(-(np.linspace(-2, 2, 9) ** 2))
+    rows = pd.DataFrame({"value": np.linspace(-2, 2, 9), "density": density})
+    drawn = rows.assign(configuration=name, row="fx", source="measured")
+    wrench.wrench_marginals(drawn, "recorded").savefig(tmp_path / "wrench.svg")
+
+
+@pytest.mark.parametrize("name", ["a\x1b[2Jb", "c\x9b1md"])
+def test_a_name_on_the_terminal_has_no_control_character(name, tmp_path, monkeypatch, capsys):
+    rows = [f"frame,{k},{k / 100:.6f},1,1,{k},0,1,0,0,0,1,0,0,0,0" for k in range(9)]
+    rows_file(tmp_path, f"rigidbody,{name},1,0", *rows)
+    for words in ([], ["--json"]):
+        monkeypatch.setattr(sys, "argv", ["pipeline", "inspect", str(tmp_path), *words])
+        assert main() == 0
+    monkeypatch.setattr(command, "within", lambda *_: refuse(name))
+    assert main() == 1
+    printed = capsys.readouterr()
+    assert not any(c in printed.out + printed.err for c in "\x1b\x9b")
+    assert "[2Jb" in printed.err or "1md" in printed.err
+
+
+def refuse(name: str) -> None:
+    raise RecordingError("no such take", take=name)
