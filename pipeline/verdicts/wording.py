@@ -12,7 +12,7 @@ from pipeline.core.typed_yaml import read_yaml
 MISSING = "–"
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")  # characters, other than line ends
 # start of a tag that the pages do not use themselves
-TAG = re.compile(r'<(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)')
+TAG = re.compile(r'<(?=[A-Za-z/!?])(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)')
 TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
 
 

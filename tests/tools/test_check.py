@@ -14,9 +14,6 @@ from pipeline.__main__ import tool_call
 from pipeline.core.errors import ConfigError
 from pipeline.formats.motion.motive import write_motive
 from pipeline.tools.inspect.command import as_table, inspect
-from pipeline.tools.new_dataset.command import dataset_texts
-from pipeline.tools.new_dataset.layout import layout
-from pipeline.tools.new_dataset.values import entries
 
 JOINTS = "joints: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]"
 SHEET = f"""\
@@ -129,13 +126,14 @@ def angles(t: np.ndarray) -> np.ndarray:
     return np.stack([np.sin(t), 0.7 * np.cos(1.4 * t), 0.4 * np.sin(0.8 * t + 1)], axis=1)
 
 
-def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
+def test_an_archive_states_its_traps_and_the_values_that_settle_them(root, tmp_path):
+    (logs := tmp_path / "archives").mkdir()
     jitter = np.random.default_rng(1).normal(0, 3e-4, len(TIME))
     for number, early in ((1, 0.8), (2, 0.96)):
         commanded = np.pi / 180 * angles(TIME + early)
         arrays = {"positions": angles(TIME), "target_positions": commanded}
-        np.savez(tmp_path / f"run_{number}.npz", times=1.5e9 + TIME + jitter, **arrays)
-    findings = inspect(tmp_path)
+        np.savez(logs / f"run_{number}.npz", times=1.5e9 + TIME + jitter, **arrays)
+    findings = inspect(logs)
     assert [finding.format for finding in findings] == ["NumPy archive of joints"] * 2
     settled = {"clock": "rows", "target_factor": "57.29577951308232", "rest": "0"} | UNITS
     for finding, delay in zip(findings, ("0.8", "0.96"), strict=True):
@@ -143,11 +141,10 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(tmp_path):
         assert finding.suggested.items() >= (settled | {"target_delay": delay}).items()
         # recordings that are settled differently each have a line
         line = f"suggested is {delay}: dataset.joint_log.target_delay"
-        assert as_table(findings, tmp_path).count(line) == 1
-    recorded = layout(findings, tmp_path)
-    proposed = dataset_texts("lab", recorded, tmp_path, {})[0]
+        assert as_table(findings, logs).count(line) == 1
+    tool_call("new_dataset", ["lab", "--from", str(logs)])()
+    proposed = (root / "data/raw/lab/dataset.yaml").read_text()
+    assert "clock: ??? # suggested is rows; " in proposed
     assert "joints: ??? # 3 joints; names of the logged joints" in proposed
     assert "suggested is {run_1: 0.8, run_2: 0.96}; the command differs from the" in proposed
-    suggested = entries("lab", recorded, tmp_path, {})
-    assert suggested["joint_log.target_delay"].value == "{run_1: 0.8, run_2: 0.96}"
-    assert suggested["joint_log.clock"].value == "rows"
+    assert "rate: ??? # suggested is 125; 1/s" in (root / "conf/dataset/lab.yaml").read_text()

@@ -291,9 +291,20 @@ def test_what_is_left_is_asked_for_and_each_answer_is_checked_at_once(
 def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     run("lab", "--from", logs, "--suggested")
     assert written()[0]["joint_log"]["time_unit"] == "s"
-    run("lab", "--set", "joint_log.time_unit=ms", "--set", "joint_log.clock=rows")
-    log = written()[0]["joint_log"]
-    assert log["time_unit"] == "ms" and log["clock"] == "rows"
+    words = ["time_unit=ms", "clock=rows"]
+    run(
+        "lab",
+        *(w for word in words for w in ("--set", f"joint_log.{word}")),
+        "--set",
+        "limits.residual_rms=0.01",
+        "--set",
+        "limits.longest_gap=5",
+    )
+    sheet, option = written()
+    assert contains(sheet["joint_log"], {"time_unit": "ms", "clock": "rows"})
+    assert option["limits"] == {"residual_rms": 0.01, "longest_gap": 5}
+    with pytest.raises(ConfigError, match=r"motion.rate is 100: set motion.rate to \{key: value"):
+        run("lab", "--set", "motion.rate.unit=Hz")
 
 
 @pytest.mark.parametrize(
@@ -301,7 +312,7 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     [
         (["lab", "--set", "robot.urdf"], "--set takes KEY=VALUE"),
         (["lab", "--set", "robot.pace=1"], "robot.pace"),
-        (["lab", "--set", "pace=1"], "no such value is open; open values:"),
+        (["lab", "--set", "pace=1"], "unknown key 'pace'"),
         (["lab", "--set", "robot=1"], "has parts: set robot.PART"),
         (["lab", "--set", "robot.urdf=no.urdf"], "no.urdf"),
         (["lab", "--motion", "1"], "to find the motions, first fill in joint_log"),

@@ -208,11 +208,11 @@ class Draft:
         """Write the files, and the inventory of recordings that are outside of the datasheet's
         folder.
         """
-        inventory = next(iter(self.texts)).with_name("dvc.yaml")
+        inventory, texts = next(iter(self.texts)).with_name("dvc.yaml"), self.texts
         outside = inventory.parent.resolve() not in self.folder.resolve().parents
         if outside and not inventory.exists():
-            contracts.write_text(_template("inventory", self.name), inventory)
-        for file, text in self.texts.items():
+            texts = texts | {inventory: _template("inventory", self.name)}
+        for file, text in texts.items():
             contracts.write_text(text, file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
 
