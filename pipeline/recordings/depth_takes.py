@@ -11,7 +11,7 @@ import pandas as pd
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import contracts
-from pipeline.core.columns import columns, values
+from pipeline.core.columns import columns, members, values
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.analysis import ArticulationSection, Compute
@@ -25,6 +25,7 @@ GRID = 0.005  # s, step of the coarse search, short relative to any motion of an
 MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
 MIN_SAMPLES = 10  # least number of samples of a signal
 MIN_CORRELATION = 0.9
+MOST_BIAS = 0.02  # rad: ≤ 0.006 in the laboratory; 0.025 for 2 % of fx, 0.042 or more for 5 %
 WITHOUT_GAPS = 0.8  # quantile of the residual
 
 
@@ -221,6 +222,21 @@ def articulate_takes(
     known = arm_of(robot), robot.joints, contracts.read("trajectory", MOTION), options, start
     fit, label = partial(_articulate, known=known), "articulate: takes"
     return pd.concat(run_trials(fit, takes, compute=compute, label=label), ignore_index=True)
+
+
+def bias_warning(errors: pd.DataFrame) -> str:
+    """Return a warning if the mean of one joint's angle ``errors`` (family e, rad; depth camera
+    minus motion capture) exceeds MOST_BIAS; else "".
+    """
+    mean = errors[columns("e", members(errors, "e"))].mean()
+    worst = str(mean.abs().idxmax())
+    if abs(mean[worst]) <= MOST_BIAS:
+        return ""
+    message = (
+        f"{worst[2:]} in the depth images is {mean[worst]:+.3g} rad off the motion capture on "
+    )
+    message += f"average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy; "
+    return f"{message}5 % of fx make about 0.05 rad) and dataset.depth.camera"
 
 
 def _articulate(rows: pd.DataFrame, known: tuple) -> pd.DataFrame:

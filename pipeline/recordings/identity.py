@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.distance import pdist, squareform
 
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Arrangement, Force
@@ -17,6 +18,8 @@ SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by f
 # nats by which a force record may miss its own configuration, and share at which another is nearer:
 # records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
 MISSED, NEARER = 0.5, 0.5
+MOST = 1e6  # bound of a likeness
+BLOCK, LEAST_BLOCKS = 10, 20  # rows, over which noise and jitter average out; blocks of a take
 OTHERS = 5  # number of takes that a take's images are compared with
 FEWEST_FRAMES = 40  # for a share that separates own images from those of other takes
 DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it
@@ -34,14 +37,39 @@ def require_distinct(what: str, samples: Mapping[str, np.ndarray], parts: Mappin
             raise RecordingError(f"{message}; take it out, or record it again", take=second)
 
 
+def likeness(q: np.ndarray) -> np.ndarray:
+    """Return by take of the angles ``q`` (T, K, n) the distance to the fifth nearest take, if any,
+    over the distance to the nearest one; 1 for two takes. It is up to 2 for sound takes, and above
+    6 for a copy, also with a constant offset, resampled between rows or with noise of a quantum.
+    Distances are of means over up to BLOCK rows, without offset, speed and acceleration of the
+    median take.
+    """
+    usual, block = np.nanmedian(q, axis=0), max(min(BLOCK, q.shape[1] // LEAST_BLOCKS), 1)
+    speed = np.gradient(usual, axis=0)
+    every = np.nan_to_num(np.concatenate([[speed, np.gradient(speed, axis=0)], q - usual]))
+    every = every[:, : q.shape[1] // block * block]
+    means = np.moveaxis(every.reshape(len(every), -1, block, q.shape[2]).mean(axis=2), 2, 0)
+    parts = []
+    for v, a, *own in means:  # by joint
+        base = np.linalg.qr(np.stack([np.ones_like(v), v, a], axis=1))[0]
+        parts.append(own - own @ base @ base.T)
+    apart = np.sort(squareform(pdist(np.concatenate(parts, axis=1))), axis=1)[:, 1:6]
+    if len(q) < 3 or not apart.any():
+        return np.ones(len(q))
+    return apart[:, -1] / np.maximum(apart[:, 0], apart.max() / MOST)
+
+
 def own_name(stated: str, file: Path) -> bool:
     """Return whether the name ``stated`` in a take agrees with its ``file``, but for signs and an
     appended word; RecordingError where it is the name of another file beside it.
     """
-    plain, own = (re.sub(r"\W+", "_", name.casefold()) for name in (stated, file.stem))
-    if own == plain or own.startswith(f"{plain}_"):
+
+    def plain(name: str) -> str:
+        return re.sub(r"[\W_]+", "_", name.casefold())
+
+    if f"{plain(file.stem)}_".startswith(f"{plain(stated)}_"):
         return True
-    if file.with_name(f"{stated}{file.suffix}").exists():
+    if plain(stated) in {plain(other.stem) for other in file.parent.glob(f"*{file.suffix}")}:
         message = f"the take is {stated!r} by its header, and another file has this name: restore "
         raise RecordingError(f"{message}the files' names, or export both again", file=file)
     print(f"ingest: {file.name}: the take is {stated!r} by its header; the file's name is used")

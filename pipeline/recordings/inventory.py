@@ -61,14 +61,14 @@ def named_takes(
 ) -> dict[str, Path]:
     """Return name → path of the ``wanted`` matches of ``pattern`` below ``raw``, in path order.
 
-    Raises RecordingError for no match, two matches of one name or a name that is not UTF-8;
+    Raises RecordingError for no match, two matches of one name or a name that cannot be printed;
     ConfigError for an invalid pattern.
     """
     named: dict[str, Path] = {}
     for path in filter(wanted, matching(raw, pattern, key=key)):
-        if any("\udc80" <= letter <= "\udcff" for letter in str(path)):  # undecodable bytes
-            message = "the name is not UTF-8; rename it"
-            raise RecordingError(message, file=Path(repr(str(path))[1:-1]))
+        if not str(path).isprintable():
+            message = "the name has a control character or is not UTF-8; rename it"
+            raise RecordingError(message, file=Path(ascii(str(path))[1:-1]))
         name = take_name(path, raw, pattern)
         if name in named:
             other = named[name].relative_to(raw).as_posix()
@@ -94,6 +94,36 @@ def listing(folder: Path) -> pd.DataFrame:
         message += command if pulled.is_dir() else "the datasheet explains how to get them"
         raise RecordingError(message, file=folder)
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
+
+
+def by_place(files: pd.DataFrame) -> pd.DataFrame:
+    """Return the table ``raw_files`` of a :func:`listing`: by file or folder of the recordings
+    number of files, bytes, and SHA-256 of the paths and hashes of the files.
+    """
+
+    def digest(rows: pd.DataFrame) -> pd.Series:
+        lines = "\n".join(f"{row.sha256} {row.file}" for row in rows.itertuples())
+        total = hashlib.sha256(lines.encode()).hexdigest()
+        return pd.Series({"files": len(rows), "bytes": rows["bytes"].sum(), "sha256": total})
+
+    files = files.drop_duplicates("file").sort_values("file")
+    place = files["file"].str.partition("/")[0].rename("place")
+    return files.groupby(place)[["file", "bytes", "sha256"]].apply(digest).reset_index()
+
+
+def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
+    """Return the differences between the table ``raw_files`` of a run's ``evidence`` and the
+    recordings in the file ``inventory`` of its dataset; "" for none, or without inventory.
+    """
+    if not inventory.is_file():
+        return ""
+    if evidence is None:
+        return "does not name its raw files; run the dataset again"
+    present = by_place(pd.read_csv(inventory)).set_index("place")["sha256"]
+    before = evidence.set_index("place")["sha256"]
+    changed = sorted(place for place, _ in set(before.items()) ^ set(present.items()))
+    changed = ", ".join(dict.fromkeys(changed))
+    return changed and f"was written with other files than {inventory} lists: {changed}"
 
 
 def _value(section: object, key: str) -> object:

@@ -15,7 +15,13 @@ MEASURES = (
     *("missing_share", "longest_gap", "interpolated", "relabelled_share", "residual_rms"),
     *("dropped_share", "clock_offset", "clock_offset_standard_error", "clock_drift"),
     *("clock_drift_standard_error", "camera_residual_share", "lag_behind_command"),
-    *("lag_beside_others", "greatest_residual", "residual_beside_others", "disturbance"),
+    *(
+        "lag_beside_others",
+        "greatest_residual",
+        "residual_beside_others",
+        "disturbance",
+        "likeness",
+    ),
 )
 # measures whose limit applies to the absolute value
 TWO_SIDED = ("clock_drift", "lag_behind_command", "lag_beside_others")

@@ -9,7 +9,14 @@ from pipeline.arm.model import Arm, arm_of
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.recordings.depth_takes import DEPTH, TRACK, arm_points, articulate_takes, kept_takes
+from pipeline.recordings.depth_takes import (
+    DEPTH,
+    TRACK,
+    arm_points,
+    articulate_takes,
+    bias_warning,
+    kept_takes,
+)
 
 OUT = Path("data/articulate")
 
@@ -26,6 +33,8 @@ def run() -> None:
         angles = articulate_takes(takes, robot, o, settings.compute)
         contracts.write(angles, "angles", folder)
         errors = errors_of(angles, contracts.read("joints", TRACK))
+        if warning := bias_warning(errors):
+            print(f"articulate: {warning}")
         noise = leave_one_out(errors, window=o.noise_window)
         contracts.write(noise, "kinect_noise", folder)
         views = [_view(name, angles, takes[0], arm_of(robot)) for name in ("initial", "extended")]

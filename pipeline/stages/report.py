@@ -8,6 +8,7 @@ from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
+from pipeline.recordings.inventory import other_files
 from pipeline.verdicts import paper
 from pipeline.verdicts import report_page as pages
 from pipeline.verdicts.claims import ClaimsFile, parse_claims
@@ -29,6 +30,12 @@ def run() -> None:
     """
     name = config.sections("report").dataset.name
     runs, reports = read_runs(REPORTS / "datasets", first=name), REPORTS / name
+    places = {run.dataset: Path(f"data/raw/{run.dataset}/inventory.csv") for run in runs}
+    unfit = [
+        (run.dataset, other_files(run.tables.get("raw_files"), places[run.dataset])) for run in runs
+    ]
+    unfit = [f"The evidence of {dataset} {words}." for dataset, words in unfit if words]
+    print("\n".join(f"report: {words}" for words in unfit), end="\n" if unfit else "")
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
     claims = parse_claims(stated.claims)
     decided = decide_each(claims, runs, stated.recordings_of_the_paper)
@@ -53,7 +60,8 @@ def run() -> None:
         reports / "errata.md": paper.errata_page(errata, here, decided),
         reports / "model_card.md": model_card(here, runs[1:]),
         reports / "recordings.md": pages.recordings_page(here),
-        REPORTS / "datasets.md": pages.datasets_page(decided),
+        REPORTS / "datasets.md": "\n\n".join([pages.datasets_page(decided).rstrip("\n"), *unfit])
+        + "\n",
         REPORTS / "equations.md": paper.equations_page(items, sources),
     }
     if (here.dataset, here.scale) == DEFAULT:

@@ -24,6 +24,7 @@ from pipeline.models.steps import recorded_deviation
 from pipeline.perception import depth_noise
 from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed, speed_scores
+from pipeline.recordings.inventory import by_place
 from pipeline.recordings.steps import truth_of
 from pipeline.statistics.curves import constant_noise_variation
 from pipeline.statistics.scores import Filtered, training_mean
@@ -64,6 +65,7 @@ def run() -> None:
         wrench = _read_all(WRENCH)
         tables |= _read_all(READINGS) | _read_all(PREDICT)
         tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
+        tables["raw_files"] = by_place(pd.concat(map(pd.read_csv, FILES.glob("*.csv"))))
         study = (wrench["wrench_errors"], wrench["wrench_spread"])
         tables["wrench_study"] = wrench_summary(*study)
         tables[EVIDENCE] = pd.concat([*evidence, wrench_evidence(wrench)], ignore_index=True)
@@ -185,6 +187,8 @@ def _score_recordings(takes: Takes, dataset) -> Scored:
     if contracts.exists("kinect_noise", ARTICULATE):
         joints, (pose, _) = contracts.read("joints", TRACK), pose_covariances(recorded, takes.poses)
         errors = depth_noise.errors_of(contracts.read("angles", ARTICULATE), joints)
+        mean = values(errors, "e").mean(axis=0)
+        metrics["depth_camera_greatest_mean_error_rad"] = float(np.abs(mean).max())
         moving = depth_noise.deviations(errors, joints)
         slopes = depth_noise.error_slopes(moving, 1 / rate, pose)
         near = slopes[slopes["frames"] == depth_noise.NEAR_A_SAMPLE]

@@ -17,7 +17,7 @@ from pipeline.models.steps import process_noise
 from pipeline.perception.markers import follower
 from pipeline.recordings import commands
 from pipeline.recordings.depth_takes import on_motion_clock, with_markers
-from pipeline.recordings.identity import lags_beside_others
+from pipeline.recordings.identity import lags_beside_others, likeness
 from pipeline.recordings.quality import beside_limits, quality_row, reasons, require_enough
 
 INGEST, OUT = Path("data/ingest"), Path("data/track")
@@ -46,6 +46,10 @@ def run() -> None:
             quality = quality[quality["instrument"] != "joint log"]
             if dataset.depth is not None:
                 repairs += _write_frames(settings, joints, folder)
+        names, q = contracts.stacked(joints, "q")
+        parts = joints.drop_duplicates("take")["part"]
+        for take, part, value in zip(names, parts, likeness(q), strict=True):
+            repairs.append(quality_row(take, part, source, "likeness", value, "1"))
         takes = pd.concat([quality, pd.DataFrame(repairs)], ignore_index=True)
         takes = beside_limits(takes, limits)
         require_enough(takes)

@@ -1,5 +1,6 @@
 """Recordings that are not what their name says are refused, named or left out; sound ones pass."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -13,9 +14,10 @@ from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Arrangement, Force, Limits
 from pipeline.formats.force.record import ForceRecord, sound_samples
 from pipeline.formats.motion.motive import read_motive, write_motive
-from pipeline.recordings.depth_takes import OTHERS, camera_residuals
+from pipeline.recordings.depth_takes import OTHERS, bias_warning, camera_residuals
 from pipeline.recordings.identity import (
     lags_beside_others,
+    likeness,
     require_distinct,
     require_own_configuration,
     residual_share,
@@ -101,6 +103,47 @@ def test_a_late_take_has_a_lag_beyond_the_limit_and_others_have_not(motion):
     lags = lags_beside_others(late, 100.0)
     assert lags[-1] == pytest.approx(0.08, abs=0.005)
     assert (np.abs(lags) > Limits().lag_beside_others).tolist() == [False] * 7 + [True]
+
+
+SHIFTS = {
+    "offset": lambda q, rng: q + 0.01,
+    "noise of a quantum": lambda q, rng: q + rng.uniform(-2e-4, 2e-4, q.shape),
+    "between rows": lambda q, rng: np.concatenate([(q[1:] + q[:-1]) / 2, q[-1:]]),
+    "all": lambda q, rng: SHIFTS["between rows"](q, rng) + rng.uniform(-2e-4, 2e-4, q.shape) + 0.01,
+}
+
+
+@pytest.mark.parametrize("disguise", SHIFTS)
+@pytest.mark.parametrize("takes", [3, 4, 40])
+def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_not(
+    motion, takes, disguise
+):
+    """Each take sways in its own way, with jitter and noise of single samples."""
+    rng, time = np.random.default_rng(takes), np.arange(320) / 100
+    q = np.empty((takes, 320, 3))
+    for each in q:
+        waves = rng.uniform(2, 10, 6)[:, None] * time + rng.uniform(0, 6, (3, 6, 1))
+        late = time + rng.normal(0, 1e-3, 320)
+        each[:] = motion(late) + 0.002 * np.sin(waves).sum(axis=1).T + rng.normal(0, 1e-4, (320, 3))
+    assert likeness(q).max() < Limits().likeness / 1.5
+    copied = q.copy()
+    copied[2] = SHIFTS[disguise](q[0], rng)
+    found = likeness(copied) > Limits().likeness
+    assert np.flatnonzero(found).tolist() == [0, 2]
+    assert likeness(copied[:2]).tolist() == [1, 1]
+
+
+@pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (1.05, True), (0.95, True)])
+def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
+    benches, dataset, motion, factor, warned
+):
+    bench, name = benches["depth"], "kinect/intrinsics.yaml"
+    focal = re.search(rb"data: \[ *([0-9.]+)", bench.files[name])[1]
+    changed = bench.files[name].replace(focal, str(float(focal) * factor).encode(), 1)
+    _, found = bench.outcome({**bench.files, name: changed})
+    errors = spread("e", dataset.robot.joints, found.q - motion(found.time))
+    warning = bias_warning(pd.DataFrame(errors))
+    assert bool(warning) == warned == ("rad off the motion capture" in warning)
 
 
 def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):

@@ -11,7 +11,15 @@ from sample_options import parameters
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
-from pipeline.recordings.inventory import KEYS, by_part, listing, take_name
+from pipeline.recordings.inventory import (
+    KEYS,
+    by_part,
+    by_place,
+    listing,
+    named_takes,
+    other_files,
+    take_name,
+)
 from pipeline.recordings.quality import account, beside_limits, quality_row, reasons, require_enough
 
 
@@ -97,6 +105,27 @@ def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recording
     with pytest.raises(RecordingError, match="no recordings") as refused:
         listing(tmp_path / "nowhere")
     assert refused.value.evidence["file"] == tmp_path / "nowhere"
+
+
+def test_evidence_of_other_files_is_named_by_their_place(recordings, tmp_path):
+    inventory, evidence = tmp_path / "inventory.csv", by_place(listing(recordings))
+    assert evidence["place"].tolist() == ["force", "kinect", "notes", "optitrack", "trajectory.csv"]
+    assert other_files(evidence, inventory) == ""
+    listing(recordings).to_csv(inventory, index=False)
+    assert other_files(evidence, inventory) == ""
+    assert "does not name its raw files" in other_files(None, inventory)
+    (recordings / "kinect/test_001/depth/0.png").write_text("another image")
+    (recordings / "more.csv").write_text("")
+    listing(recordings).to_csv(inventory, index=False)
+    assert other_files(evidence, inventory).endswith("lists: kinect, more.csv")
+
+
+@pytest.mark.parametrize("name", ["run_\x1b[31m.csv", "run_\n.csv", "run_\udcff.csv"])
+def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, name):
+    (tmp_path / name).write_text("")
+    with pytest.raises(RecordingError, match="control character") as refused:
+        named_takes(tmp_path, "run_*.csv", key="KEY")
+    assert str(refused.value.evidence["file"]).isascii() and str(refused.value).isprintable()
 
 
 @pytest.mark.parametrize(
