@@ -168,11 +168,10 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
 def _leave_out_disturbed(
     rows: dict[str, dict], takes: Mapping[str, LoggedTake], dataset: Dataset, quality: list[dict]
 ) -> None:
-    """Delete disturbed takes from ``rows``, or raise RecordingError; add to ``quality``."""
+    """Delete disturbed takes from ``rows``, and add to ``quality``."""
     options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
     signals = next(iter(takes.values())).signals
     residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
-    limit = np.inf if options.residual_limit is None else options.residual_limit
     scores = repetitions.disturbances(residuals, others, rate)
     distances = repetitions.beside_others(residuals)
     greatest = np.abs(residuals).max(axis=(1, 2))
@@ -180,16 +179,10 @@ def _leave_out_disturbed(
         note(name, "residual_beside_others", distance, "rad")
         note(name, "disturbance", score, "robust standard deviations")
         note(name, "greatest_residual", largest, "rad")
-        if score <= options.disturbed_beyond and largest <= limit:
+        if score <= options.disturbed_beyond:
             continue
-        row = takes[name].first
-        if options.disturbed == "refuse":
-            message = f"the repetition from row {row} was disturbed: {score:.3g} robust standard"
-            message += f" deviations from the others, greatest residual {largest:.3g} rad"
-            evidence = {"file": dataset.recordings, "take": name}
-            raise RecordingError(message, **evidence, key=f"{OPTION}.disturbed")
         del rows[name]
-        note(takes[name].movement, "disturbed_from_row", row, "row")
+        note(takes[name].movement, "disturbed_from_row", takes[name].first, "row")
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:

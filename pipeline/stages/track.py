@@ -40,7 +40,7 @@ def run() -> None:
             joints = contracts.read("joint_log", MOTION).assign(residual=np.nan)
             print("track: no motion capture; the joint angles are from the controller's log")
             source, log = "joint log", dataset.joint_log
-            limits |= {"disturbance": log.disturbed_beyond, "greatest_residual": log.residual_limit}
+            limits |= {"disturbance": log.disturbed_beyond}
         else:
             joints, repairs = _track(dataset)
             quality = quality[quality["instrument"] != "joint log"]

@@ -134,9 +134,7 @@ class JointLogSection:
     rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
     rest_speed: float = 1e-4  # rad/s, greatest commanded speed at rest
     tolerance: float  # rad, greatest difference of repeated commands
-    disturbed: Literal["leave_out", "refuse"] = "leave_out"  # treatment of disturbed repetitions
     disturbed_beyond: float = 6.0  # robust standard deviations from the median repetition
-    residual_limit: float | None = None  # rad, of measured minus commanded angle; beyond: disturbed
 
     @model_validator(mode="after")
     def _fits_the_joints(self) -> Self:
