@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.evidence.case import Takes
-from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.evidence.table import RECORDED, evidence_row, evidence_table
 from pipeline.models.closed_loop import ClosedLoopFit
 from pipeline.models.model import MotionModel
 from pipeline.models.prediction import modelled_noise
@@ -27,7 +27,6 @@ from pipeline.statistics.curves import (
 from pipeline.statistics.scores import score_comparison
 from pipeline.statistics.takes import lag_one_correlation, share_between
 
-RECORDED = "recorded"  # in place of a model
 # estimates of the noise, which have entries, and of the paper's estimator, which have none
 NOISE = {"sigma_omega": "sigma_omega_{}_rad2", "correlation_omega": "correlation_omega_{}"}
 PAPERS = ("sigma_b", "u", "alpha")

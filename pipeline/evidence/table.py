@@ -1,12 +1,14 @@
 """The table of evidence: one number in each row, with its interval, by the columns KEYS."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pipeline.core.contracts import read_declarations
-from pipeline.core.filters import closed
+from pipeline.core.filters import MEMORY, NONE, closed
+from pipeline.statistics.curves import NO_NOISE
 
 # what the number is of, and where a quantity needs it: the model or filter, the estimator or form,
 # what it is the difference to (a model, a filter or a joint), the joint, the entry or component,
@@ -15,6 +17,22 @@ DECLARED = read_declarations()["evidence"]
 KEYS = tuple(name for name, column in DECLARED.items() if column.kind == "text")
 QUANTITIES = DECLARED["quantity"].among
 NUMBERS = ("value", "low", "high", "standard_error")
+OPTION_FILES = Path(__file__).parents[1] / "conf/model"
+RECORDED = "recorded"  # in place of a model
+
+
+def known_values() -> dict[str, list[str]]:
+    """Return the values that a row can have in the keys whose values are known beforehand: names of
+    option files and filters, estimators and forms, entries of at most seven joints, and steps.
+    """
+    models = sorted(file.stem for file in OPTION_FILES.glob("*.yaml"))
+    entries = [f"{row}{column}" for row in range(1, 8) for column in range(row, 8)]
+    return {
+        "model": [RECORDED, NONE, MEMORY, NO_NOISE, *models, *map(closed, models)],
+        "estimator": ["paper", "diagonal", "full", "none"],
+        "entry": ["fx", "fy", "fz", "mx", "my", "mz", *entries],
+        "steps": ["all", "moving", "constant_speed"],
+    }
 
 
 def evidence_row(

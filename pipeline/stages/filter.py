@@ -32,34 +32,26 @@ def run(model: str) -> None:
             print("filter: the dataset has no measurements of its test takes; nothing to filter")
             return contracts.write_metrics(metrics, folder / "filter.json")
         recorded, loops = training_steps(settings.dataset.robot, settings.dataset.motion), {}
-        first = recorded.q[:, 0]
         if fitted := fitted_models([model], FIT, "filter"):
             loops[""] = (fitted[model], open_loop(recorded.v))
         if (closed := fitted_closed_loop(FIT / model)) is not None:
             loops[FOLDER] = (closed[0], mean_path(recorded).commands(closed[1]))
+        first = recorded.q[:, 0]
+        start = Start(first.mean(axis=0), np.cov(first.T))
         for loop, law in loops.items():
             label = " ".join(filter(None, ("filter", model, loop)))
-            trial = partial(
-                filter_take,
-                law=law,
-                recorded=recorded,
-                rate=settings.dataset.motion.rate,
-                start=Start(first.mean(axis=0), np.cov(first.T)),
-                options=options,
-                stream=(settings.seed, label.replace(" ", ".")),
-            )
+            same = {"law": law, "recorded": recorded, "start": start, "options": options}
+            stream = (settings.seed, label.replace(" ", "."))
+            trial = partial(filter_take, rate=settings.dataset.motion.rate, stream=stream, **same)
             rows = run_trials(trial, takes, compute=settings.compute, label=f"{label}: takes")
-            posteriors, left_out, evidence = zip(*rows, strict=True)
+            posteriors, left_out = zip(*rows, strict=True)
             posterior = pd.concat(posteriors, ignore_index=True)
             (folder / loop).mkdir(exist_ok=True)
             contracts.write(posterior, "posterior", folder / loop)
             numbers = {
-                "mean_effective_sample_size": posterior["ess"].mean(),
-                "share_of_steps_resampled": posterior["resampled"].mean(),
                 "particle_steps_with_clipped_noise": posterior["clipped"].sum(),
                 "particle_steps_outside_the_domain": posterior["outside"].sum(),
                 "measurements_outside_the_motion": sum(left_out),
-                "mean_log_evidence_per_take": np.mean(evidence),
             }
             metrics |= {f"{'closed_loop_' * bool(loop)}{name}": n for name, n in numbers.items()}
         contracts.write_metrics(metrics, folder / "filter.json")
@@ -73,8 +65,8 @@ def filter_take(
     start: Start,
     options: Filter,
     stream: tuple[int, str],
-) -> tuple[pd.DataFrame, int, float]:
-    """Return one take's posterior, number of measurements outside the motion, and log evidence."""
+) -> tuple[pd.DataFrame, int]:
+    """Return one take's posterior and the number of measurements outside the motion."""
     (number, take), (model, commands) = trial, law
     motion, generator = (recorded.chain, commands, 1 / rate, start), rng.stream(*stream, number)
     posterior = particle_filter(model, *motion, take, options, generator)
@@ -83,4 +75,4 @@ def filter_take(
     table |= spread("m", recorded.joints, posterior.mean)
     table |= triangle("c", recorded.joints, posterior.covariance)
     table |= {name: getattr(posterior, name) for name in OF_A_STEP}
-    return pd.DataFrame(table), posterior.left_out, posterior.log_evidence
+    return pd.DataFrame(table), posterior.left_out

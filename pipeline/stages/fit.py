@@ -27,24 +27,23 @@ Metrics = dict[str, float]
 
 def run(model: str) -> None:
     """Write parameters, tables and numbers of ``model`` and its realisations to ``data/fit``."""
-    settings, metrics = config.sections("fit", item=model), ({}, {})
+    settings, metrics = config.sections("fit", item=model), {}
     with contracts.replacing(OUT / model) as folder:
         if settings.dataset.robot is None:
             print("fit: the dataset has no robot; nothing to fit")
         else:
             metrics = _fit(model, settings, folder)
-        for name, numbers in zip(("fit", "simulate"), metrics, strict=True):
-            contracts.write_metrics(numbers, folder / f"{name}.json")
+        contracts.write_metrics(metrics, folder / "fit.json")
 
 
-def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
+def _fit(model: str, settings, folder: Path) -> Metrics:
     """Write parameters and tables to ``folder``; return numbers of fit and realisations."""
-    options, checks = vars(settings.models)[model], settings.scale.convex_checks
+    options = vars(settings.models)[model]
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    rate = settings.dataset.motion.rate
     resample = partial(_resample, model, recorded, settings)
     estimate, reason = _estimate(recorded, options, model=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
+    checks = settings.scale.convex_checks
     numbers, tables = kinds.diagnose(recorded, options, estimate, checks, stream)
     replicates, uncertainty = resample(estimate, options)
     metrics = {}
@@ -63,12 +62,6 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
             stem = next(base for base in (*result.estimates, UNBOUNDED) if name.startswith(base))
             metrics[pattern.format(stem) + name.removeprefix(stem)] = value
     metrics["takes"] = len(recorded.q)
-    if estimate is not None:
-        metrics |= estimate.determined | uncertainty
-        metrics["bootstrap_replicates"] = len(replicates)
-        metrics["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
-        metrics |= estimate.diagnostics
-    metrics |= numbers
     for name, table in tables.items():
         contracts.write(table, name, folder)
     names, covariance = bootstrap.joint_covariance(replicates)
@@ -76,10 +69,14 @@ def _fit(model: str, settings, folder: Path) -> tuple[Metrics, Metrics]:
     if estimate is None:
         print(f"fit: no model {model}: {reason}")
         _write_json({"kind": options.kind, NO_MODEL: reason}, folder / "parameters.json")
-        return metrics, {}
-    metrics |= _closed_loop(model, recorded, options, estimate, rate, folder)
+        return metrics | numbers
+    metrics |= estimate.determined | uncertainty
+    metrics["bootstrap_replicates"] = len(replicates)
+    metrics["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
+    metrics |= estimate.diagnostics | numbers
     _write_json(estimate.parameters, folder / "parameters.json")
-    return metrics, _realise(model, estimate.model, recorded, settings, folder)
+    metrics |= _closed_loop(model, recorded, options, estimate, folder)
+    return metrics | _realise(model, estimate.model, recorded, settings, folder)
 
 
 def _estimate(
@@ -102,24 +99,28 @@ def _resample(
     if estimate is None:
         return [], {}
     takes, scale = len(recorded.q), settings.scale
-    quick = estimate.from_takes is not None
-    numbers = range(scale.bootstrap_replicates if quick else scale.bootstrap_refits)
     estimator = bootstrap.resampled_estimator(recorded, options, estimate)
     stream = (settings.seed, f"fit.{model}.bootstrap")
     trial = partial(_replicate, estimator=estimator, takes=takes, stream=stream)
-    if quick:  # too quick for workers
-        replicates = [trial(number) for number in numbers]
+    if estimate.from_takes is not None:  # too quick for workers
+        replicates = [*map(trial, range(scale.bootstrap_replicates))]
     else:
-        label = f"fit {model}: resamplings"
-        replicates = list(run_trials(trial, numbers, compute=settings.compute, label=label))
+        workers = {"compute": settings.compute, "label": f"fit {model}: resamplings"}
+        replicates = [*run_trials(trial, range(scale.bootstrap_refits), **workers)]
+    spreads, _ = bootstrap.spreads(replicates, estimate.estimates, takes)
+    known = {name: own for name, own in spreads.items() if name not in estimate.undetermined}
+    with_ends = takes >= bootstrap.LEAST_TAKES
+    return replicates, _uncertainty(known, with_ends)
+
+
+def _uncertainty(spreads: dict[str, bootstrap.Spread], with_ends: bool = True) -> Metrics:
+    """Return standard errors and, ``with_ends``, 95 % intervals by the names of the estimates."""
     metrics = {}
-    for name, values in bootstrap.spreads(replicates, estimate.estimates, takes)[0].items():
-        if name not in estimate.undetermined:
-            metrics[f"{name}_standard_error"] = values.standard_error
-            if takes >= bootstrap.LEAST_TAKES:
-                metrics[f"{name}_interval_low"] = values.low
-                metrics[f"{name}_interval_high"] = values.high
-    return replicates, metrics
+    for name, own in spreads.items():
+        metrics[f"{name}_standard_error"] = own.standard_error
+        if with_ends:
+            metrics |= {f"{name}_interval_low": own.low, f"{name}_interval_high": own.high}
+    return metrics
 
 
 def _replicate(
@@ -129,9 +130,9 @@ def _replicate(
 
 
 def _closed_loop(
-    model: str, recorded: Recorded, options: Options, estimate: Estimate, rate: float, folder: Path
+    model: str, recorded: Recorded, options: Options, estimate: Estimate, folder: Path
 ) -> Metrics:
-    """Write the closed loop's parameters; return κ and K with intervals, and the estimates."""
+    """Write the closed loop's parameters; return κ with its interval, and the estimates."""
     closed, refused = closed_loop_of(recorded, options, estimate)
     if refused:
         print(f"fit: {model} has no closed loop: {refused}")
@@ -139,14 +140,10 @@ def _closed_loop(
         return {}
     parameters = closed.estimate.parameters | {SHARE: closed.share}
     _write_json(parameters, folder / FOLDER / "parameters.json")
-    metrics = {}
-    for name, unit in {SHARE: 1.0, "closed_loop_gain_per_s": rate}.items():
-        value, error = unit * closed.share, unit * closed.standard_error
-        metrics |= {name: value, f"{name}_standard_error": error}
-        metrics[f"{name}_interval_low"] = value - NORMAL_QUANTILE * error
-        metrics[f"{name}_interval_high"] = value + NORMAL_QUANTILE * error
+    half = NORMAL_QUANTILE * closed.standard_error
+    spread = bootstrap.Spread(closed.standard_error, closed.share - half, closed.share + half)
     estimates = {f"closed_loop_{name}": n for name, n in closed.estimate.determined.items()}
-    return metrics | {"closed_loop_rounds": closed.rounds} | estimates
+    return {SHARE: closed.share} | _uncertainty({SHARE: spread}) | estimates
 
 
 def _write_json(values: dict[str, object], file: Path) -> None:
@@ -174,7 +171,6 @@ def _realise(
     moments["bias"] = mean_bias(fitted, recorded.chain, q, recorded.v)
     contracts.write(grid.assign(**moments), "moments", folder)
     return {
-        "steps": simulated[:, 1:, 0].size,
-        "steps_with_clipped_noise": clipped,
+        "simulated_steps_with_clipped_noise": clipped,
         "realizations_lost_at_a_singular_pose": lost,
     }

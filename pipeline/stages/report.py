@@ -11,7 +11,7 @@ from pipeline.core.validation import validated
 from pipeline.recordings.inventory import other_files
 from pipeline.verdicts import paper
 from pipeline.verdicts import report_page as pages
-from pipeline.verdicts.claims import ClaimsFile, parse_claims
+from pipeline.verdicts.claims import ClaimsFile, parse_claims, require_known
 from pipeline.verdicts.decision import decide_each, verdict_table
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.readings import CLAIMS, reading_verdicts
@@ -37,7 +37,7 @@ def run() -> None:
     unfit = [f"The evidence of {dataset} {words}." for dataset, words in unfit if words]
     print("\n".join(f"report: {words}" for words in unfit), end="\n" if unfit else "")
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
-    claims = parse_claims(stated.claims)
+    claims = require_known(parse_claims(stated.claims))
     decided = decide_each(claims, runs, stated.recordings_of_the_paper)
     runs = [
         replace(run, tables=run.tables | {"readings": reading_verdicts(claims, run)})

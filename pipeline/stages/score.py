@@ -46,7 +46,6 @@ def run() -> None:
     """Compare every model with the recordings, in mean, in standard deviation and in the filter."""
     settings = config.sections("score")
     with contracts.replacing(OUT) as folder:
-        (folder / "tables").mkdir()
         if settings.dataset.robot is None:
             print("score: the dataset has no robot; only its forces are scored")
             scored = {"motion": ({}, {}), "filter": ({}, {}), "recordings": ({}, _quality())}
@@ -54,25 +53,23 @@ def run() -> None:
             scored = _score_robot(settings, folder)
         metrics = {stem: numbers for stem, (numbers, _) in scored.items()}
         files = {"wrench": WRENCH / "wrench.json"}
-        for stage, place in {"fit": FIT, "simulate": FIT, "filter": FILTER}.items():
-            for model in settings.models:
-                files[f"{stage}_{model}"] = place / model / f"{stage}.json"
+        for stage, place in {"fit": FIT, "filter": FILTER}.items():
+            files |= {f"{stage}_{n}": place / n / f"{stage}.json" for n in settings.models}
         metrics |= {stem: json.loads(file.read_text()) for stem, file in files.items()}
-        for stem, numbers in metrics.items():
-            contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
+        wrench = _read_all(WRENCH)
         evidence = [own.pop(EVIDENCE) for _, own in scored.values() if EVIDENCE in own]
         tables = {name: table for _, own in scored.values() for name, table in own.items()}
-        wrench = _read_all(WRENCH)
         tables |= _read_all(READINGS) | _read_all(PREDICT)
         tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
         tables["raw_files"] = by_place(pd.concat(map(pd.read_csv, FILES.glob("*.csv"))))
-        study = (wrench["wrench_errors"], wrench["wrench_spread"])
-        tables["wrench_study"] = wrench_summary(*study)
+        tables["wrench_study"] = wrench_summary(wrench["wrench_errors"], wrench["wrench_spread"])
         tables[EVIDENCE] = pd.concat([*evidence, wrench_evidence(wrench)], ignore_index=True)
         contracts.write(tables[EVIDENCE], EVIDENCE, folder)
+        for stem, numbers in metrics.items():
+            contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
         for name, table in tables.items():
-            table.to_csv(folder / f"tables/{name}.csv", index=False)
-        contracts.write_text(_evidence(settings, list(metrics), folder), folder / "evidence.json")
+            contracts.write_text(table.to_csv(index=False), folder / f"tables/{name}.csv")
+        contracts.write_text(_run(settings, metrics, tables).to_json(), folder / "evidence.json")
 
 
 def _score_robot(settings, folder: Path) -> dict[str, Scored]:
@@ -209,9 +206,9 @@ def _quality() -> Tables:
     return {"recording_quality": quality.summarise(pd.concat(records, ignore_index=True))}
 
 
-def _evidence(settings, stems: list[str], folder: Path) -> str:
-    """Return every metric and every short table of the run as JSON."""
-    dataset, csv = settings.dataset, sorted(folder.glob("tables/*.csv"))
+def _run(settings, metrics: dict[str, dict], tables: Tables) -> Run:
+    """Return every metric and every short table of the run."""
+    dataset = settings.dataset
     robot = dataset.robot
     return Run(
         dataset=dataset.name,
@@ -220,6 +217,6 @@ def _evidence(settings, stems: list[str], folder: Path) -> str:
         joints=robot.joints if robot else [],
         task=members(contracts.read("trajectory", MOTION), "v") if robot else [],
         models={name: options.kind for name, options in settings.models.items()},
-        metrics={s: json.loads((folder / f"metrics/{s}.json").read_text()) for s in stems},
-        tables={file.stem: pd.read_csv(file) for file in csv},
-    ).to_json()
+        metrics=metrics,
+        tables=tables,
+    )

@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import field
+from difflib import get_close_matches
 from itertools import product
 from typing import Literal
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
+from pipeline.evidence.table import known_values
 from pipeline.verdicts.rules import RULES
 from pipeline.verdicts.run import Number, Reference, parse_entries
 
@@ -145,3 +147,18 @@ class ClaimsFile:
 def parse_claims(entries: object) -> list[Claim]:
     """Return the claims of a YAML list; raises ConfigError with the claim and the key."""
     return parse_entries(Claim, entries, "claim")
+
+
+def require_known(claims: Sequence[Claim]) -> Sequence[Claim]:
+    """Return ``claims``; raises ConfigError with claim and key for a model, an estimator, an entry
+    or steps that no row of the evidence can have: it would be a claim without evidence.
+    """
+    known = known_values()
+    for claim in claims:
+        for reference, (key, values) in product(claim.references(), known.items()):
+            stated = getattr(reference, key)
+            if stated and "{" not in stated and stated not in values:
+                near = get_close_matches(stated, values, n=1) or [", ".join(values)]
+                message = f"no evidence can have the {key} {stated!r}; did you mean {near[0]}?"
+                raise ConfigError(message, claim=claim.id, key=key)
+    return claims

@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.evidence.table import depends_on
-from pipeline.verdicts.claims import Claim, parse_claims
+from pipeline.verdicts.claims import Claim, parse_claims, require_known
 from pipeline.verdicts.decision import case_text, decide
 from pipeline.verdicts.run import ArmNames, Run
 
@@ -18,8 +18,8 @@ COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "v
 
 def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
     """Return the paper's claims, then the claims of the files ``conclusions``."""
-    files = (CLAIMS, *conclusions)
-    return tuple(claim for file in files for claim in parse_claims(read_yaml(file).get("claims")))
+    entries = [read_yaml(file).get("claims") for file in (CLAIMS, *conclusions)]
+    return tuple(claim for own in entries for claim in require_known(parse_claims(own)))
 
 
 def claim_verdicts(claims: Sequence[Claim], evidence: pd.DataFrame, arm: ArmNames) -> pd.DataFrame:

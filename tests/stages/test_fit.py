@@ -96,9 +96,7 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(p
     model, share = fitted_closed_loop(fit.OUT / "gaussian")
     metrics = metrics_of("gaussian")
     assert metrics["closed_loop_share"] == share
-    assert metrics["closed_loop_gain_per_s"] == pytest.approx(100 * share)
-    error = metrics["closed_loop_share_standard_error"]
-    assert metrics["closed_loop_gain_per_s_standard_error"] == pytest.approx(100 * error)
+    assert metrics["closed_loop_share_standard_error"] > 0
     assert (metrics["closed_loop_alpha"], metrics["closed_loop_u"]) == (model.alpha, model.u)
     # the takes are drawn in an open loop
     assert metrics["closed_loop_share_interval_low"] < 0.01
