@@ -123,19 +123,6 @@ def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
     return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
 
 
-def sway_share(chain: Chain, speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Return the sway (N,) at joint speeds ``speed`` (N, n) rad/s over the sway at full speed."""
-    pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
-    pace **= options.speed_exponent
-    return options.sway_rest + (1 - options.sway_rest) * pace
-
-
-def play_share(speed: np.ndarray, options: DynamicsOptions) -> np.ndarray:
-    """Return the share (N,) of the play that rattling fills at ``speed`` (N, n) rad/s."""
-    pace = np.abs(speed[:, options.play_joint - 1] / options.rattle_speed)
-    return np.minimum(1.0, pace**options.speed_exponent)
-
-
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
     """Draw the true arm, with errors of link lengths; ConfigError for options of another arm."""
     rows, number = ", ".join(nominal.task), len(nominal.lower)
@@ -200,12 +187,17 @@ def swing(
         now = servo[..., i, :]
         wanted = speed[i] + options.servo_gain * (goal[i] - now)
         servo[..., i + 1, :] = now + dt * gain[..., i, :] * wanted
+    pace = np.linalg.norm(speed, axis=1) / np.linalg.norm(chain.max_speed)
+    share = options.sway_rest + (1 - options.sway_rest) * pace**options.speed_exponent
     sway = chance.sway * options.sway_std
-    sway *= sway_share(chain, speed, options)[:, None]
+    sway *= share[:, None]
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
     q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)
-    play = 2 * ndtr(chance.play) - 1
-    q[..., options.play_joint - 1] += options.clearance * play * play_share(speed, options)
+    play, joint = 2 * ndtr(chance.play) - 1, options.play_joint - 1
+    filled = np.minimum(
+        1.0, np.abs(speed[:, joint] / options.rattle_speed) ** options.speed_exponent
+    )
+    q[..., joint] += options.clearance * play * filled
     return Swing(t, q, servo)
 
 

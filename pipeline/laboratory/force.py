@@ -3,7 +3,6 @@ space. Wheel slips occur at random, reduce the tension by an exponential amount 
 tensions are skewed and correlated in time. Directions are Ornstein–Uhlenbeck processes.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +10,8 @@ from numpy.random import Generator
 from scipy.special import dawsn, i0e, i1e
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.options.dataset import Arrangement
 from pipeline.laboratory.options import Robots, Transducer
-
-
-class Cables(NamedTuple):
-    """Mean tensions and directions of m cables."""
-
-    tension: Sequence[float]  # N
-    direction: Sequence[float]  # rad, in the transducer's x-y plane; in space the azimuth
-    elevation: Sequence[float] | None = None  # rad, above the x-y plane; None: 0
-    # (m, 2 or 3) m, from the end of the transducer's lever; None: 0
-    attachment: Sequence[Sequence[float]] | None = None
 
 
 class RiggedForce(NamedTuple):
@@ -69,7 +59,7 @@ def slipping(
 
 
 def directions(
-    cables: Cables, robots: Robots, samples: int, rate: float, rng: Generator
+    cables: Arrangement, robots: Robots, samples: int, rate: float, rng: Generator
 ) -> np.ndarray:
     """Draw unit vectors (samples, m, 3) that wander about the mean directions of ``cables``, with
     the mean resultant length of a von Mises–Fisher law of concentration κ (option of the robots).
@@ -104,17 +94,15 @@ def _angle_in_space(kappa: float) -> float:
 
 
 def record_force(
-    cables: Cables, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
+    cables: Arrangement, robots: Robots, transducer: Transducer, tare: float, duration: float, rng
 ) -> RiggedForce:
     """Draw a record of ``tare`` s without load and ``duration`` s with load; ConfigError for
-    unequal numbers of robots, tensions and directions.
+    unequal numbers of robots and cables.
     """
     tension, sd = np.asarray(cables.tension, dtype=float), np.asarray(robots.tension_sd)
-    if not len(sd) == len(tension) == len(cables.direction):
-        message = (
-            f"{len(sd)} robots, {len(tension)} tensions and {len(cables.direction)} directions"
-        )
-        raise ConfigError(f"{message}: the numbers must be equal", key="laboratory.robots")
+    if len(sd) != len(tension):
+        message = f"{len(sd)} robots and {len(tension)} cables: the numbers must be equal"
+        raise ConfigError(message, key="laboratory.robots")
     rate = transducer.rate
     samples = round((tare + duration) * rate)
     time, e = np.arange(samples) / rate, directions(cables, robots, samples, rate, rng)

@@ -11,13 +11,9 @@ import numpy as np
 from scipy.spatial.distance import pdist, squareform
 
 from pipeline.core.errors import RecordingError
-from pipeline.core.options.dataset import Arrangement, Force
 from pipeline.recordings.lags import lag
 
 SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by far more, by noise
-# nats by which a force record may miss its own configuration, and share at which another is nearer:
-# records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
-MISSED, NEARER = 0.5, 0.5
 MOST = 1e6  # bound of a likeness
 BLOCK, LEAST_BLOCKS = 10, 20  # rows, over which noise and jitter average out; blocks of a take
 OTHERS = 5  # number of takes that a take's images are compared with
@@ -93,45 +89,3 @@ def residual_share(seen: np.ndarray, own: float, others: list[float]) -> float:
     jumps = np.abs(np.diff(seen, DIFFERENCES, axis=0))  # mostly at rest: the motion adds to a few
     noise = 1.4826 * np.median(jumps) / np.sqrt(NOISE_GAIN)
     return float(own / max(float(np.median(others)), NOISE_MARGIN * noise))
-
-
-def require_own_configuration(records: Mapping[str, np.ndarray], force: Force) -> None:
-    """Raise RecordingError where a record of forces ((N, 3) N by configuration) is nearer to the
-    desired force of another configuration, by mean and covariance of the tensions and directions
-    (Kullback-Leibler divergence of normal laws, in nats).
-    """
-    laws = {name: _desired(force, force.configurations[name]) for name in records}
-    for name, values in records.items():
-        rows = len(laws[name][0])
-        found = values[:, :rows].mean(axis=0), np.cov(values[:, :rows].T)
-        far = {n: _divergence(*found, *law) for n, law in laws.items() if len(law[0]) == rows}
-        nearest = min(far, key=far.__getitem__)
-        if far[name] > MISSED and far[nearest] < NEARER * far[name]:
-            means = {n: np.round(laws[n][0], 2).tolist() for n in (name, nearest)}
-            message = f"the mean force of {name} is {np.round(found[0], 2).tolist()} N, desired "
-            message += f"{means[name]}; with its covariance it is {far[name]:.2g} nats from {name} "
-            message += f"and {far[nearest]:.2g} from {nearest} ({means[nearest]} N): are the logs "
-            message += "exchanged?"
-            key = f"dataset.force.configurations.{name}.file"
-            raise RecordingError(message, file=force.configurations[name].file, key=key)
-
-
-def _desired(force: Force, arrangement: Arrangement) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and covariance of the force in N; κ is the geometric mean of its bounds."""
-    azimuth, tension = np.array(arrangement.direction), np.array(arrangement.tension)
-    along = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-    if arrangement.elevation is not None:
-        rise = np.array(arrangement.elevation)[:, None]
-        along = np.hstack([along * np.cos(rise), np.sin(rise)])
-    spread = np.array(force.tension_std[: len(tension)]) ** 2, tension**2
-    kappa = float(np.sqrt(np.prod(force.kappa_bounds)))
-    outer = along[:, :, None] * along[:, None]
-    across = np.eye(along.shape[1]) - outer
-    terms = spread[0][:, None, None] * outer + (spread[1] / kappa)[:, None, None] * across
-    return tension @ along, terms.sum(axis=0)
-
-
-def _divergence(mean: np.ndarray, cov: np.ndarray, desired: np.ndarray, by: np.ndarray) -> float:
-    off, ratio = mean - desired, np.linalg.solve(by, cov)
-    log = np.linalg.slogdet(ratio)[1] if np.linalg.det(cov) > 0 else -np.inf
-    return float(0.5 * (np.trace(ratio) - len(mean) - log + off @ np.linalg.solve(by, off)))

@@ -13,7 +13,7 @@ from pipeline.core.bounds import within
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError, PipelineError
 from pipeline.core.options.dataset import Dataset
-from pipeline.recordings.identity import require_distinct, require_own_configuration
+from pipeline.recordings.identity import require_distinct
 from pipeline.recordings.inventory import raw_folder
 from pipeline.recordings.quality import REPETITIONS
 
@@ -134,8 +134,4 @@ def _force(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict
     for name in dataset.force.configurations if dataset.force is not None else ():
         with _collect(errors):
             records.append(force_rows(raw, name, dataset.force))
-    if records:
-        with _collect(errors):
-            axes = {rows.iloc[0, 0]: rows[["fx", "fy", "fz"]].to_numpy() for rows, _ in records}
-            require_own_configuration(axes, dataset.force)
     return _write(records, "force", folder, errors)

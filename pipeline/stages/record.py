@@ -23,7 +23,7 @@ from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.laboratory import dynamics, mocap
 from pipeline.laboratory.dynamics import Session, desired_path, desired_trajectory
-from pipeline.laboratory.force import Cables, record_force
+from pipeline.laboratory.force import record_force
 from pipeline.laboratory.kinect import DepthCamera, draw_bias
 
 RAW = Path("data/raw")
@@ -152,9 +152,8 @@ def _record_forces(folder: Path, settings) -> None:
     transducer, seconds = laboratory["transducer"], settings.scale.force_seconds
     for number, c in enumerate(force.configurations.values()):
         robots = laboratory["robots"].first(len(c.tension))
-        cables = Cables(c.tension, c.direction, c.elevation, c.attachment)
         stream = rng.stream(settings.seed, "record.force", number)
-        felt = record_force(cables, robots, transducer, force.tare, seconds, stream)
+        felt = record_force(c, robots, transducer, force.tare, seconds, stream)
         wrench, rate = (felt.time, felt.force, felt.torque), transducer.rate
         (file := folder / c.file).parent.mkdir(parents=True, exist_ok=True)
         write_daqft(file, ForceRecord(*wrench, rate, "FT00001", CAPTURE_START, {}))

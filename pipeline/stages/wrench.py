@@ -38,6 +38,7 @@ def run() -> None:
     if force is None:
         print("wrench: the dataset has no force transducer; only the study is done")
     else:
+        measuring.require_own_configuration(contracts.read("force", INGEST), force)
         measured = partial(_configuration, force=force, options=options, seed=settings.seed)
         names = list(enumerate(force.configurations))
         for of_configuration in trials(measured, names, label="wrench: configurations"):

@@ -6,19 +6,32 @@ after a table returns the rows of one ``configuration`` in the table.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 from numpy import ndarray
 
+from pipeline.core.errors import RecordingError
+from pipeline.core.options.dataset import Force
 from pipeline.statistics import densities
-from pipeline.wrench.models import CableSystem, matrix_model, sample_wrenches
+from pipeline.wrench.models import (
+    CableSystem,
+    matrix_model,
+    nominal_system,
+    sample_wrenches,
+    wrench_covariance,
+    wrench_mean,
+)
 
 # rows of forces and of moments in the plane and in space
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
 GRID_REACH = 4.0  # extent of the grid beyond the means, in standard deviations of the wider source
 DRAWS = 10  # model samples for every tested sample, which add a tenth to the sampling variance
+# nats by which a force record may miss its own configuration, and share at which another is nearer:
+# records of the laboratory miss theirs by up to 0.1 and the others by 1 to 6
+MISSED, NEARER = 0.5, 0.5
 Wrenches = Mapping[str, ndarray]
 
 
@@ -32,6 +45,38 @@ def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) 
     """Return the rows (N, n) in N of ``record`` that ``system`` has; moments over ``length`` m."""
     rows = rows_of(system)
     return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
+
+
+def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
+    """Raise RecordingError where the forces of a configuration in ``record`` are nearer to the
+    nominal law of another one: Kullback-Leibler divergence of normal laws, in nats.
+    """
+    kappa, laws = float(np.sqrt(np.prod(force.kappa_bounds))), {}
+    for name, robots in force.configurations.items():
+        system = replace(nominal_system(force, robots), attachment=None)
+        system = replace(system, concentration=np.full_like(system.concentration, kappa))
+        laws[name] = wrench_mean(system), wrench_covariance(system)
+    for name, rows in record.groupby("configuration"):
+        own = rows[["fx", "fy", "fz"][: len(laws[name][0])]].to_numpy()
+        found = own.mean(axis=0), np.cov(own.T)
+        far = {
+            n: _divergence(*found, *law) for n, law in laws.items() if law[0].size == own.shape[1]
+        }
+        nearest = min(far, key=far.__getitem__)
+        if far[name] > MISSED and far[nearest] < NEARER * far[name]:
+            means = {n: np.round(laws[n][0], 2).tolist() for n in (name, nearest)}
+            message = f"the mean force of {name} is {np.round(found[0], 2).tolist()} N, desired "
+            message += f"{means[name]}; with its covariance it is {far[name]:.2g} nats from {name} "
+            message += f"and {far[nearest]:.2g} from {nearest} ({means[nearest]} N): are the logs "
+            message += "exchanged?"
+            key = f"dataset.force.configurations.{name}.file"
+            raise RecordingError(message, file=force.configurations[name].file, key=key)
+
+
+def _divergence(mean: ndarray, cov: ndarray, desired: ndarray, by: ndarray) -> float:
+    off, ratio = mean - desired, np.linalg.solve(by, cov)
+    log = np.linalg.slogdet(ratio)[1] if np.linalg.det(cov) > 0 else -np.inf
+    return float(0.5 * (np.trace(ratio) - len(mean) - log + off @ np.linalg.solve(by, off)))
 
 
 def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -> pd.DataFrame:

@@ -19,10 +19,10 @@ from pipeline.recordings.identity import (
     lags_beside_others,
     likeness,
     require_distinct,
-    require_own_configuration,
     residual_share,
 )
 from pipeline.recordings.ingest import read_part
+from pipeline.wrench.measured_force import require_own_configuration
 
 TRAIN, TEST = "train_001", "test_001"
 
@@ -219,7 +219,15 @@ def test_a_record_of_another_configuration_is_refused_by_its_name():
         turns = np.array(one.direction) + rng.normal(0, 600**-0.5, (3000, robots))
         pulls = np.array(one.tension) + rng.normal(size=(3000, robots)) * FORCE.tension_std[:robots]
         records[name] = np.stack([(pulls * f(turns)).sum(axis=1) for f in (np.cos, np.sin)], axis=1)
-    require_own_configuration(records, FORCE)
+
+    def check(records):
+        tables = [
+            pd.DataFrame(r, columns=["fx", "fy"]).assign(configuration=n)
+            for n, r in records.items()
+        ]
+        require_own_configuration(pd.concat(tables), FORCE)
+
+    check(records)
     for a, b in (("C1", "C2"), ("C2", "C3")):  # the first two have equal means
         with pytest.raises(RecordingError, match=f"nats from {a} .* from {b}.*exchanged"):
-            require_own_configuration({**records, a: records[b]}, FORCE)
+            check({**records, a: records[b]})

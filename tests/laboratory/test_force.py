@@ -3,6 +3,7 @@ the laboratory that describe nothing, refused with the key of their fault.
 """
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,15 +11,21 @@ from scipy.special import i0e, i1e
 
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.dynamics import open_session
-from pipeline.laboratory.force import Cables, directions, record_force, slipping, wander
+from pipeline.laboratory.force import directions, record_force, slipping, wander
 from pipeline.laboratory.options import Robots, TrajectoryOptions, Transducer
 
 TENSION, DIRECTION = np.array([9.0, 7.0, 8.0]), np.array([0.15, 3.7, 1.6])
-CABLES = Cables(TENSION, DIRECTION)
-IN_SPACE = CABLES._replace(
-    elevation=[0.9, 1.1, 0.7],
-    attachment=[[0.1, 0.0, 0.01], [-0.05, 0.09, 0.0], [-0.05, -0.08, 0.02]],
-)
+
+
+def pulled(tension, direction, elevation=None, attachment=None) -> SimpleNamespace:
+    """The values of an arrangement of which the rig makes use."""
+    values = {"tension": tension, "direction": direction}
+    return SimpleNamespace(**values, elevation=elevation, attachment=attachment)
+
+
+ENDS = [[0.1, 0.0, 0.01], [-0.05, 0.09, 0.0], [-0.05, -0.08, 0.02]]
+CABLES = pulled(TENSION, DIRECTION)
+IN_SPACE = pulled(TENSION, DIRECTION, [0.9, 1.1, 0.7], ENDS)
 ROBOTS = Robots(tension_sd=(0.5, 1.2, 2.0), concentration=(2400.0, 600.0, 170.0))
 SILENT = Transducer(noise=(0.0, 0.0), bias=(0.0, 0.0), drift=(0.0, 0.0))
 PATHS = 6000  # independent robots, so that statistics across them have a known error
@@ -57,7 +64,7 @@ def test_wander_is_a_stationary_ornstein_uhlenbeck_process_at_any_sampling_rate(
 def test_directions_spread_by_their_concentration_and_tensions_by_their_deviation():
     kappa, robots = 6.0, 400
     many = Robots(tension_sd=(1.5,) * robots, concentration=(kappa,) * robots)
-    cables = Cables(np.full(robots, 30.0), np.full(robots, 1.0))
+    cables = pulled(np.full(robots, 30.0), np.full(robots, 1.0))
     record = record_force(cables, many, SILENT, 0.0, 40.0, np.random.default_rng(31))
     along = record.direction @ [np.cos(1.0), np.sin(1.0), 0.0]
     assert across(along.mean(axis=0), i1e(kappa) / i0e(kappa)) < 4.5
@@ -67,7 +74,7 @@ def test_directions_spread_by_their_concentration_and_tensions_by_their_deviatio
 
 
 def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_the_origin():
-    def silent(cables: Cables):
+    def silent(cables):
         return record_force(cables, ROBOTS, SILENT, 5.0, 20.0, np.random.default_rng(32))
 
     for cables in (CABLES, IN_SPACE):
@@ -82,7 +89,7 @@ def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_t
         np.testing.assert_allclose(record.torque, torque, atol=1e-12)
     # the controls: in a plane nothing pulls out of it; tied to one point they turn it otherwise
     assert not silent(CABLES).force[:, 2].any()
-    met = silent(IN_SPACE._replace(attachment=None))
+    met = silent(pulled(TENSION, DIRECTION, IN_SPACE.elevation))
     np.testing.assert_array_equal(met.force, record.force)
     assert np.abs(met.torque - record.torque).max() > 0.1
 
@@ -90,7 +97,7 @@ def test_a_silent_transducer_measures_the_cables_pulls_and_their_moments_about_t
 @pytest.mark.parametrize("kappa", [6.0, 300.0])
 def test_directions_in_space_spread_by_their_concentration_alike_in_all_directions(kappa):
     azimuth, elevation, many = 0.4, 0.8, 600
-    cables = Cables([1.0] * many, [azimuth] * many, [elevation] * many)
+    cables = pulled([1.0] * many, [azimuth] * many, [elevation] * many)
     robots = Robots(tension_sd=(1.0,) * many, concentration=(kappa,) * many, wander_time=0.4)
     e = directions(cables, robots, 60, 2.0, np.random.default_rng(41))
     level = np.cos(elevation)
@@ -125,7 +132,7 @@ def test_the_transducer_adds_the_stated_noise_bias_and_drift():
 
 
 def test_a_cable_never_pushes(rng):
-    record = record_force(CABLES._replace(tension=[2.0, 7.0, 2.0]), ROBOTS, SILENT, 0.0, 60.0, rng)
+    record = record_force(pulled([2.0, 7.0, 2.0], DIRECTION), ROBOTS, SILENT, 0.0, 60.0, rng)
     assert record.tension.min() == 0.0
 
 
@@ -147,5 +154,5 @@ def test_options_without_a_meaning_are_refused_by_their_key(options, change, key
 def test_the_disturbances_of_another_arm_and_cables_of_fewer_robots_are_refused(arm, dynamics, rng):
     with pytest.raises(ConfigError, match=r"sway_std .*laboratory\.dynamics"):
         open_session(arm.chain, replace(dynamics, sway_std=(1e-3, 1e-3)), rng)
-    with pytest.raises(ConfigError, match="2 tensions"):
-        record_force(Cables(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng)
+    with pytest.raises(ConfigError, match="3 robots and 2 cables"):
+        record_force(pulled(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng)
