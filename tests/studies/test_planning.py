@@ -80,11 +80,13 @@ def test_sums_are_the_variances_of_the_takes_resampled_or_not(bench):
 
 
 def test_orders_agree_in_part_and_equal_predictions_have_no_order():
-    sums = {"a": 1.0, "b": 2.0, "c": 3.0, "d": 4.0}
-    assert stage.agreement(sums, sums) == 1.0
-    assert stage.agreement(sums | {"a": 2.5}, sums) == pytest.approx(1 - 2 / 6)
-    equal = {name: 1.0 + 1e-13 * value for name, value in sums.items()}  # but for rounding
-    assert np.isnan(stage.agreement(equal, sums))
+    realised = [1.0, 2.0, 3.0, 4.0]
+
+    def tau(predicted: list[float]) -> float:
+        return stage.agreement(pd.DataFrame({"predicted": predicted, "ratio": realised}))
+
+    assert tau(realised) == 1.0 and tau([2.5, 2.0, 3.0, 4.0]) == pytest.approx(1 - 2 / 6)
+    assert np.isnan(tau([1.0 + 1e-13 * value for value in realised]))  # equal but for rounding
 
 
 def test_the_takes_of_two_motions_err_alike_and_those_of_training_are_others(bench):
@@ -111,7 +113,10 @@ def test_the_page_counts_plans_of_least_sum():
     rows = stage.sum_rows({name: np.full(3, x) for name, x in sums.items()})
     assert rows["least"].tolist() == [0, 0, 0, 1] and rows["ratio"].tolist() == [2, 1, 3, 0.5]
     place = {"arm": "youbot", "physics": "base condition"}
-    taus = pd.DataFrame({"model": ["gaussian"], "tau": 0.5} | place)
-    tables = {"planning": rows.assign(**place), "planning_agreements": taus}
+    predicted = pd.DataFrame({"motion": list(sums), "sum": [2.0, 1.0, 0.5, 0.4]})
+    tables = {
+        "planning": rows.assign(**place),
+        "planning_predictions": predicted.assign(model="gaussian", **place),
+    }
     facts = stage.facts(tables, OPTIONS)
-    assert (facts["sure"], facts["pairs"], facts["medians"]) == (1, 1, "0.5 (gaussian)")
+    assert (facts["sure"], facts["pairs"], facts["medians"]) == (1, 1, "0.333 (gaussian)")

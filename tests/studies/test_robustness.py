@@ -1,8 +1,6 @@
 """Conditions with a known outcome, decisions that change one option, and the page's counts."""
 
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,7 +10,7 @@ from sample_options import filter_options
 from study_runs import options_of
 
 from pipeline.core.columns import spread
-from pipeline.core.options.analysis import Compute, Wrench
+from pipeline.core.options.analysis import Wrench
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.evidence.case import KINDS, Choices
 from pipeline.models.kinds import options_type
@@ -36,7 +34,6 @@ FURTHER = {"wishart": {"decomposition": "pivoted_lu", "floor": 0.2}, "gaussian":
 MODELS = {
     kind: options_type(kind)(kind, estimator="paper", **FURTHER.get(kind, {})) for kind in KINDS
 }
-MODELS["scaled_full"] = options_type("scaled")("scaled", structure="full")
 CASE = Choices(MODELS, filter_options(60, "systematic", 0.5), "one_step", closed=True)
 # sway of one size at any speed, and no other disturbance: the additive model is true
 ABSENT = "clearance speed_error_std encoder_ripple jitter_std start_std speed_exponent"
@@ -151,28 +148,3 @@ def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
     assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
     facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")
-
-
-def counted(condition, **common):
-    """The verdicts, and a line in the file `calls`."""
-    with Path("calls").open("a") as file:
-        file.write(f"{condition.seed}\n")
-    return verdicts(condition, **common)
-
-
-def test_a_condition_of_a_killed_run_is_not_evaluated_again(common, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    common = common | {"claims": tuple(c for c in CLAIMS if c.id.startswith("wrench"))}
-    grid = [Condition("wrench", seed) for seed in (1, 2)]
-    monkeypatch.setattr(stage, "verdicts", counted)
-    monkeypatch.setattr(stage, "laboratory_conditions", lambda *_: (grid, common))
-    settings = SimpleNamespace(compute=Compute(workers=1))
-    killed = stage.laboratory_verdicts(settings, None, None)
-    assert next(killed)[0] == "wrench"
-    killed.close()
-    rows = [part[3] for part in stage.laboratory_verdicts(settings, None, None)]
-    base = verdicts(grid[0], **common)
-    pd.testing.assert_frame_equal(rows[0], base)
-    assert not rows[1].equals(base)
-    assert sorted(Path("calls").read_text().split()) == ["1", "2"]
-    assert not Path(".dvc/tmp/robustness").exists()

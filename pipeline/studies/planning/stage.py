@@ -181,17 +181,14 @@ def tables_of(
             print(f"planning: {arm}, {physics}: {name} has no plan: {error.message}")
     resampled = drawn_takes(bench.takes, rng.stream(bench.seed, "planning.resampling"))
     sums = realised_sums(bench, motions, [np.arange(bench.takes), *resampled])
-    predictions = {
-        model: {name: predicted_sum(bench, law, path) for name, path in motions.items()}
+    rows = [
+        (model, name, predicted_sum(bench, law, path))
         for model, law in laws.items()
-    }
-    rows = [(model, *each) for model, own in predictions.items() for each in own.items()]
-    realised = {name: values[0] for name, values in sums.items()}
-    taus = [(model, agreement(own, realised)) for model, own in predictions.items()]
+        for name, path in motions.items()
+    ]
     tables = {
         "planning": sum_rows(sums),
         "planning_predictions": pd.DataFrame(rows, columns=["model", "motion", "sum"]),
-        "planning_agreements": pd.DataFrame(taus, columns=["model", "tau"]),
     }
     return {name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()}
 
@@ -223,13 +220,24 @@ def predicted_sum(bench: Bench, model: MotionModel, path: np.ndarray) -> float:
     return float(np.trace(covariance, axis1=-2, axis2=-1).sum())
 
 
-def agreement(prediction: Mapping[str, float], realised: Mapping[str, float]) -> float:
-    """Return Kendall's τ_b (Biometrika 33, 1945); NaN for < 3 motions and equal predictions."""
-    names = [name for name, value in prediction.items() if name in realised and value == value]
-    first = [float(f"{prediction[name]:.{DIGITS}g}") for name in names]
-    if len(names) < 3 or len(set(first)) == 1:
+def agreement(rows: pd.DataFrame) -> float:
+    """Return Kendall's τ_b (Biometrika 33, 1945) of the ``rows`` of :func:`compared` of one model;
+    NaN for < 3 motions and equal predictions.
+    """
+    predicted = [float(f"{value:.{DIGITS}g}") for value in rows["predicted"]]
+    if len(rows) < 3 or len(set(predicted)) == 1:
         return float("nan")
-    return float(kendalltau(first, [realised[name] for name in names]).statistic)
+    return float(kendalltau(predicted, rows["ratio"]).statistic)
+
+
+def compared(planning: pd.DataFrame, predictions: pd.DataFrame) -> pd.DataFrame:
+    """Return the sums of performed motions over the minimum-norm motion's, by arm, physics and
+    model: ``predicted`` and realised (``ratio``).
+    """
+    norm = predictions[predictions["motion"] == MINIMUM].drop(columns="motion")
+    both = predictions.merge(norm, on=[*KEYS, "model"], suffixes=("", " of norm")).dropna()
+    both["predicted"] = both["sum"] / both["sum of norm"]
+    return both.merge(planning[[*KEYS, "motion", "ratio"]], on=[*KEYS, "motion"])
 
 
 def sum_rows(sums: Motions) -> pd.DataFrame:
@@ -254,7 +262,9 @@ def motion_label(motion: str) -> str:
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
-    rows, taus = tables["planning"], tables["planning_agreements"].dropna(subset="tau")
+    rows = tables["planning"]
+    both = compared(rows, tables["planning_predictions"]).groupby([*KEYS, "model"], sort=False)
+    taus = both[["predicted", "ratio"]].apply(agreement).dropna()
     ends = zip(rows["ratio"], rows["low"], rows["high"], strict=True)
     rows = rows.assign(
         text=[interval(*each).replace("+", "") for each in ends],
@@ -269,7 +279,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     cells = [*KEYS, "label", "text", "label of plan", "text of plan"]
     header = ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"]
     sure = (least["plan"] & (least["least"] >= SURE)).sum()
-    medians = taus.groupby("model", sort=False)["tau"].median()
+    medians = taus.groupby("model", sort=False).median()
     medians = [f"{number(tau)} ({model})" for model, tau in medians.items()]
     few = " These plans do not reliably reduce the uncertainty."
     return {
@@ -285,12 +295,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
 
 def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
-    norm = planning_predictions[planning_predictions["motion"] == MINIMUM]
-    both = planning_predictions.merge(
-        norm.drop(columns="motion"), on=[*KEYS, "model"], suffixes=("", " of norm")
-    ).dropna()
-    both = both.merge(planning[[*KEYS, "motion", "ratio"]], on=[*KEYS, "motion"])
-    both["predicted"] = both["sum"] / both["sum of norm"]
+    both = compared(planning, planning_predictions)
     arms, black, grey = list(dict.fromkeys(planning["arm"])), style.BLACK, style.GREY
     colours = (black, grey, style.GREEN, style.BLUE, style.VERMILLION, style.ORANGE, style.PURPLE)
     motions = dict(zip(dict.fromkeys(planning["motion"]), colours, strict=False))

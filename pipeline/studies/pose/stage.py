@@ -15,17 +15,26 @@ from pipeline.verdicts.wording import join_names, table
 DATASETS = Path("reports/datasets")
 NORM = "norm of the inverse Jacobian"
 YES, NO, UNKNOWN = "yes", "no", "cannot be told"
-MARKERS = {NORM: "o", "wishart": "s", "gaussian": "D"}
+ANSWERS = {
+    YES: "the noise grows with the pose quantity beyond the joint speed",
+    NO: "the pose does not matter beyond the joint speed",
+    UNKNOWN: "these recordings cannot tell",
+}
+LOOKS = {
+    NORM: {"fmt": "o", "color": style.BLUE, "label": NORM},
+    "wishart": {"fmt": "s", "color": style.VERMILLION, "label": "std of the Wishart model"},
+    "gaussian": {"fmt": "D", "color": style.ORANGE, "label": "std of the Gaussian matrix model"},
+}
 
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``pose`` of the evidence of all datasets; NoAnswerError without one."""
     rows = []
     for run in map(read_run, sorted(DATASETS.glob("*.json"))):
-        own = run.tables.get("pose_effect")
-        if own is not None and len(own):
+        effect = run.tables.get("pose_effect")
+        if effect is not None and len(effect):
             kind = "synthetic" if run.synthetic else "real"
-            rows.append(own.assign(dataset=run.dataset, recordings=kind))
+            rows.append(effect.assign(dataset=run.dataset, recordings=kind))
     if not rows:
         raise NoAnswerError("no dataset has a task and enough steps of moving joints")
     found = concatenate(rows)
@@ -33,9 +42,9 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def answer(row) -> str:
-    """Return whether the noise grows with the pose quantity: YES if the interval of the exponent is
-    above zero; NO if it is below one, contains no value above one half and has the power to tell
-    one from zero; else UNKNOWN.
+    """Return YES if the noise grows with the pose quantity: the interval of the exponent is above
+    zero; NO if it is below one, contains no value above one half and has the power to tell one from
+    zero; else UNKNOWN.
     """
     if row.low > 0:
         return YES
@@ -45,11 +54,11 @@ def answer(row) -> str:
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return a sentence on each real dataset, and the table."""
     found = tables["pose"]
-    norm = found[found["quantity"] == NORM]
-    sentences = []
+    ends = zip(found["exponent"], found["low"], found["high"], strict=True)
+    found = found.assign(text=[interval(*each) for each in ends])
+    norm, sentences = found[found["quantity"] == NORM], []
     for row in norm[norm["recordings"] == "real"].itertuples():
-        exponent = interval(row.exponent, row.low, row.high)
-        text = f"On {row.dataset} the exponent of ‖J⁺‖ is {exponent} over {row.groups} motions or "
+        text = f"On {row.dataset} the exponent of ‖J⁺‖ is {row.text} over {row.groups} motions or "
         text += f"blocks: {ANSWERS[row.answer]}"
         if row.answer == UNKNOWN and pd.notna(row.needed):
             text += (
@@ -57,55 +66,29 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
                 f"motion with {number(row.needed)} would tell"
             )
         sentences.append(f"{text}.")
-    cells = [
-        [
-            row.dataset,
-            row.quantity,
-            interval(row.exponent, row.low, row.high),
-            number(row.power),
-            number(row.spread),
-            number(row.needed),
-            row.answer,
-        ]
-        for row in found.itertuples()
-    ]
-    head = [
-        "dataset",
-        "quantity x",
-        "exponent",
-        "power",
-        "spread of ln x",
-        "needed",
-        "pose matters",
-    ]
+    header = "dataset, quantity x, exponent, power, spread of ln x, needed, pose matters"
+    cells = found[["dataset", "quantity", "text", "power", "spread", "needed", "answer"]]
+    numbers = ["power", "spread", "needed"]
+    cells = cells.assign(**{name: cells[name].map(number) for name in numbers})
     synthetic = norm.loc[norm["recordings"] == "synthetic", "dataset"]
-    names = join_names(list(synthetic)) if len(synthetic) else "none"
-    return {"sentences": "\n".join(sentences), "table": table(head, cells), "synthetic": names}
-
-
-ANSWERS = {
-    YES: "the noise grows with the pose quantity beyond the joint speed",
-    NO: "the pose does not matter beyond the joint speed",
-    UNKNOWN: "these recordings cannot tell",
-}
+    return {
+        "sentences": "\n".join(sentences),
+        "table": table(header.split(", "), cells.to_numpy()),
+        "synthetic": join_names(list(synthetic) or ["none"]),
+    }
 
 
 def draw(pose: pd.DataFrame) -> Figure:
     """Draw the exponents with their intervals by dataset."""
     names = list(dict.fromkeys(pose["dataset"]))
-    figure = Figure(figsize=(7.0, 1.2 + 0.45 * len(names)), layout="constrained")
-    axes = figure.subplots()
-    quantities = list(dict.fromkeys(pose["quantity"]))
-    colours = (style.BLUE, style.VERMILLION, style.ORANGE)
-    for number_of, (quantity, colour) in enumerate(zip(quantities, colours, strict=False)):
-        own = pose[pose["quantity"] == quantity]
-        place = [names.index(name) + 0.2 * (number_of - 1) for name in own["dataset"]]
-        ends = [own["exponent"] - own["low"], own["high"] - own["exponent"]]
-        marker = MARKERS.get(quantity, "^")
-        look = {"fmt": marker, "color": colour, "label": quantity, "markersize": 4}
-        axes.errorbar(own["exponent"], place, xerr=ends, **look)
+    figure, ((axes,),) = style.panels(style.TWO_COLUMNS, 1.2 + 0.45 * len(names))
+    for shift, (quantity, look) in zip((-0.2, 0.0, 0.2), LOOKS.items(), strict=True):
+        rows = pose[pose["quantity"] == quantity]
+        heights = [names.index(name) + shift for name in rows["dataset"]]
+        ends = [rows["exponent"] - rows["low"], rows["high"] - rows["exponent"]]
+        axes.errorbar(rows["exponent"], heights, xerr=ends, markersize=4, **look)
     for value in (0.0, 1.0):
-        axes.axvline(value, color="0.6", linewidth=0.8, zorder=0)
+        axes.axvline(value, color=style.GREY, linewidth=0.8, zorder=0)
     axes.set_yticks(range(len(names)), names)
     axes.set_xlabel("exponent of the pose quantity (0: speed alone, 1: proportional)")
     figure.legend(loc="outside lower center", ncols=3)

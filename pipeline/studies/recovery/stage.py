@@ -126,7 +126,6 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
         "mean_high": mean + half,
         "least": estimates.min(),
         "greatest": estimates.max(),
-        "root_mean_square_error": np.sqrt(np.mean(error**2)),
         "standard_deviation": std,
         "bootstrap_standard_error": (again - estimates).std(ddof=1),
         "coverage": np.mean((error + low <= 0) & (0 <= error + high)),

@@ -145,10 +145,7 @@ def motion_evidence(
     condition: Condition, laboratory: Laboratory, case: Choices, options: SimpleNamespace
 ) -> pd.DataFrame:
     """Return the evidence of a condition of the motion; none if the motion has a singular pose."""
-    way, motion = (
-        options.trajectories.get(str(condition.level("trajectory")), {}),
-        laboratory.motion,
-    )
+    way, motion = options.trajectories.get(condition.level("trajectory"), {}), laboratory.motion
     pace, rest = float(way.get("pace", 1.0)), float(way.get("rest", motion.rest))
     changes = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}  # rad
     # the motion between the rests keeps its duration

@@ -1,6 +1,5 @@
 """robustness: verdicts under other decisions, physics of the laboratory and random numbers."""
 
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -8,15 +7,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
-from joblib import Memory
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
-from pipeline.core.sources import sources_hash
 from pipeline.evidence.case import Choices, Recordings, recorded_takes
 from pipeline.evidence.outcomes import evaluate
 from pipeline.figures import style
@@ -24,7 +20,6 @@ from pipeline.studies.frame import MISSING, Study, Tables, trials
 from pipeline.studies.robustness.grid import (
     BASE,
     CHANCE,
-    Condition,
     cameras,
     conditions,
     decision_cases,
@@ -39,7 +34,6 @@ from pipeline.verdicts.wording import table
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
-BESIDE = "scaled_full"  # model that is scored in the laboratory in addition to the paper's models
 BOTH = "both"
 NAMES = {
     "lasting": "duration of deviations",
@@ -107,27 +101,12 @@ def decision_verdicts(
 def laboratory_verdicts(
     settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
 ) -> Iterator[Verdicts]:
-    """Yield the verdicts in every condition of the laboratory; reuses results of a killed run."""
-    grid, common = laboratory_conditions(settings, options, claims)
-    folder = Path(".dvc/tmp/robustness", sources_hash()).absolute()
-    resumed = Memory(folder, verbose=0).cache(verdicts)
-    results = trials(settings, "robustness: conditions", resumed, grid, **common)
-    for condition, rows in zip(grid, results, strict=True):
-        factor = ", ".join(name for name, _ in condition.levels)
-        level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
-        yield condition.study, factor, level, rows
-    shutil.rmtree(folder.parent, ignore_errors=True)
-
-
-def laboratory_conditions(
-    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
-) -> tuple[list[Condition], dict[str, object]]:
-    """Return every condition of the laboratory, and the other arguments of their verdicts."""
+    """Yield the verdicts in every condition of the laboratory."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
     noise = contracts.read("kinect_noise", ARTICULATE)
     common = {
         "laboratory": Laboratory.of_run(settings, recorded, noise),
-        "case": replace(Choices.of_run(settings, **config.model_options([BESIDE])), closed=True),
+        "case": replace(Choices.of_run(settings), closed=True),
         "claims": claims,
         "options": options,
         "wrench": settings.wrench,
@@ -135,7 +114,11 @@ def laboratory_conditions(
     varied = {"trajectory": list(options.trajectories)} | options.factors
     grid = conditions(varied, options.seeds, "motion", options.combined)
     grid += conditions(options.wrench, options.seeds, "wrench")
-    return grid, common
+    results = trials(settings, "robustness: conditions", verdicts, grid, **common)
+    for condition, rows in zip(grid, results, strict=True):
+        factor = ", ".join(name for name, _ in condition.levels)
+        level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
+        yield condition.study, factor, level, rows
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
