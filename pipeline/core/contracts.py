@@ -75,7 +75,7 @@ class Column(NamedTuple):
 
 @cache
 def read_declarations(file: Path = TABLES) -> dict[str, dict[str, Column]]:
-    """Return the columns by name of every table of ``file``; ``*`` and ``#`` name a family."""
+    """Return the columns by name of every table of ``file``; ``*`` names a family."""
     return {
         name: {column: Column.parse(text) for column, text in lines.items()}
         for name, lines in read_yaml(file).items()
@@ -87,7 +87,7 @@ def expand_families(declaration: dict[str, Column], present: list[str]) -> dict[
     """Return the ``declaration`` with each family replaced by its members among ``present``."""
     columns = {}
     for name, column in declaration.items():
-        pattern = re.escape(name).replace(r"\*", "[^:]+").replace(r"\#", "[1-9]")
+        pattern = re.escape(name).replace(r"\*", "[^:]+")
         family = [c for c in present if re.fullmatch(pattern, str(c))]
         columns |= dict.fromkeys(family or [name] * (not column.optional), column)
     return columns

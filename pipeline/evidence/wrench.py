@@ -25,12 +25,15 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
         ]
     for own in _records(tables, "sigma_s"):
         published = own["system_class"] != "study" and own["form"] == "diagonal"
-        for entry in ENTRIES if published else ():
-            keys = {"configuration": own["system_class"], "estimator": own["form"], "entry": entry}
-            expected, error = own[f"e{entry}"], own[f"ee{entry}"]
-            rows.append(evidence_row("sigma_s", expected, standard_error=error, **keys))
-            mean, error = own[f"s{entry}"], own[f"de{entry}"]
-            rows.append(evidence_row("mean_of_sigma_s", mean, standard_error=error, **keys))
+        if published and own["entry"] in ENTRIES:
+            place = {"configuration": own["system_class"], "entry": own["entry"]}
+            for name, value, error in (
+                ("sigma_s", "expectation", "expectation_error"),
+                ("mean_of_sigma_s", "mean", "expected_standard_error"),
+            ):
+                number = own[value]
+                keys = place | {"estimator": own["form"], "standard_error": own[error]}
+                rows.append(evidence_row(name, number, **keys))
     for own in _records(tables, "force_moments"):
         if own["source"] == "measured":
             place = {"configuration": own["configuration"]}

@@ -1,5 +1,7 @@
 """Figures of the depth camera, the filter and the quality of the recordings (Sec. 4.1.3)."""
 
+from textwrap import wrap
+
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
@@ -9,24 +11,11 @@ from pipeline.core.columns import column, columns, members
 from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.figures import style
 
+ERROR = "_standard_error"  # end of the name of a measure that is an error of another measure
 LABEL_DISTANCE = 13  # pt from the node, on the outer side of the bend
-# measure of the table: label of its strip, and factor from the table's unit to the label's
-STRIPS = {
-    "missing_share": ("missing\nsamples (%)", 100),
-    "longest_gap": ("longest gap\n(frames)", 1),
-    "interpolated": ("interpolated\nframes", 1),
-    "relabelled_share": ("relabelled\nsamples (%)", 100),
-    "residual_rms": ("rigid-body\nresidual (mm)", 1000),
-    "dropped_share": ("dropped depth\nframes (%)", 100),
-    "clock_offset": ("clock offset\n(ms)", 1000),
-    "clock_offset_standard_error": ("offset's std\nerror (ms)", 1000),
-    "clock_drift": ("clock drift\n(ms/s)", 1000),
-    "lag_behind_command": ("lag behind\ncommand (ms)", 1000),
-    "greatest_residual": ("greatest\nresidual (mrad)", 1000),
-    "residual_beside_others": ("residual beside\nothers (mrad)", 1000),
-    "disturbance": ("disturbance\n(robust std)", 1),
-}
-SIGNED = ("clock_drift", "lag_behind_command")  # measures with limits ±
+# unit of a measure: unit of its strip, and factor between them
+UNITS = {"share": ("%", 100), "m": ("mm", 1000), "s": ("ms", 1000), "s/s": ("ms/s", 1000)}
+UNITS |= {"rad": ("mrad", 1000), "count": ("frames", 1), "frames": ("frames", 1)}
 KEPT = {"marker": ".", "ms": 3, "color": style.BLUE, "ls": "none", "label": "take"}
 LEFT_OUT = {"marker": "x", "ms": 4, "color": style.VERMILLION, "ls": "none", "label": "left out"}
 
@@ -130,8 +119,10 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
     """Draw a strip for each measure that the dataset has."""
     known = takes.drop_duplicates("take").reset_index(drop=True)
     place = pd.Series(np.arange(1, len(known) + 1), known["take"])
-    by_measure = dict(list(takes.groupby("measure")))
-    shown = [measure for measure in STRIPS if measure in by_measure]
+    by_measure = {name: rows.set_index("take") for name, rows in takes.groupby("measure")}
+    # a standard error without a limit is drawn with its measure alone
+    strips = takes[takes["limit"].notna() | ~takes["measure"].str.endswith(ERROR)]
+    shown = list(dict.fromkeys(strips["measure"]))
     height = 0.62 * len(shown) + 0.9
     figure, grid = style.panels(style.TWO_COLUMNS, height, rows=len(shown), sharex=True)
     dashed = {"color": style.BLACK, "lw": 0.8, "ls": (0, (4, 3)), "label": "limit", "zorder": 1}
@@ -139,23 +130,24 @@ def recording_quality(takes: pd.DataFrame) -> Figure:
     bars = {"fmt": "none", "ecolor": style.GREY, "elinewidth": 0.5, "label": "± 2 standard errors"}
     boundaries = np.flatnonzero(known["part"] != known["part"].shift())[1:] + 0.5
     for axes, measure in zip(grid[:, 0], shown, strict=True):
-        (label, unit), rows = STRIPS[measure], by_measure[measure].set_index("take")
+        rows = by_measure[measure]
+        unit, factor = UNITS.get(rows["unit"].iloc[0], (rows["unit"].iloc[0], 1))
         for mark, of in ((KEPT, rows[~rows["left_out"]]), (LEFT_OUT, rows[rows["left_out"]])):
             if len(of):
-                axes.plot(place[of.index], unit * of["value"], **mark, zorder=3)
-        if measure == "clock_drift":
-            errors = by_measure["clock_drift_standard_error"].set_index("take")["value"]
-            error = 2 * unit * errors[rows.index]
-            axes.errorbar(place[rows.index], unit * rows["value"], yerr=error, **bars)
-        if not np.isnan(limit := unit * rows["limit"].iloc[0]):
-            for side in (-1, 1) if measure in SIGNED else (1,):
+                axes.plot(place[of.index], factor * of["value"], **mark, zorder=3)
+        if (errors := by_measure.get(measure + ERROR)) is not None:
+            error = 2 * factor * errors["value"][rows.index]
+            axes.errorbar(place[rows.index], factor * rows["value"], yerr=error, **bars)
+        if not np.isnan(limit := factor * rows["limit"].iloc[0]):
+            for side in (-1, 1) if rows["value"].min() < 0 else (1,):
                 axes.axhline(side * limit, **dashed)
         axes.margins(y=0.12)
         if rows["value"].min() >= 0:  # from zero, with whole marks at either end
-            top = max(axes.get_ylim()[1], 1.0 if unit == 1 else 0.0)  # counts up to 1 at least
+            top = max(axes.get_ylim()[1], 1.0 if factor == 1 else 0.0)  # counts up to 1 at least
             axes.set_ylim(-0.08 * top, 1.08 * top)
         for boundary in boundaries:
             axes.axvline(boundary, **between)
+        label = "\n".join(wrap(f"{measure.replace('_', ' ')} ({unit})", 16))
         axes.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=7)
         axes.locator_params(axis="y", nbins=3)
     figure.align_ylabels(grid[:, 0])

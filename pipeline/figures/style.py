@@ -29,9 +29,6 @@ MODELS = {
         ("additive", "additive Gaussian noise", SKY, ":"),
         ("wishart", "Wishart perturbation", BLUE, "--"),
         ("gaussian", "Gaussian noise matrix", BLACK, "-."),
-        ("scaled", "scaled with speed, by joint", GREEN, (0, (6, 1.5, 1, 1.5, 1, 1.5))),
-        ("none", "training mean", GREY, "-"),
-        ("scaled_full", "scaled with speed, full", PURPLE, (0, (8, 2))),
     )
 }
 FURTHER = (  # looks of models that are not in MODELS, in turn

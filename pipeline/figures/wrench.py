@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Arc, Patch, Polygon
+from matplotlib.patches import Arc, Polygon
 
 from pipeline.core.options.dataset import Arrangement
 from pipeline.figures import style
@@ -28,7 +27,6 @@ STATES = (  # symbol, radius of the angle's arc, line
 CENTRED = {"ha": "center", "va": "center"}
 BINS = 60  # of the histograms
 ROBOTS = 1.45  # distance of the robots' circles from the platform, in greatest tensions
-LEVELS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the greatest measured density in a plane
 LINES = {
     "measured": style.RECORDED,
     "modelled": {"label": "matrix model", "color": style.BLUE, "linestyle": "--"},
@@ -140,48 +138,6 @@ def _draw_robots(axes: Axes, robots: Arrangement, pulls: np.ndarray, far: float)
     style.arrow(axes, (0, 0), pulls.sum(axis=1), style.BLACK, linewidth=1.2)
     axes.set(xlim=(-2 * far, 2 * far), ylim=(-1.2 * far, 1.2 * far), aspect="equal", anchor="N")
     axes.set_axis_off()
-
-
-def wrench_planes(wrench_planes: pd.DataFrame, recordings: str) -> Figure:
-    """Draw a row of panels for each configuration, a panel for each pair of forces or moments."""
-    planes = list(dict.fromkeys(zip(wrench_planes["row_x"], wrench_planes["row_y"], strict=True)))
-    by_name = list(wrench_planes.groupby("configuration", sort=False))
-    layout = {"rows": len(by_name), "columns": len(planes)}
-    figure, grid = style.panels(style.TWO_COLUMNS, 0.6 + 1.3 * len(by_name), **layout)
-    for row, (name, table) in zip(grid, by_name, strict=True):
-        for axes, (x, y) in zip(row, planes, strict=True):
-            _draw_plane(axes, table[(table["row_x"] == x) & (table["row_y"] == y)])
-            axes.set(xlabel=style.wrench_label(x), ylabel=style.wrench_label(y))
-        row[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
-    lines = Line2D([], [], color=style.VERMILLION, lw=0.7, label="matrix model")
-    entries = [Patch(color=style.GREY, label=recordings), lines]
-    figure.legend(handles=entries, loc="outside upper center", ncols=2)
-    return figure
-
-
-def _draw_plane(axes: Axes, table: pd.DataFrame) -> None:
-    """Draw shades of the measured density and lines of the modelled one at the same levels."""
-    measured, modelled = (
-        table[table["source"] == source].pivot(index="y", columns="x", values="density")
-        for source in ("measured", "modelled")
-    )
-    if measured.empty:  # the configuration is planar and has no such plane
-        axes.set_axis_off()
-        return
-    greatest = measured.to_numpy().max()
-    levels = greatest * np.array(LEVELS)
-    cells = (measured.columns, measured.index)
-    shades = axes.contourf(*cells, measured.to_numpy(), [*levels, greatest], cmap="Greys", vmin=0)
-    look = {"colors": style.VERMILLION, "linewidths": 0.7}
-    lines = axes.contour(*cells, modelled.to_numpy(), levels, **look)
-    for drawn in (shades, lines):
-        drawn.set_rasterized(True)
-    # limits of the region where either density is visible
-    visible = np.maximum(measured.to_numpy(), modelled.to_numpy()) > 0.01 * greatest
-    for across, values, limits in ((0, cells[0], axes.set_xlim), (1, cells[1], axes.set_ylim)):
-        shown = np.asarray(values)[visible.any(axis=across)]
-        limits(shown[0], shown[-1])
-    axes.locator_params(nbins=3)
 
 
 def wrench_marginals(wrench_marginals: pd.DataFrame, recordings: str) -> Figure:

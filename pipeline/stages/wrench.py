@@ -45,7 +45,7 @@ def run() -> None:
             for name, table in of_configuration.items():
                 tables.setdefault(name, []).append(table)
             # eigenvalues set to zero, which the report counts
-            for row in of_configuration["sigma_s"].itertuples():
+            for row in of_configuration["sigma_s"].drop_duplicates("form").itertuples():
                 form = "" if row.form == "diagonal" else f"_{row.form}"
                 metrics[f"{row.system_class}{form}_sigma_s_clipped"] = int(row.clipped)
     with contracts.replacing(OUT) as folder:
@@ -83,12 +83,11 @@ def _configuration(
         for form, sigma_s in tested.items()
     ]
     tables = {
-        "sigma_s": pd.DataFrame(sigma_s_rows(name, agents, estimates, expected)),
+        "sigma_s": sigma_s_rows(name, agents, estimates, expected),
         "force_moments": measuring.force_moments(name, wrenches, rows),
         "force_test": pd.DataFrame(tests),
     }
     if len(rows) == 2:
         return tables | {"force_density": measuring.force_density(name, wrenches, options.grid)}
-    shown = (name, wrenches, rows, options.grid)
-    tables["wrench_planes"] = measuring.wrench_planes(*shown)
-    return tables | {"wrench_marginals": measuring.wrench_marginals(*shown)}
+    marginals = measuring.wrench_marginals(name, wrenches, rows, options.grid)
+    return tables | {"wrench_marginals": marginals}

@@ -7,7 +7,6 @@ after a table returns the rows of one ``configuration`` in the table.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pandas as pd
@@ -110,19 +109,6 @@ def force_density(configuration: str, wrenches: Wrenches, points: int) -> pd.Dat
         columns = {"configuration": configuration, "source": source}
         tables.append(pd.DataFrame(columns | {"fx": fx, "fy": fy, "density": density}))
     return pd.concat(tables, ignore_index=True)
-
-
-def wrench_planes(
-    configuration: str, wrenches: Wrenches, rows: Sequence[str], points: int
-) -> pd.DataFrame:
-    """Return the table ``wrench_planes``: :func:`force_density` for any two forces or moments."""
-    tables = []
-    for i, j in combinations(range(len(rows)), 2):
-        if rows[i][0] == rows[j][0]:
-            plane = {source: sample[:, [i, j]] for source, sample in wrenches.items()}
-            table = force_density(configuration, plane, points)
-            tables.append(table.assign(row_x=rows[i], row_y=rows[j]))
-    return pd.concat(tables, ignore_index=True).rename(columns={"fx": "x", "fy": "y"})
 
 
 def wrench_marginals(

@@ -154,19 +154,23 @@ def covariance_errors(modelled: ndarray, covariance: ndarray) -> ndarray:
 
 def sigma_s_rows(
     system_class: str, agents: int, estimates: dict[str, SigmaS], expected: dict[str, SigmaS]
-) -> list[dict[str, object]]:
-    """Return a row of the table ``sigma_s`` for each form of Σ_S of one class of systems."""
-    rows = []
+) -> pd.DataFrame:
+    """Return the rows of the table ``sigma_s`` of one class of systems, one for each entry."""
+    tables = []
     for form, average in estimates.items():
-        row, limit = {"system_class": system_class, "agents": agents, "form": form}, expected[form]
-        columns = {"s": average.mean, "se": average.standard_error, "e": limit.mean}
-        # ``de``: limit of the average's standard error
-        columns |= {"ee": limit.standard_error, "de": limit.deviation / np.sqrt(average.systems)}
-        for name, values in columns.items():
-            entries = zip(*np.triu_indices(len(values)), strict=True)
-            row |= {f"{name}{i + 1}{j + 1}": values[i, j] for i, j in entries}
-        rows.append(row | {"clipped": average.clipped})
-    return rows
+        limit, (i, j) = expected[form], np.triu_indices(len(average.mean))
+        row = {"system_class": system_class, "agents": agents, "form": form}
+        row |= {"entry": [f"{a}{b}" for a, b in zip(i + 1, j + 1, strict=True)]}
+        columns = {
+            "mean": average.mean,
+            "standard_error": average.standard_error,
+            "expectation": limit.mean,
+            "expectation_error": limit.standard_error,
+            "expected_standard_error": limit.deviation / np.sqrt(average.systems),
+        }
+        row |= {name: values[i, j] for name, values in columns.items()}
+        tables.append(pd.DataFrame(row).assign(clipped=average.clipped))
+    return pd.concat(tables, ignore_index=True)
 
 
 def run_study(
@@ -179,9 +183,10 @@ def run_study(
     ``test_systems`` others: the paper's error with the diagonal Σ_S, and the covariance error.
     """
     repeats = list(enumerate(rng.spawn(options.repeats)))
-    parts = zip(*run(partial(_repeat, options), repeats), strict=True)
-    sigma_rows, errors, maxima = (list(chain.from_iterable(part)) for part in parts)
-    return pd.DataFrame(sigma_rows), pd.concat(errors, ignore_index=True), pd.DataFrame(maxima)
+    return tuple(
+        pd.concat(chain.from_iterable(part), ignore_index=True)
+        for part in zip(*run(partial(_repeat, options), repeats), strict=True)
+    )
 
 
 def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, list]:
@@ -193,10 +198,11 @@ def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, 
         fresh = draw_systems(bounds, tests, m, m_rng)
         model, covariance = matrix_model(fresh), wrench_covariance(fresh)
         error = variance_errors(model.covariance(estimates["diagonal"].mean), covariance)
-        maxima.append({"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()})
+        row = {"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()}
+        maxima.append(pd.DataFrame([row]))
         if repeat == 0:
             expected = expected_sigma_s(bounds, m, m_rng.spawn(1)[0])
-            sigma_rows += sigma_s_rows("study", m, estimates, expected)
+            sigma_rows.append(sigma_s_rows("study", m, estimates, expected))
             table = {"agents": m, "system": np.arange(tests), "error": error}
             for form, estimate in estimates.items():
                 whole = covariance_errors(model.covariance(estimate.mean), covariance)

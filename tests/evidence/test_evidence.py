@@ -82,10 +82,15 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     force = {"configuration": "C1", "source": ["measured", "modelled"], "fx": [3.1, 3], "fy": 5}
     tables = {"wrench_errors": errors, "wrench_spread": repeats}
     tables["force_moments"] = pd.DataFrame(force)
-    numbers = dict.fromkeys(["e11", "ee11", "s11", "de11", "e22", "ee22", "s22", "de22"], 0.5)
-    classes = [("C1", "diagonal"), ("C1", "full"), ("study", "diagonal"), ("study", "diagonal")]
-    tables["sigma_s"] = pd.DataFrame(classes, columns=["system_class", "form"]).assign(**numbers)
-    both = wrench_evidence(tables).query("quantity == 'sigma_s'")
-    assert both[["configuration", "entry"]].to_numpy().tolist() == [["C1", "11"], ["C1", "22"]]
+    names = ["expectation", "expectation_error", "mean", "expected_standard_error"]
+    numbers = dict(zip(names, (0.5, 0.1, 0.6, 0.2), strict=True))
+    keys = {"system_class": ["C1", "study"], "form": ["diagonal", "full"], "entry": ["11", "22"]}
+    classes = pd.MultiIndex.from_product(keys.values(), names=keys).to_frame(index=False)
+    tables["sigma_s"] = classes.assign(**numbers)
+    both = wrench_evidence(tables).query("estimator == 'diagonal'")
+    columns = ["quantity", "configuration", "entry", "value", "standard_error"]
+    expected = [("sigma_s", 0.5, 0.1), ("mean_of_sigma_s", 0.6, 0.2)]
+    rows = [[name, "C1", entry, *two] for entry in ("11", "22") for name, *two in expected]
+    assert both[columns].to_numpy().tolist() == rows
     means = by(wrench_evidence(tables).query("quantity == 'mean_force'"), "configuration", "entry")
     assert means.to_dict() == {("C1", "fx"): 3.1, ("C1", "fy"): 5.0}

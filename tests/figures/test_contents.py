@@ -28,7 +28,7 @@ MODELS, JOINTS = ["additive", "wishart", "gaussian"], ["arm_1", "arm_2", "arm_3"
 OUT = Path("data/figures")
 FIGURES = figures_in()
 BARE = {"cable_robot"}  # a schematic without axes
-TWICE = {"joint_realizations", "wrench_planes"}  # lines, pixels and contours; others in whole runs
+TWICE = {"joint_realizations", "wrench_density"}  # lines, pixels; others in whole runs
 
 
 RNG = np.random.default_rng(11)
@@ -53,7 +53,6 @@ def tables() -> dict[str, pd.DataFrame]:
     models = ["none", *MODELS, "wishart_closed"]
     joints = each(q, take=train + test, k=STEPS).assign(residual=0.0)
     spatial = {"configuration": ["T3", "T4"], "source": SOURCES}
-    planes = each([], **spatial, row_x=["fx", "mx"], x=grid, y=grid)
     judged = pd.DataFrame({"take": ["train_001", "train_002", "test_001"]}).assign(beyond=False)
     judged = judged.assign(left_out=[False, True, False], part=["training", "training", "test"])
     measures = [
@@ -89,10 +88,6 @@ def tables() -> dict[str, pd.DataFrame]:
             covariance_error_diagonal=0.1, covariance_error_full=0.1
         ),
         "force_density": each(["density"], **directions, fx=range(9), fy=range(10)),
-        "wrench_planes": planes.assign(
-            row_y=planes["row_x"].map({"fx": "fy", "mx": "mz"}),
-            density=np.exp(-(planes["x"] ** 2 + planes["y"] ** 2) / 2),
-        ),
         "wrench_marginals": each(["density"], **spatial, row=["fx", "mz"], value=grid),
     }
 
@@ -176,7 +171,7 @@ def test_a_joint_named_like_a_formula_is_plain_text():
 
 
 def test_models_and_joints_differ_in_their_lines():
-    models = model_lines(["wishart_qr", *MODELS, "scaled", "scaled_full", "other"]).values()
+    models = model_lines(["wishart_qr", *MODELS, "joint_error", "other"]).values()
     joints = joint_lines([f"axis_{number}" for number in range(8)]).values()
     for looks in ([*models, RECORDED], joints):
         assert len({(line["color"], line["linestyle"]) for line in looks}) == len(looks)

@@ -27,7 +27,7 @@ from project_copy import (
 
 from pipeline.figures.drawing import figures_in
 
-IN_SPACE = {"wrench_planes", "wrench_marginals"}  # of six rows, where cables do not lie in a plane
+IN_SPACE = {"wrench_marginals"}  # of six rows, where cables do not lie in a plane
 FIGURES = {*figures_in()} - IN_SPACE
 MODELS = ("additive", "wishart", "gaussian")
 SHOWN = {"score", "figures", "publish", "report", "page"}
