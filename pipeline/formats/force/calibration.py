@@ -1,6 +1,5 @@
 """Calibrations of ATI transducers (``.cal`` files, XML): units, ratings, and the matrix from gauge
-voltages to forces. Version 1.1 has the matrix in ``UserAxis``. Version 1.0 has ``Axis`` (matrix
-times a scale, about the gauges' origin) and ``BasicTransform`` (gauges' to transducer's origin).
+voltages to forces about the transducer's origin, in the elements ``UserAxis``.
 """
 
 from collections.abc import Mapping
@@ -11,7 +10,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import FORCE_UNITS, LENGTH_UNITS, TORQUE_UNITS, plain_unit
 from pipeline.formats.format import Format, Kind, decoded, file_content, is_xml
 
 AXES = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
@@ -31,7 +29,7 @@ class Calibration:
 
 def read_calibration(file: Path) -> Calibration:
     """Return the calibration in ``file``; RecordingError for a file that is no XML or does not have
-    one calibration, an axis without six gauges or a rating, and a basic transform with a rotation.
+    one calibration, and for an axis without six gauges or a rating.
     """
     try:
         # parse text, since the encoding in the first line may be wrong
@@ -42,23 +40,16 @@ def read_calibration(file: Path) -> Calibration:
         raise RecordingError(message, file=file, **line) from None
     serial = next((one.attrib["Serial"] for one in elements if "Serial" in one.attrib), "")
     stated = [one.attrib for one in elements if {"ForceUnits", "TorqueUnits"} <= {*one.attrib}]
-    kind = "UserAxis" if any(one.tag == "UserAxis" for one in elements) else "Axis"
-    rows = {one.get("Name"): one.attrib for one in elements if one.tag == kind}
-    basic = next((one.attrib for one in elements if one.tag == "BasicTransform"), {})
+    rows = {one.get("Name"): one.attrib for one in elements if one.tag == "UserAxis"}
     try:
         (units,) = stated
         matrix, full_scale = _numbers(rows, "values", 6), _numbers(rows, "max", 1)
         if full_scale.min() <= 0:
             raise ValueError("max of an axis must be above 0")
-        if kind == "Axis":
-            matrix = matrix / _numbers(rows, "scale", 1)
-            # move the torque to the transducer's origin, at the offset in the gauges' frame
-            matrix[3:] -= np.cross(_offset(basic, units), matrix[:3], axisb=0, axisc=0)
-        if not np.isfinite(matrix).all():
-            raise ValueError("scale of an axis is 0")
     except (KeyError, ValueError) as error:
-        message = f"the file must have one calibration with ForceUnits, TorqueUnits and {kind} of "
-        message += f"{', '.join(AXES)} ({error}); copy it again"
+        message = "the file must have one calibration with ForceUnits, TorqueUnits and UserAxis of "
+        message += f"{', '.join(AXES)} ({error}); copy it again, or get a calibration of version "
+        message += "1.1 or later from ATI"
         raise RecordingError(message, file=file) from None
     names = units["ForceUnits"], units["TorqueUnits"]
     return Calibration(Path(file), serial, *names, matrix, full_scale[:, 0])
@@ -69,17 +60,6 @@ def _numbers(rows: Mapping[str, Mapping[str, str]], name: str, count: int) -> np
     if {*map(len, numbers)} != {count} or not np.isfinite(numbers).all():
         raise ValueError(f"{name} of an axis must be {count} finite number(s)")
     return np.array(numbers)
-
-
-def _offset(basic: Mapping[str, str], stated: Mapping[str, str]) -> np.ndarray:
-    """Return the offset (3,) of the basic transform, in the torque's unit of length."""
-    if any(float(basic.get(angle, 0)) for angle in ("Rx", "Ry", "Rz")):
-        raise ValueError("the basic transform has a rotation; get a calibration with UserAxis")
-    offset = np.array([float(basic.get(shift, 0)) for shift in ("Dx", "Dy", "Dz")])
-    if not offset.any() or "DistUnits" not in stated:
-        return offset
-    force, torque = (plain_unit(stated[f"{quantity}Units"]) for quantity in ("Force", "Torque"))
-    return offset * (LENGTH_UNITS[stated["DistUnits"]] * FORCE_UNITS[force] / TORQUE_UNITS[torque])
 
 
 MARKS = is_xml("FTSensor", "Calibration", "UserAxis")

@@ -47,17 +47,9 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         message = f"the log is of the transducer {serial}, the calibration of {calibrated}"
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
     named = options.columns or any(map(forces.axis_of, sheet.labels))
-    voltages = not named and not {*GAUGES}.isdisjoint(sheet.labels)
-    if voltages:
-        # the conversion is linear, so that the tare removes the bias of the gauges afterwards
-        columns, matrix, factors = _gauges(sheet, options)
-    else:
-        columns, factors = forces.axis_factors(sheet, options)
-
-    def convert(values: np.ndarray) -> np.ndarray:
-        return (values @ matrix.T if voltages else values) * factors
-
-    record = forces.sheet_record(sheet, columns, convert, options, lambda: _rate(sheet, options))
+    gauged = not named and not {*GAUGES}.isdisjoint(sheet.labels)
+    columns, factors = (_gauges if gauged else forces.axis_factors)(sheet, options)
+    record = forces.sheet_record(sheet, options, columns, factors, lambda: _rate(sheet, options))
     counts, units = dict(record.counts), {}
     if delay := DELAY.match("".join(sheet.header[:1])):
         counts["paused_ms" if delay[1] == "Paused for" else "skipped_samples"] = int(delay[2])
@@ -67,15 +59,17 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     return replace(record, serial=serial, started=started, counts=counts, units=units)
 
 
-def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, np.ndarray]:
-    """Return the columns of G0 to G5, the calibration's matrix and the factors to N and N·m."""
+def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray]:
+    """Return the columns of G0 to G5 and the matrix (6, 6) to N and N·m of the calibration. It has
+    no offset, so that the tare removes the bias of the gauges.
+    """
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
         message = "no column is labelled Force X, Force Y, Force Z; gauge voltages need columns G0 "
         message += "to G5 and the transducer's calibration"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
         raise RecordingError(message, **where)
     factors = forces.calibrated_factors(options.calibration, options)
-    return [*map(sheet.labels.index, GAUGES)], options.calibration.matrix, factors
+    return [*map(sheet.labels.index, GAUGES)], factors[:, None] * options.calibration.matrix
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
@@ -120,8 +114,9 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
     if not _is_netft(sheet.header):
         message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or a truncated one"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
-    settings, columns = sheet.settings, forces.axis_columns(sheet, options)
+    settings, counted = sheet.settings, options.counts
     units = {kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")}
+    columns, factors = forces.axis_factors(sheet, options, units)
 
     def positive(name: str, option: str) -> float:
         text = settings.get(name, "")
@@ -130,25 +125,24 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
             raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
         return float(text)
 
-    per_unit, counted = {}, options.counts
     if counted is None:
-        cells = [cell for column in columns.values() for cell in sheet.words(column)]
+        cells = [cell for column in columns for cell in sheet.words(column)]
         counted = not any("." in cell or "e" in cell.lower() for cell in cells)
-        if not counted and not np.any(sheet.values([*columns.values()]) % 1):
+        if not counted and not np.any(sheet.values(columns) % 1):
             message = "all numbers are whole but have a decimal point, so that they may be counts "
             message += "or not: set counts to true or false"
             where = {"line": sheet.label_line, "key": f"{OPTION}.counts"}
             raise RecordingError(message, file=file, **where)
-    for axis in columns if counted else ():
-        kind = KINDS[axis]
-        per_unit[kind] = positive(f"Counts per Unit {kind.title()}", "counts")
-    used, factors = forces.axis_factors(sheet, options, units, per_unit)
-    timed = replace(options, columns=columns | {"t": "RDT Sequence"})
+    if counted:
+        kinds = ["Force"] * 3 + ["Torque"] * (len(columns) - 3)
+        factors = factors / [positive(f"Counts per Unit {kind}", "counts") for kind in kinds]
+    axes = dict(zip([*forces.FORCES, *forces.TORQUES], columns, strict=False))
+    timed = replace(options, columns=axes | {"t": "RDT Sequence"})
 
     def rate() -> float:
         return options.rate or positive("RDT Sample Rate", "rate")
 
-    record = forces.sheet_record(sheet, used, lambda values: values * factors, timed, rate)
+    record = forces.sheet_record(sheet, timed, columns, factors, rate)
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
     status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])

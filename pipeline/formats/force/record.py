@@ -224,36 +224,15 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     decreases or a row is malformed.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
-    columns, factors = axis_factors(sheet, options)
-
-    def rate() -> float:
-        if options.rate is None:
-            message = "the samples have no time: name a column t, or set rate in Hz"
-            raise RecordingError(message, file=file, key=f"{OPTION}.rate")
-        return options.rate
-
-    return sheet_record(sheet, columns, lambda values: values * factors, options, rate)
+    return sheet_record(sheet, options, *axis_factors(sheet, options))
 
 
 def axis_factors(
-    sheet: Sheet,
-    options: ForceLogOptions,
-    stated: Mapping[str, str | None] | None = None,
-    per_unit: Mapping[str, float] | None = None,
+    sheet: Sheet, options: ForceLogOptions, stated: Mapping[str, str | None] | None = None
 ) -> tuple[list[int], np.ndarray]:
-    """Return the columns of forces and torques (if present) and the factors of the columns to N and
-    N·m. Units are ``stated`` (kind → unit), else in the header; ``per_unit`` counts are one unit.
+    """Return the columns of the forces, and of the torques if present, by options or labels, and
+    their factors to N and N·m from the units ``stated`` (kind → unit), else from the header.
     """
-    columns, factors = axis_columns(sheet, options), []
-    for axis, column in columns.items():
-        own = stated[KINDS[axis]] if stated else sheet.unit(column)
-        factor = si_factor(axis, own, options, file=sheet.file, line=sheet.label_line)
-        factors.append(factor / (per_unit or {}).get(KINDS[axis], 1.0))
-    return [*columns.values()], np.array(factors)
-
-
-def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
-    """Return axis → column of the forces, and the torques if present, by options or labels."""
     named, twice = {axis: column for axis, column in options.columns.items() if axis != "t"}, ""
     for column, label in enumerate(() if options.columns else sheet.labels):
         if axis := axis_of(label):
@@ -263,46 +242,56 @@ def axis_columns(sheet: Sheet, options: ForceLogOptions) -> dict[str, int]:
     if twice or {*wanted} ^ {*named}:
         found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
         labels = ", ".join(sheet.labels) or "none"
-        message = (
-            f"the named axes are {found or 'none'} (labels: {labels}); fx, fy and fz, and all "
-        )
-        message += "or none of tx, ty, tz are required once each; name them in columns"
+        message = f"the named axes are {found or 'none'} (labels: {labels}); fx, fy and fz, and "
+        message += "all or none of tx, ty, tz are required once each; name them in columns"
         raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
-    return sheet.columns({axis: named[axis] for axis in wanted}, KEY)
+    columns = sheet.columns({axis: named[axis] for axis in wanted}, KEY)
+    units = {axis: stated[KINDS[axis]] if stated else sheet.unit(n) for axis, n in columns.items()}
+    where = {"file": sheet.file, "line": sheet.label_line}
+    factors = [si_factor(axis, unit, options, **where) for axis, unit in units.items()]
+    return [*columns.values()], np.array(factors)
 
 
 def sheet_record(
     sheet: Sheet,
-    columns: list[int],
-    convert: Callable[[np.ndarray], np.ndarray],
     options: ForceLogOptions,
-    rate: Callable[[], float],
+    columns: list[int],
+    factors: np.ndarray,
+    rate: Callable[[], float] | None = None,
 ) -> ForceRecord:
-    """Return the record of the ``columns`` (N, axes), which ``convert`` turns into N and N·m, at
-    the times of a column of times or sample numbers, else equally spaced at ``rate()`` in Hz.
+    """Return the record of the ``columns`` times ``factors`` (axes,) or (axes, columns) to N and
+    N·m, at the times of a column of times or sample numbers, else equally spaced at ``rate()`` in
+    Hz (default the option).
     """
+
+    def frequency() -> float:
+        if not (known := rate() if rate else options.rate):
+            message = "the samples have no time: name a column t, or set rate in Hz"
+            raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
+        return known
+
     labels = [bare(label) for label in sheet.labels]
     fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]
     named = options.columns.get("t") if options.columns else next(iter(fits), None)
+    clock = [] if named is None else [*sheet.columns({"t": named}, KEY).values()]
+    samples = sheet.samples([*clock, *columns], *clock)
+    values, counts = samples.values[:, len(clock) :], sheet.counts | samples.counts
+    values = values * factors if factors.ndim == 1 else values @ factors.T
     marks = {"separator": sheet.separator, "decimal": sheet.decimal}
-    if named is None:
-        samples, frequency = sheet.samples(columns), rate()
-        values, counts = convert(samples.values), sheet.counts | samples.counts
-        time = (samples.rows - samples.rows[0]) / frequency
-        return replace(_record(time, values, frequency, repeats(values) | counts), marks=marks)
-    column = sheet.columns({"t": named}, KEY)["t"]
-    samples = sheet.samples([column, *columns], column)
-    ticks, values = samples.values[:, 0], convert(samples.values[:, 1:])
-    where, frequency = {"file": sheet.file, "line": sheet.label_line}, None
-    if labels and NUMBERS.fullmatch(labels[column]):
-        frequency = rate()
-        time = (ticks - ticks[0]) / frequency
+    numbered = clock and labels and NUMBERS.fullmatch(labels[clock[0]])
+    steady = frequency() if numbered or not clock else None  # rate by which rows are placed
+    if not clock:
+        time = (samples.rows - samples.rows[0]) / steady
+        record = _record(time, values, steady, repeats(values) | counts)
+        return replace(record, marks=marks)
+    ticks, where = samples.values[:, 0], {"file": sheet.file, "line": sheet.label_line}
+    if not steady:
+        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(*clock), options, **where)
     else:
-        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(column), options, **where)
+        time = (ticks - ticks[0]) / steady
     lines = [sheet.lines[row] for row in samples.rows]
-    counts = sheet.counts | samples.counts
     record = timed_record(time, values, ("line", lines), sheet.file, counts)
-    return replace(record, marks=marks, rate=frequency or record.rate)
+    return replace(record, marks=marks, rate=steady or record.rate)
 
 
 FORMAT = Format("table of forces", Kind.FORCE, read_force_table, option="table")

@@ -269,8 +269,9 @@ def _quoted(name: str) -> str:
 def _begins(head: Head) -> bool:
     # accept separators of other programs too, since the reader's error explains them
     lines = [re.split(r"[,;\t]", line) for line in head.lines[:2]]
-    first = lines[0][0].strip().strip('"') if lines else ""
-    return first == "Format Version" or (first in ROW_TYPES and max(map(len, lines)) > 1)
+    first, *second = (cells[0].strip().strip('"') for cells in lines) if lines else ("",)
+    typed = first in ROW_TYPES and {*second} <= {*ROW_TYPES} and max(map(len, lines)) > 1
+    return first == "Format Version" or typed
 
 
 FORMAT = Format("Motive CSV", Kind.MOTION, read_motive, _begins)

@@ -29,22 +29,6 @@ from pipeline.formats.depth.image import (
 from pipeline.formats.depth.intrinsics import Intrinsics, read_intrinsics, write_intrinsics
 from pipeline.formats.rosbag import camera_info, cloud_points, image_pixels
 
-REAL = {  # largest value, share of zeros, units in a metre
-    "depth_millimetres.png": (2702, 0.1304, 1000),
-    "depth_tum_scale5000.png": (46655, 0.1919, 5000),
-}
-
-
-@pytest.mark.parametrize("name", REAL)
-def test_frames_of_real_sensors_keep_all_sixteen_bits(shared, name):
-    largest, zeros, units = REAL[name]
-    raw = read_depth(shared / "samples/kinect" / name, shape=(480, 640)).pixels
-    assert (raw.dtype, raw.shape, raw.max()) == (np.uint16, (480, 640), largest)
-    assert abs((raw == 0).mean() - zeros) < 1e-4
-    depth = metres(RawDepth(raw), Encoding("plain", units))
-    assert depth.dtype == np.float32 and (np.isnan(depth) == (raw == 0)).all()
-    np.testing.assert_allclose(np.nanmax(depth), largest / units, rtol=1e-6)
-
 
 def test_written_frames_read_back_without_loss_and_with_the_same_bytes(tmp_path):
     (tmp_path / "d.pgm").write_bytes(made.PGM)
@@ -123,13 +107,6 @@ def test_points_are_read_with_any_fields_viewpoint_and_surplus_bytes(tmp_path, n
         assert cloud.counts == {"surplus_bytes": len(behind)}
 
 
-def test_a_real_sensors_cloud_is_read(shared):
-    cloud = read_cloud(shared / "samples/kinect/cloud_compressed_viewpoint.pcd")
-    assert (len(cloud.points), cloud.missing) == (249647, 57553)
-    assert cloud.viewpoint == (0, 0, 0, 0, 1, 0, 0) and cloud.counts == {"surplus_bytes": 3912}
-    assert (cloud.points[:, 2] > 0).all()  # before the camera
-
-
 def test_indexes_read_back_and_blanks_comments_and_line_ends_are_no_matter(tmp_path):
     stamps, file = 1305031102.175304 + np.arange(5) / 30, tmp_path / "depth.txt"
     names = tuple(f"depth/{n:04d}.png" for n in range(5))
@@ -193,15 +170,6 @@ def read(file, content: str) -> Intrinsics:
 def refusal(file, content: str, **options: object) -> str:
     file.write_text(content)
     return reject(partial(read_intrinsics, **SIZE | options), file).message
-
-
-def test_the_intrinsics_of_a_real_kinect_are_read_from_yaml_1_0(shared):
-    file = shared / "samples/kinect/kinect2_ir_intrinsics.yaml"
-    found = read_intrinsics(file, width=512, height=424)
-    pinhole = (366.94757270064110, 364.79117165721783, 242.98551682775121, 207.69853575457685)
-    assert (found.fx, found.fy, found.cx, found.cy) == pinhole
-    tangential, k3 = (1.5889951609432634e-04, -5.0751483524871712e-04), 0.10523948765859192
-    assert found.distortion == (0.096558110377123016, -0.28298244017989416, *tangential, k3)
 
 
 def test_written_intrinsics_read_back_exactly_in_the_sensors_own_format(tmp_path):

@@ -113,18 +113,6 @@ def table(folder, *rows: str, header: str = HEADER + "\n"):
     return folder / "log.csv"
 
 
-def test_the_force_log_of_a_real_arm_is_read_by_column_numbers(shared):
-    file = shared / "recordings/ur5/Movement_No10_Standstill_ForceSensor_Fx/log_force_sensor.csv"
-    result = read_force_table(file, BY_NUMBER)
-    assert len(result.time) == 4675 and result.counts["cut_rows"] in (0, 1)
-    np.testing.assert_array_equal(result.force[0], [-4.970965, 1.966628, -1.780504])
-    np.testing.assert_array_equal(result.torque[0], [0.033873, 0.443460, -0.094441])
-    times = [0, 0.006130 - 0.001323, 22.498314 - 0.001323]
-    np.testing.assert_allclose(result.time[[0, 1, -1]], times, atol=1e-12)
-    assert 200 < result.rate < 215 and result.counts["missing_samples"] < 10
-    assert result.counts["repeated_rows"] == 352
-
-
 def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     options = ForceLogOptions(columns={"t": "time", "fx": "F1", "fy": "F2", "fz": "F3"})
     header = "time (ms),F1 (kN),F2 (N),F3 (lbf)\n"

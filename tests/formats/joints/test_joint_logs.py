@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import read_joint_log, table
-from scipy.io import loadmat, savemat
+from scipy.io import savemat
 from written_logs import refusal
 
 from pipeline.formats import joints
@@ -22,22 +22,6 @@ KEY = "dataset.joint_log"
 
 
 NAMES = ["q1", "q2", "q3"]
-REAL = [
-    ("5_Acc_slow_no_disturbance/log_q_actual.csv", 3293, 1, 26.336, 1.265641),
-    ("5_Acc_slow_no_disturbance/log_qd_target.csv", 3249, 0, 25.984, None),
-    ("6_Acc_slow_Verify_Model/log_q_target.csv", 10264, 0, 82.104, None),
-]
-
-
-@pytest.mark.parametrize(("name", "samples", "cut", "last", "first"), REAL)
-def test_logs_of_a_real_arm_have_their_lines_less_a_cut_one(
-    shared, name, samples, cut, last, first
-):
-    result = read_joint_log(shared / "recordings/ur5" / f"Movement_No{name}", joints=6)
-    assert result.signals["actual"].shape == (samples, 6)
-    assert (result.time[0], result.time[-1]) == (0.0, last)
-    assert result.counts == {"cut_rows": cut, "blank_rows": 0, "doubled_rows": 0}
-    assert first in (None, result.signals["actual"][0, 0])
 
 
 DEGREES = "{t},5.729577951308232,11.45915590261646,17.1887338539247"
@@ -225,20 +209,3 @@ def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path
     shuffled = LogOptions("times", joints=3, names=("b", "a", "c"))
     error = refusal(read_log, archive(tmp_path, form, **turned | beside), shuffled)
     assert "the joints of the log are a, b, c" in error.message
-
-
-def test_a_real_matlab_file_of_joints_times_samples_is_what_scipy_reads(shared):
-    file = shared / "recordings/kr300/run_A.mat"
-    signals = {"actual": ["rec.act_pos_se_deg"], "target": ["rec.ref_pos_deg"]}
-    log = read_arrays(file, LogOptions("rec.time_cont", angle_unit="deg", signals=signals))
-    read = loadmat(file, simplify_cells=True)["rec"]
-    for name, (array,) in signals.items():
-        angles = np.deg2rad(read[array.removeprefix("rec.")].T)
-        np.testing.assert_array_equal(log.signals[name], angles)
-
-
-def test_a_real_archive_holds_both_angles_of_seven_joints(shared):
-    log = read_arrays(shared / "recordings/lwr4/measurements_1.npz", PLAIN)
-    shapes = {name: rows.shape for name, rows in log.signals.items()}
-    assert shapes == {"actual": (5027, 7), "target": (5027, 7)}
-    assert log.time[-1] - log.time[0] == pytest.approx(25.1295, abs=1e-4)

@@ -1,5 +1,7 @@
 """Takes of Motive in both grammars: written, read whatever their version, refused by their line."""
 
+import re
+
 import numpy as np
 import pytest
 from motive_files import MARKER, POSE, START, TRACKED, columns, columns_file, random_take, rows_file
@@ -38,40 +40,6 @@ def test_names_keep_colons_commas_quotes_and_letters_of_any_code_page(tmp_path):
     assert list(read_motive(tmp_path / "t.csv").markers) == names
     (tmp_path / "t.csv").write_bytes((tmp_path / "t.csv").read_bytes().decode().encode("cp1252"))
     assert list(read_motive(tmp_path / "t.csv").markers) == names
-
-
-def test_takes_of_versions_1_21_and_1_23_have_the_values_that_are_printed(shared):
-    samples = shared / "samples/motive"
-    result = read_motive(samples / "motive_v1.21_rigidbody.csv")
-    assert (result.version, result.rate, result.unit) == ("1.21", 120.0, "m")
-    assert (result.name, len(result.frame)) == ("Take 2016-01-05 03.49.50 PM", 250)
-    body = result.bodies["Rigid Body 1"]
-    for found, printed in (
-        (result.markers["Rigid Body 1:Marker1"][0], [0.009933, 0.019160, 0.009812]),
-        (result.markers["Rigid Body 1:Marker3"][-1], [0.160351, 0.019160, 0.009576]),
-        (result.markers["Rigid Body 1_1"][0], [0.009986, 0.019136, 0.009807]),
-        (body.quaternion[0], [0.000035, 0.000016, -0.000030, -1.0]),
-        (body.position[1], [0.060004, 0.019161, 0.076594]),
-        (result.time[-1], 249 / 120),
-    ):
-        np.testing.assert_array_equal(found, printed)
-    assert np.isnan(result.markers["Unlabeled:105"]).all()
-    counts = [result.counts[n] for n in ("missing_samples", "solved_only", "unused_columns")]
-    assert counts == [3 * 250, 3, 4]
-    result = read_motive(samples / "motive_v1.23_rigidbody.csv")
-    body = result.bodies["RigidBody"]
-    assert (result.rate, len(result.frame), result.time[-1]) == (240.0, 10460, 10459 / 240)
-    np.testing.assert_array_equal(body.position[-1], [-0.065706, 0.730724, 0.312436])
-    np.testing.assert_array_equal(body.quaternion[1], [-0.715889, -0.252145, 0.630100, 0.164013])
-    assert np.abs(np.linalg.norm(body.quaternion, axis=1) - 1).max() < 2e-6
-    assert body.quaternion[0] @ body.quaternion[1] < -0.99  # the sign flips, the rotation does not
-    result = read_motive(samples / "motive_v1.23_markers_millimetres.csv")
-    assert (len(result.markers), result.unit, result.time[1]) == (18, "mm", 1 / 360)
-    place = [2.659741943, -0.830793884, -2.862191650]
-    np.testing.assert_allclose(result.markers["Unlabeled 1036"][0], place, rtol=0, atol=1e-15)
-    assert result.counts["missing_samples"] == 348 + 349 + 1352
-    empty = refusal(read_motive, samples / "motive_v1.23_empty.csv")
-    assert "no marker" in empty.message
 
 
 def test_frame_gaps_are_time_and_are_counted_with_headers_and_times_that_lie(tmp_path):
@@ -118,8 +86,10 @@ CHANGES = {
     "saved by a spreadsheet": spreadsheet,
     "with line feeds and blank rows": lambda content: content.replace(b"\r\n", b"\n\n"),
     "of a later version": lambda content: content.replace(b",Coordinate Space,Global", LATER, 1),
+    "of version 1.21, whose label rows have no names": lambda content: re.sub(
+        rb"(?m)^,(Type|Name|ID),", b",,", content.replace(b"Time (Seconds)", b"Time")),
     "without rates": lambda content: content.replace(RATES, b"", 1),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CHANGES)
@@ -197,41 +167,34 @@ def test_a_rotation_of_another_length_than_one_is_refused_by_its_row(tmp_path, w
     assert "the quaternion of A has the length" in error.message and error.evidence["line"] == 10
 
 
-def test_version_1_1_gives_measured_markers_poses_and_strays_in_the_unit_that_is_asked_for(shared):
-    file = shared / "samples/motive/motive_v1.1_rigidbody.csv"
+SEEN = {  # version: beginning, name of body rows, solved places of two markers, a visible marker
+    "1.0": ("righthanded\n", "trackable", "9,9,9,9,9,9", "{},0,1,0"),
+    "1.1": (
+        "righthanded\ninfo,version,1.1\n", "rigidbody", "9,9,9,1,9,9,9,2", "{},0,1,3,Arm-Marker 1"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("version", SEEN)
+def test_row_typed_takes_give_measured_markers_poses_and_strays(tmp_path, version):
+    head, kind, solved, marker = SEEN[version]
+    rows = [f'{kind},"Arm",7,2,0.1,0,0,-0.1,0,0']
+    for k, t in enumerate((0.0211, 0.0252, 0.0291)):
+        pose = f"1,{TRACKED.format(k)}" if k else "0"
+        stray = f"5,5,5,{k + 9}" + (f",Marker-{k}" if version == "1.1" else "")
+        rows += [
+            f"frame,{k},{t},{pose},2,{marker.format(k)},{stray}",
+            f'{kind},{k},{t},"Arm",7,0,2,{solved},{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
+        ]
+    file = rows_file(tmp_path, *rows, head=head)
     assert refusal(read_motive, file).evidence["key"] == "dataset.mocap.unit"  # it states none
     result = read_motive(file, "m")
-    assert (result.version, result.rate, result.unit, len(result.frame)) == ("1.1", 120.0, "m", 548)
-    names = [f"Rigid Body 1-Marker {i}" for i in range(1, 6)]
-    assert [name for name in result.markers if not name.startswith("Unl")] == names
-    body = result.bodies["Rigid Body 1"]
-    for found, printed in (
-        (result.markers[names[0]][0], [0.02566679, 0.90468109, 0.67789614]),
-        (result.markers[names[3]][0], [np.nan] * 3),
-        (body.position[0], [-0.01044001, 0.90504020, 0.70895135]),
-        (body.quaternion[0], [0.43526953, -0.81957161, 0.15150657, 0.34042403]),
-        (result.markers["Unlabeled 2"][266], [-0.08343393, 0.72060782, 0.66178828]),
-        (body.position[266], [np.nan] * 3),
-        # though its solved place still stands in the file
-        (result.markers[names[1]][266], [np.nan] * 3),
-        (result.time[-1], 547 / 120),
-    ):
-        np.testing.assert_array_equal(found, printed)
-    counts = [result.counts[name] for name in ("stray_ids", "stray_samples", "missing_poses")]
-    assert counts == [6, 55, 20]
-    smaller = read_motive(file, "mm").markers[names[0]]
-    np.testing.assert_allclose(smaller, result.markers[names[0]] / 1000)
-
-
-def test_version_1_0_calls_bodies_trackables_and_has_markers_without_names(tmp_path):
-    rows = ['trackable,"Arm",7,2,0.1,0,0,-0.1,0,0']
-    for k, t in enumerate((0.0211, 0.0252, 0.0291)):
-        rows += [
-            f"frame,{k},{t},1,{TRACKED.format(k)},2,{k},0,1,0,5,5,5,0",
-            f'trackable,{k},{t},"Arm",7,0,2,9,9,9,9,9,9,{k},0,1,NAN,NAN,NAN,1,0,0.9,0.0,0.002',
-        ]
-    result = read_motive(rows_file(tmp_path, *rows, head="righthanded\n"), "m")
-    assert (result.version, result.rate) == ("1.0", 250.0)  # the cameras' own times are irregular
+    assert (result.version, result.rate) == (version, 250.0)  # the printed times are irregular
     np.testing.assert_array_equal(result.markers["Arm-Marker 1"], [[0, 0, 1], [1, 0, 1], [2, 0, 1]])
+    # though its solved place is in the file
     assert np.isnan(result.markers["Arm-Marker 2"]).all()
     np.testing.assert_array_equal(result.markers["Unlabeled 1"], [[5, 5, 5]] * 3)
+    position = result.bodies["Arm"].position
+    np.testing.assert_array_equal(position, [[np.nan] * 3, [1.5, 2, 3], [2.5, 2, 3]])
+    counts = [result.counts[name] for name in ("stray_ids", "stray_samples", "missing_poses")]
+    assert counts == [3 if version == "1.1" else 4, 3, 1]
+    np.testing.assert_allclose(read_motive(file, "mm").bodies["Arm"].position, position / 1000)
