@@ -5,12 +5,16 @@ here, and, where they are beside the project, the public cases that they stand f
 import runpy
 import shutil
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+import joint_kinds
 import numpy as np
+import other_kinds
 import pandas as pd
 import pytest
-from kinds import CASES
+from kinds import CASES, kind
 from scipy.io import savemat
 from written_logs import seen
 
@@ -51,6 +55,9 @@ BOTH = "joints 2; signals actual, target"
 TRC, FRAMES = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\n", "Frame,Sub Frame,X\n1,0,1\n"
 QUALISYS = "FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n"
 VICON = "ASCII export of Vicon is not read: export C3D"
+# words about a file that is refused
+STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read", "convert it")
+STOPS += ("take ost.yaml", "cam0", "pairs two images")
 UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
     "struct.mat": (
@@ -80,40 +87,24 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", UNUSUAL)
-def test_a_file_of_another_program_is_read_or_refused_with_what_to_do(tmp_path, name):
-    content, words = UNUSUAL[name]
-    if callable(content):
-        content(tmp_path / name)
-    else:
-        (tmp_path / name).write_bytes(content.encode())
-    assert words in seen(tmp_path / name)
-
-
-@pytest.fixture
-def case(tmp_path):
-    """A function that gives the folder of a case, its files made by its make.py."""
-
-    def made(number: str) -> Path:
-        place = next(iter(CASES.glob(f"{number}-*")), None)
-        if place is None:
-            pytest.skip(f"../shared/cases is absent at {CASES}: it lies beside the project")
-        if not (place / "make.py").is_file():
-            return place
-        shutil.copyfile(place / "make.py", tmp_path / "make.py")
-        given, sys.argv = sys.argv, ["make.py", str(tmp_path)]
-        try:
-            runpy.run_path(str(tmp_path / "make.py"), run_name="__main__")
-        finally:
-            sys.argv = given
-        return tmp_path
-
-    return made
+def place_of(number: str, folder: Path) -> Path:
+    """The folder of a public case, its files made in ``folder`` if it has a make.py."""
+    place = next(iter(CASES.glob(f"{number}-*")), None)
+    if place is None:
+        pytest.skip(f"../shared/cases is absent at {CASES}: it lies beside the project")
+    if not (place / "make.py").is_file():
+        return place
+    shutil.copyfile(place / "make.py", folder / "make.py")
+    given, sys.argv = sys.argv, ["make.py", str(folder)]
+    try:
+        runpy.run_path(str(folder / "make.py"), run_name="__main__")
+    finally:
+        sys.argv = given
+    return folder
 
 
 PAIR = "signals actual (q_0, q_1), target (q_target_0, q_target_1)"
-STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read")
-ONE_EACH = {  # case, file: what inspect says of it
+PUBLIC = {  # case, file: what inspect says of it
     ("02", "wrench.csv"): "columns without numbers field.header.frame_id (words)",
     ("02", "wrench_empty_frame.csv"): "columns without numbers field.header.frame_id (nothing)",
     ("03", "motion.csv"): "actual (q_0, q_1, q_2, q_3 … (6)), target (tq_0, tq_1, tq_2, tq_3 … (6",
@@ -154,11 +145,38 @@ ONE_EACH = {  # case, file: what inspect says of it
 }
 
 
-@pytest.mark.parametrize(("number", "name"), ONE_EACH)
-def test_a_file_of_the_cases_is_read_as_its_readme_says(case, number, name):
-    said = seen(case(number) / name)
-    assert ONE_EACH[number, name] in said
-    assert ("!" in said) == any(stop in ONE_EACH[number, name] for stop in STOPS)
+def writes(name: str, content: object) -> Callable[[Path], object]:
+    """A function that writes the file ``name`` of the ``content``, or calls it with the file."""
+    call = content if callable(content) else partial(Path.write_text, data=content, newline="")
+    return lambda folder: call(folder / name)
+
+
+KINDS = [*joint_kinds.KINDS, *other_kinds.KINDS]
+for name, (content, words) in UNUSUAL.items():
+    stops = any(stop in words for stop in STOPS)
+    KINDS.append(kind("program", writes(name, content), words, stops=stops))
+for (number, name), words in PUBLIC.items():
+    stops = any(stop in words for stop in STOPS)
+    KINDS.append(kind(number, None, words, at=name, stops=stops))
+ROWS = [(one, public) for one in KINDS for public in (False, True)]
+ROWS = [(one, public) for one, public in ROWS if (one.public if public else one.make)]
+
+
+@pytest.mark.parametrize(
+    ("one", "public"),
+    ROWS,
+    ids=[f"{'case' * public} {one.number} {one.says[0][:30]}".strip() for one, public in ROWS],
+)
+def test_a_file_is_read_or_refused_as_its_kind_says(tmp_path, one, public):
+    folder = tmp_path
+    if public:
+        folder = place_of(one.number, tmp_path)
+    else:
+        one.make(tmp_path)
+    said = seen(folder / one.place)
+    assert [words for words in one.says if words not in said] == [], said
+    assert [words for words in one.never if words in said] == [], said
+    assert ("! " in said) == one.stops, said
 
 
 @pytest.mark.parametrize("link", ["wrist", "elbow", "universe", "hand"])
@@ -175,21 +193,21 @@ def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
     assert "joints revolute (shoulder, elbow, wrist)" in seen(tmp_path / "r.urdf")
 
 
-def test_forces_of_the_cases_are_the_numbers_of_the_control(case):
+def test_forces_of_the_cases_are_the_numbers_of_the_control(tmp_path):
     columns = {"t": "time", **{f"f{a}": f"field.wrench.force.{a}" for a in "xyz"}}
     options = ForceLogOptions(columns=columns, force_unit="N", time_unit="ns")
     for name in ("wrench.csv", "wrench_empty_frame.csv"):
-        record = read_force_table(case("02") / name, options)
+        record = read_force_table(place_of("02", tmp_path) / name, options)
         assert (len(record.time), record.rate) == (200, pytest.approx(100, rel=1e-4))
-    above, options = case("09"), ForceLogOptions()
+    above, options = place_of("09", tmp_path), ForceLogOptions()
     control = read_force_table(above / "control.csv", options)
     for name in ("comma.csv", "tab.tsv", "semicolon.csv"):
         np.testing.assert_array_equal(read_force_table(above / name, options).force, control.force)
 
 
 @pytest.mark.slow
-def test_case_06_wrapped_angles(case):
-    folder = case("06")
+def test_case_06_wrapped_angles(tmp_path):
+    folder = place_of("06", tmp_path)
     names = {"actual": [f"q_{j}" for j in range(6)], "target": [f"q_target_{j}" for j in range(6)]}
     options = LogOptions("time", joints=6, signals=names)
     control = read_log(folder / "control/run.csv", options)
@@ -201,8 +219,8 @@ def test_case_06_wrapped_angles(case):
 
 
 @pytest.mark.slow
-def test_case_08_two_publishers(case):
-    folder, counted = case("08"), {}
+def test_case_08_two_publishers(tmp_path):
+    folder, counted = place_of("08", tmp_path), {}
     options = LogOptions(joints=2, names=("a", "b"))
     for name in ("gripper_on_the_same_topic", "gripper_first", "message_twice", "control"):
         counted[name] = read_movement({folder / name: options}, 100.0)[1]

@@ -5,15 +5,31 @@ from pathlib import Path
 from typing import NamedTuple
 
 CASES = Path(__file__).parents[3] / "shared/cases"  # public cases beside the project
+Make = Callable[[Path], object]  # writes files below a folder
 
 
 class FileKind(NamedTuple):
     """Files of one kind, and the words that ``inspect`` prints of them."""
 
-    number: str  # of the public case in ../shared/cases
-    make: Callable[[Path], None]  # writes files of this kind below a folder
-    says: tuple[str, ...]  # words about these and about the public files
-    place: str = ""  # file in the folder that is inspected, made and public (default the folder)
-    never: tuple[str, ...] = ()  # words that must not be printed
-    stops: bool = False  # whether a line starts with !
-    public: bool = True  # False for a relative, a file of the same kind without a public case
+    number: str  # of the public case in ../shared/cases, or another name
+    make: Make | None  # None: only the public case
+    says: tuple[str, ...]
+    place: str  # file or folder that is inspected, in the folder of the files
+    public: bool  # whether the words are also those of the public case
+    never: tuple[str, ...]  # words that must not be printed
+    stops: bool  # whether a line starts with !
+
+
+def kind(
+    number: str,
+    make: Make | None,
+    *says: str,
+    at: str | None = None,
+    inside: str = "",
+    never: tuple[str, ...] = (),
+    stops: bool = False,
+) -> FileKind:
+    """A kind whose public case is inspected ``at`` a place, or None for a relative of a case, which
+    is inspected as a folder, or ``inside`` of it.
+    """
+    return FileKind(number, make, says, at or inside, at is not None, never, stops)

@@ -1,4 +1,4 @@
-"""Kinds of files other than joint logs: see :class:`kinds.FileKind`."""
+"""Kinds of files other than joint logs: see :func:`kinds.kind`."""
 
 import json
 import shutil
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from c3d_files import c3d, points
 from depth_files import SMALL, encoded
-from kinds import FileKind
+from kinds import kind
 from motive_files import START, frame_row, random_take, rows_file
 from ros_bags import Message, write_bag
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -37,34 +37,25 @@ def cloud(count: int, announced: int) -> bytes:
 
 GRABBED = [f"frame_20111121T101112.{us}.pcd" for us in ("123456", "387167", "650001")]
 NAMES = [
-    FileKind(
-        "22", frames(*[f"145000000{k // 20}.{k % 20 * 50000:06d}.png" for k in range(1, 31)]),
-        ("20 Hz; 1.45 s", "times in the names; frames 30"), never=("dropped",)),
-    FileKind(
-        "22", frames(*GRABBED, content=cloud(6, 6)), ("3.798 Hz; 0.5265 s", "frames 3"),
-        never=("dropped",), public=False),
-    FileKind(
-        "22", frames(*[f"{1573820104123 + 40 * k}.png" for k in (0, 1, 2, 4)]),
-        ("25 Hz; 0.16 s; 1 dropped frames",), public=False),
-    FileKind(
-        "22", frames(*[f"d-{1294886360 + k / 30:.6f}-{2996770081 + 7 * k}.png" for k in range(4)]),
-        ("30 Hz; 0.1 s", "frames 4"), never=("dropped",), public=False),
-    FileKind(
-        "22", frames(*[f"cam_{33333 * k:09d}.png" for k in range(5)]),
-        ("the numbers step by 33333: state how many a second has",), never=("dropped",),
-        public=False),
-    FileKind("23", frames(*[f"cell [2]_{k:03d}.png" for k in range(5)]), ("frames 5", ASKED)),
-    FileKind("23", frames(*[f"a*b?{k:02d}.png" for k in range(4)]), ("frames 4",), public=False),
-    FileKind("23", frames(*[f"[!x]{k}].png" for k in range(3)]), ("frames 3",), public=False),
-    FileKind(
-        "24", frames(*[f"{k:04d}_cam2.png" for k in range(4)], *[f"d_000{k}_8x6.png" for k in (
-            0, 1, 2, 3)]), ("[0-9]*_cam2.png: depth", "d_[0-9]*_8x6.png: depth", "frames 4")),
-    FileKind(
-        "24", frames(*[f"cam{c}_{k:04d}.png" for k in range(4) for c in (1, 2)]),
-        ("cam*_[*-*]*.png (2): depth sequence",), public=False),
-    FileKind(
-        "24", frames(*[f"frame-{k:06d}.depth16.png" for k in (0, 1, 3)]),
-        ("1 dropped frames; width 16; height 12; frames 3",), public=False),
+    kind("22", frames(*[f"145000000{k // 20}.{k % 20 * 50000:06d}.png" for k in range(1, 31)]),
+        "20 Hz; 1.45 s", "times in the names; frames 30", at="", never=("dropped",)),
+    kind("22", frames(*GRABBED, content=cloud(6, 6)), "3.798 Hz; 0.5265 s", "frames 3",
+        never=("dropped",)),
+    kind("22", frames(*[f"{1573820104123 + 40 * k}.png" for k in (0, 1, 2, 4)]),
+        "25 Hz; 0.16 s; 1 dropped frames"),
+    kind("22", frames(*[f"d-{1294886360 + k / 30:.6f}-{2996770081 + 7 * k}.png"
+        for k in range(4)]), "30 Hz; 0.1 s", "frames 4", never=("dropped",)),
+    kind("22", frames(*[f"cam_{33333 * k:09d}.png" for k in range(5)]),
+        "the numbers step by 33333: state how many a second has", never=("dropped",)),
+    kind("23", frames(*[f"cell [2]_{k:03d}.png" for k in range(5)]), "frames 5", ASKED, at=""),
+    kind("23", frames(*[f"a*b?{k:02d}.png" for k in range(4)]), "frames 4"),
+    kind("23", frames(*[f"[!x]{k}].png" for k in range(3)]), "frames 3"),
+    kind("24", frames(*[f"{k:04d}_cam2.png" for k in range(4)], *[f"d_000{k}_8x6.png" for k in (0,
+        1, 2, 3)]), "[0-9]*_cam2.png: depth", "d_[0-9]*_8x6.png: depth", "frames 4", at=""),
+    kind("24", frames(*[f"cam{c}_{k:04d}.png" for k in range(4) for c in (1, 2)]),
+        "cam*_[*-*]*.png (2): depth sequence"),
+    kind("24", frames(*[f"frame-{k:06d}.depth16.png" for k in (0, 1, 3)]),
+        "1 dropped frames; width 16; height 12; frames 3"),
 ]  # fmt: skip
 
 
@@ -123,16 +114,13 @@ def fewer_messages(folder: Path) -> None:
 
 READ = ("100 Hz; 0.19 s; samples 20; joints 2", "passed over /")
 BAGS = [
-    FileKind(
-        "25", bag_with("/set_mode/_service_event", kind="my_msgs/srv/SetMode_Event",
-                       definition=EVENT), ("passed over /set_mode/_service_event",), "run_1",
-        never=("damaged",)),
-    FileKind("25", bag_with("/a", encoding=b"ros1msg"), READ, "run_1", public=False),
-    FileKind("25", bag_with("/a", encoding=b"protobf"), READ, "run_1", public=False),
-    FileKind("25", bag_with("/a", form="protobuf"), READ, "run_1", public=False),
-    FileKind("25", bag_with("/a", form="json", storage="SQLITE3"), READ, "run_1", public=False),
-    FileKind("25", bag_with("/a", definition="float64 a\nnot_there/B b\n"), READ, "run_1",
-             public=False),
+    kind("25", bag_with("/set_mode/_service_event", kind="my_msgs/srv/SetMode_Event",
+        definition=EVENT), "passed over /set_mode/_service_event", at="run_1", never=("damaged",)),
+    kind("25", bag_with("/a", encoding=b'ros1msg'), *READ, inside="run_1"),
+    kind("25", bag_with("/a", encoding=b'protobf'), *READ, inside="run_1"),
+    kind("25", bag_with("/a", form="protobuf"), *READ, inside="run_1"),
+    kind("25", bag_with("/a", form="json", storage="SQLITE3"), *READ, inside="run_1"),
+    kind("25", bag_with("/a", definition="float64 a\nnot_there/B b\n"), *READ, inside="run_1"),
 ]  # fmt: skip
 
 OID = "oid sha256:" + "ab12" * 16
@@ -149,31 +137,25 @@ def texts(files: dict[str, str]) -> Callable[[Path], None]:
 
 ENDINGS = ("run_1.c3d", "run_1.csv", "run_1.parquet")
 POINTERS = [
-    FileKind(
-        "26", texts(dict.fromkeys(ENDINGS, POINTER)), (
-            "run_1.c3d: unknown", "run_1.csv: unknown", "run_1.parquet: unknown",
-            "! a pointer of Git LFS in place of the file: run `git lfs pull`"),
-        never=("damaged", "cut short", "not recognised, text without rows of numbers (between "
-                          "commas, semicolons, tabs or blanks): run_1"), stops=True),
-    FileKind(
-        "26", texts({"a.bag": POINTER, "b.mat": ANNEX, "c.npz": POINTER, "d.urdf": POINTER}),
-        ("a.bag: ROS bag ! a pointer of Git LFS", "c.npz: unknown ! a pointer of Git LFS",
-         "! a pointer of git-annex in place of the file: run `git annex get`"),
-        never=("damaged",), stops=True, public=False),
-    FileKind(
-        "26", texts({"take.csv": PAGE, "log.mat": PAGE, "index.html": PAGE}), (
-            "take.csv: unknown ! a web page in place of", "log.mat: unknown ! a web page",
-            "index.html"), stops=True, public=False),
-    FileKind(
-        "36", texts({"macros.xacro": '<root xmlns:xacro="x"><xacro:macro name="m"/></root>'}),
-        ("macros.xacro: xacro ! xacro is not read: expand it with xacro",), "macros.xacro",
+    kind("26", texts(dict.fromkeys(ENDINGS, POINTER)), "run_1.c3d: unknown", "run_1.csv: unknown",
+        "run_1.parquet: unknown",
+        "! a pointer of Git LFS in place of the file: run `git lfs pull`", at="", never=("damaged",
+        "cut short",
+        "text without rows of numbers"), stops=True),
+    kind("26", texts({"a.bag": POINTER, "b.mat": ANNEX, "c.npz": POINTER, "d.urdf": POINTER}),
+        "a.bag: ROS bag ! a pointer of Git LFS", "c.npz: unknown ! a pointer of Git LFS",
+        "! a pointer of git-annex in place of the file: run `git annex get`", never=("damaged",),
         stops=True),
-    FileKind(
-        "36", texts({"x.urdf": '<!-- of an arm -->\n<links xmlns:xacro="x"><xacro:a/></links>'}),
-        ("x.urdf: xacro ! xacro is not read",), stops=True, public=False),
-    FileKind(
-        "36", texts({"x.xml": '<?xml version="1.0"?>\n<robot><xacro:if value="a"/></robot>'}),
-        ("a xacro: expand it with xacro x.xml > arm.urdf",), stops=True, public=False),
+    kind("26", texts({"take.csv": PAGE, "log.mat": PAGE, "index.html": PAGE}),
+        "take.csv: unknown ! a web page in place of", "log.mat: unknown ! a web page",
+        "index.html", stops=True),
+    kind("36", texts({"macros.xacro": '<root xmlns:xacro="x"><xacro:macro name="m"/></root>'}),
+        "macros.xacro: xacro ! xacro is not read: expand it with xacro", at="macros.xacro",
+        stops=True),
+    kind("36", texts({"x.urdf": '<!-- of an arm -->\n<links xmlns:xacro="x"><xacro:a/></links>'}),
+        "x.urdf: xacro ! xacro is not read", stops=True),
+    kind("36", texts({"x.xml": '<?xml version="1.0"?>\n<robot><xacro:if value="a"/></robot>'}),
+        "a xacro: expand it with xacro x.xml > arm.urdf", stops=True),
 ]  # fmt: skip
 
 
@@ -200,29 +182,22 @@ def cut_rows(folder: Path) -> None:
 
 LONG, CAPPED = {"frames": 68000, "start": 1}, {"frames": 68000, "last": 65535}
 TAKES = [
-    FileKind(
-        "27", take(markers=0, frames=300, analogs={"F1": 10, "F2": 10}),
-        ("2 analog channels (F1, F2) of 3000 samples",), stops=True, never=("truncated",)),
-    FileKind("27", take(markers=0), ("the file has no points: no take",), stops=True, public=False),
-    FileKind(
-        "27", take(markers=0, analogs={"EMG": 1}), ("1 analog channels (EMG) of 5 samples",),
-        stops=True, public=False),
-    FileKind("28", take(**LONG, last=65535, end=68000), ("680 s", "frames 68000")),
-    FileKind("28", take(**LONG, last=2464, end=68000), ("frames 68000",), public=False),
-    FileKind("28", take(**CAPPED, long_frames=68000), ("frames 68000",), public=False),
-    FileKind("28", take(**CAPPED), ("frames 68000",), public=False),
-    FileKind(
-        "28", take(**CAPPED | {"frames": 66000}, long_frames=68000),
-        ("the file announces 68000 frames and holds 66000",), stops=True, public=False),
-    FileKind("28", take(frames=65535), ("frames 65535",), public=False),
-    FileKind("29", cut_motive, ("lacking frames", "frames"), "take.csv"),
-    FileKind("29", cut_rows, ("dataset.mocap.unit", "4 lacking frames"), public=False),
-    FileKind(
-        "29", fewer_messages, ("announces 21 messages and holds 20",), "take", stops=True,
-        public=False),
-    FileKind(
-        "29", frames("a.pcd", content=cloud(5, 6)), ("announces 6 points and holds 5",),
-        stops=True, public=False),
+    kind("27", take(markers=0, frames=300, analogs={"F1": 10, "F2": 10}),
+        "2 analog channels (F1, F2) of 3000 samples", at="", never=("truncated",), stops=True),
+    kind("27", take(markers=0), "the file has no points: no take", stops=True),
+    kind("27", take(markers=0, analogs={"EMG": 1}), "1 analog channels (EMG) of 5 samples",
+        stops=True),
+    kind("28", take(**LONG, last=65535, end=68000), "680 s", "frames 68000", at=""),
+    kind("28", take(**LONG, last=2464, end=68000), "frames 68000"),
+    kind("28", take(**CAPPED, long_frames=68000), "frames 68000"),
+    kind("28", take(**CAPPED), "frames 68000"),
+    kind("28", take(**CAPPED | {"frames": 66000}, long_frames=68000),
+        "the file announces 68000 frames and holds 66000", stops=True),
+    kind("28", take(frames=65535), "frames 65535"),
+    kind("29", cut_motive, "lacking frames", "frames", at="take.csv"),
+    kind("29", cut_rows, "dataset.mocap.unit", "4 lacking frames"),
+    kind("29", fewer_messages, "announces 21 messages and holds 20", inside="take", stops=True),
+    kind("29", frames("a.pcd", content=cloud(5, 6)), "announces 6 points and holds 5", stops=True),
 ]  # fmt: skip
 
 
@@ -252,27 +227,19 @@ def serial(folder: Path, count: int, sensors: int = 0) -> None:
 
 TWO = [joint("j1", "l0", "l1"), joint("j2", "l2", "l3")]
 ROBOTS = [
-    FileKind(
-        "35", partial(serial, count=100, sensors=3), ("robot many", "(100)", "? which"),
-        "robot.urdf", never=("damaged",)),
-    FileKind(
-        "35", partial(serial, count=120), ("which three parallel joints",), public=False),
-    FileKind(
-        "35", partial(serial, count=20000),
-        ("found 20000 joints, at most 1000 are allowed", "dataset.reading.joints"), stops=True,
-        never=("damaged",), public=False),
-    FileKind(
-        "39", partial(robot, links=["l0", "l1", "l2", "l3"], joints=TWO),
-        ("2 root links (l0, l2)",), "robot.urdf", stops=True),
-    FileKind(
-        "39", partial(robot, links=["l0", "l1", "l2"], joints=TWO[:1]),
-        ("2 root links (l0, l2)",), stops=True, public=False),
-    FileKind(
-        "39", partial(robot, links=["l0", "l1"], joints=[TWO[0], joint("j2", "l1", "l9")]),
-        ("joints name the link 'l9'",), stops=True, public=False),
-    FileKind(
-        "39", partial(robot, links=["l0", "l1"], joints=[joint("j", "l0", "l1", lower="nan")]),
-        ("limit or mimic of the joint j: nan",), stops=True, public=False),
+    kind("35", partial(serial, count=100, sensors=3), "robot many", "(100)", "? which",
+        at="robot.urdf", never=("damaged",)),
+    kind("35", partial(serial, count=120), "which three parallel joints"),
+    kind("35", partial(serial, count=20000), "found 20000 joints, at most 1000 are allowed",
+        "dataset.reading.joints", never=("damaged",), stops=True),
+    kind("39", partial(robot, links=["l0", "l1", "l2", "l3"], joints=TWO), "2 root links (l0, l2)",
+        at="robot.urdf", stops=True),
+    kind("39", partial(robot, links=["l0", "l1", "l2"], joints=TWO[:1]), "2 root links (l0, l2)",
+        stops=True),
+    kind("39", partial(robot, links=["l0", "l1"], joints=[TWO[0], joint("j2", "l1", "l9")]),
+        "joints name the link 'l9'", stops=True),
+    kind("39", partial(robot, links=["l0", "l1"], joints=[joint("j", "l0", "l1", lower="nan")]),
+        "limit or mimic of the joint j: nan", stops=True),
 ]  # fmt: skip
 
 
@@ -293,12 +260,11 @@ def link_as_text(folder: Path) -> None:
 
 NOTHING = "! the folder holds no recordings"
 FOLDERS = [
-    FileKind("37", link_as_text, ("run_1: unknown ! the text of a link to ../store",), "exports",
-             stops=True),
-    FileKind("37", linked, ("run_1/a_[0-9]*.png", "frames 2"), "exports", public=False),
-    FileKind("37", lambda folder: (folder / "empty").mkdir(), (NOTHING,), "empty", stops=True),
-    FileKind("37", lambda folder: (folder / "a/b").mkdir(parents=True), (NOTHING,), stops=True,
-             public=False),
+    kind("37", link_as_text, "run_1: unknown ! the text of a link to ../store", at="exports",
+        stops=True),
+    kind("37", linked, "run_1/a_[0-9]*.png", "frames 2", inside="exports"),
+    kind("37", lambda folder: (folder / "empty").mkdir(), NOTHING, at="empty", stops=True),
+    kind("37", lambda folder: (folder / "a/b").mkdir(parents=True), NOTHING, stops=True),
 ]  # fmt: skip
 
 CAMERA = {"width": 640, "height": 480, "fx": 525.5, "fy": 526.5, "cx": 319.25, "cy": 239.75}
@@ -313,23 +279,18 @@ STAMPS = pd.to_datetime(1.7e9 + TIME, unit="s")
 TABLE = pd.DataFrame({f"{n}_{j}": Q[:, j] for n in ("q", "q_target") for j in (0, 1)})
 DATED = ("125 Hz", "dataset.joint_log.angle_unit")
 UNITS = [
-    FileKind("41", camera(distortion=[0] * 5), ("width 640; height 480; fx 525.5",), "camera.json"),
-    FileKind("41", camera(coeffs=[0] * 5), ("fx 525.5",), public=False),
-    FileKind(
-        "41", camera(lens_dist=[0] * 5), ("no distortion; the file has", "D, d, with zeros"),
-        stops=True, never=("no camera matrix",), public=False),
-    FileKind(
-        "42", lambda folder: TABLE.assign(time=STAMPS).to_parquet(folder / "log.parquet"), DATED,
-        "log.parquet", never=("unit of the times",)),
-    FileKind(
-        "42", lambda folder: np.savez(folder / "a.npz", time=STAMPS.to_numpy(), q=Q, q_target=Q),
-        DATED, never=("unit of the times",), public=False),
-    FileKind(
-        "42", lambda folder: TABLE.assign(t=STAMPS - STAMPS[0]).to_parquet(folder / "a.parquet"),
-        DATED, never=("unit of the times",), public=False),
-    FileKind(
-        "42", lambda folder: savemat(folder / "a.mat", {"time": TIME, "q": Q, "q_target": Q}),
-        ("125 Hz", "unit of the times is not stated"), public=False),
+    kind("41", camera(distortion=[0] * 5), "width 640; height 480; fx 525.5", at="camera.json"),
+    kind("41", camera(coeffs=[0] * 5), "fx 525.5"),
+    kind("41", camera(lens_dist=[0] * 5), "no distortion; the file has", "D, d, with zeros",
+        never=("no camera matrix",), stops=True),
+    kind("42", lambda folder: TABLE.assign(time=STAMPS).to_parquet(folder / "log.parquet"), *DATED,
+        at="log.parquet", never=("unit of the times",)),
+    kind("42", lambda folder: np.savez(folder / "a.npz", time=STAMPS.to_numpy(), q=Q, q_target=Q),
+        *DATED, never=("unit of the times",)),
+    kind("42", lambda folder: TABLE.assign(t=STAMPS - STAMPS[0]).to_parquet(folder / "a.parquet"),
+        *DATED, never=("unit of the times",)),
+    kind("42", lambda folder: savemat(folder / "a.mat", {"time": TIME, "q": Q, "q_target": Q}),
+        "125 Hz", "unit of the times is not stated"),
 ]  # fmt: skip
 
 KINDS = [*NAMES, *BAGS, *POINTERS, *TAKES, *ROBOTS, *FOLDERS, *UNITS]

@@ -27,7 +27,10 @@ OTHER = _words(
     "scaling fraction safety execution time timestamp gripper finger noise std raw id seq frame",
     "action actions m",
 )
-COUNTERS = _words("num no nr number count counter cnt index idx seq sequence id row packet cycle")
+COUNTERS = _words(
+    "num no nr number count counter cnt index idx seq sequence id row packet cycle frame sample",
+    "frames samples",
+)
 NUMBERED = {"joint", "joints", "j", "jnt", "axis", "axes"}  # words of a joint without a quantity
 MEASURED = _words("actual act measured meas msr feedback fbk real observed ist")
 COMMANDED = _words(
