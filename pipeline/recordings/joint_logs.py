@@ -125,20 +125,20 @@ def find_takes(
     columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
     steps, ends = dataset.motion.steps - 2 * rest, (options.start, options.end)
     for name, read in movements.items():
-        target, circular = read.target, read.circular[columns]
-        sought = {"steps": steps, "rest": rest, "rest_speed": options.rest_speed}
-        log = target, read.speed, columns, ends
-        found = repetitions.find_repetitions(*log, **sought, circular=circular)
-        signals = {RESIDUALS: read.actual - target} | read.others
+        angles, circular = (
+            (read.actual[:, columns], read.target[:, columns]),
+            read.circular[columns],
+        )
+        found = repetitions.find_repetitions(angles[1], read.motions, ends, steps, rest, circular)
+        signals = {RESIDUALS: read.actual - read.target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
             _require_locked(read, rows, dataset, take)
-            angles = read.actual[:, columns], target[:, columns]
             takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
-        for run in repetitions.excursions(target, read.speed, options.rest_speed):
-            if not (words := run.lack(len(target))):
-                start, end = target[[run.first - 1, run.last]][:, columns].round(2).tolist()
+        for run in read.motions:
+            if not (words := run.lack(len(read.target))):
+                start, end = angles[1][[run.first - 1, run.last]].round(2).tolist()
                 words = f"{start} to {end} in {run.steps} steps"
             observed.append(words)
         counts = dict(read.counts) | {REPETITIONS: len(found.runs)}

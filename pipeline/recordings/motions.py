@@ -55,7 +55,7 @@ def find_motions(
         paths[name] = read.target[:, [read.joints.index(joint) for joint in robot.joints]]
     (runs, unused), places = located_runs(movements, rate, robot.joints)
     for run in runs:
-        name, (first, last, whole), pause = places[run.name]
+        name, (first, last, whole, pause) = places[run.name]
         if not whole:
             continue
         target = paths[name]
@@ -87,11 +87,10 @@ def _repeated_stretches(paths: Mapping, chain: Chain, robot: Robot) -> list[Foun
     circular, found = circular_joints(robot.urdf, robot.joints), []
     for path in paths.values():
         for first, last in _regular_stretches(path, chain):
-            sought = {"steps": last - first, "rest": 0, "circular": circular}
             motion = FoundMotion(path[first], path[last], last - first, None)
             for name, other in paths.items():
-                log = other, other, slice(None), (motion.start, motion.end)
-                runs = find_repetitions(*log, **sought).runs
+                ends = motion.start, motion.end
+                runs = find_repetitions(other, [], ends, motion.steps, 0, circular).runs
                 motion.places += [(name, run.first) for run in runs]
             known = any({*motion.places} & {*other.places} for other in found)
             found += [motion] if len(motion.places) > 1 and not known else []

@@ -18,7 +18,7 @@ from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
 from pipeline.formats.joints.names import match_joints
 from pipeline.recordings import commands
-from pipeline.recordings.repetitions import commanded_speeds
+from pipeline.recordings.repetitions import Excursion, excursions
 
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # units of quality rows that are no counts
 CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
@@ -189,7 +189,7 @@ class LoggedMovement(NamedTuple):
     joints: Sequence[str]
     actual: np.ndarray  # (N, joints) rad, measured
     target: np.ndarray  # (N, joints) rad, commanded
-    speed: np.ndarray  # (N, joints) rad/s, commanded
+    motions: Sequence[Excursion]  # of the command
     others: Mapping[str, np.ndarray]  # other signals (N, joints) in any unit
     counts: Mapping[str, float]  # numbers of rows; UNITS lists values with another unit
     circular: np.ndarray  # (joints,) whether a joint is circular
@@ -246,10 +246,11 @@ def read_logged_movement(
     commands.require_pair(*pair, rate, options.mismatch, followed, file=movement)
     angles = {"actual": actual, "target": target}
     require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
+    speed = rate
     if "speed" in signals:
         _, speed = shift(signals["actual"], signals["speed"])
     else:
-        speed = commanded_speeds(target, rate, options.rest_speed)
         counts |= {"speed_from_angles": 1}
+    motions = excursions(target, speed, options.rest_speed)
     others = {key: shift(signals[key], signals["target"])[0] for key in options.others}
-    return LoggedMovement(joints, actual, target, speed, others, counts, circular)
+    return LoggedMovement(joints, actual, target, motions, others, counts, circular)

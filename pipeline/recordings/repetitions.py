@@ -23,6 +23,7 @@ class Excursion(NamedTuple):
     first: int
     last: int
     whole: bool
+    pause: int = 0  # steps of the shorter rest before or after
 
     @property
     def steps(self) -> int:
@@ -53,56 +54,49 @@ def _runs(inside: np.ndarray) -> list[tuple[int, int]]:
 
 
 def excursions(
-    angles: np.ndarray, speeds: np.ndarray, rest_speed: float = REST_SPEED
+    angles: np.ndarray, speeds: np.ndarray | float, rest_speed: float = REST_SPEED
 ) -> list[Excursion]:
-    """Return all motions in a log of commanded ``angles`` (N, joints) rad and ``speeds`` rad/s."""
-    return [
-        Excursion(first, last, 0 < first and last < len(speeds))
+    """Return all motions in a log of commanded ``angles`` (N, joints) rad and ``speeds`` (N,
+    joints) rad/s, or the rate in Hz: speeds are then the steps of the angles.
+    """
+    if np.ndim(speeds) == 0:
+        speeds = np.diff(angles, axis=0, prepend=angles[:1]) * speeds
+    moved = [
+        (first, last)
         for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
         if np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max() > REACH
     ]
-
-
-def commanded_speeds(angles: np.ndarray, rate: float, rest_speed: float = REST_SPEED) -> np.ndarray:
-    """Return the speeds (N, joints) rad/s of commanded ``angles``, 0 outside :func:`excursions`."""
-    steps = np.diff(angles, axis=0, prepend=angles[:1]) * rate
-    speeds = np.zeros_like(steps)
-    for run in excursions(angles, steps, rest_speed):
-        speeds[run.first : run.last] = steps[run.first : run.last]
-    return speeds
+    pauses = np.diff([0, *(row for run in moved for row in run), len(angles)])[::2].tolist()
+    return [
+        Excursion(first, last, 0 < first and last < len(angles), min(pauses[i : i + 2]))
+        for i, (first, last) in enumerate(moved)
+    ]
 
 
 def find_repetitions(
     angles: np.ndarray,
-    speeds: np.ndarray,
-    columns: Sequence[int],
+    motions: Sequence[Excursion],
     ends: Sequence[Sequence[float]],
-    *,
     steps: int,
     rest: int,
-    rest_speed: float = REST_SPEED,
     circular: np.ndarray | bool = True,
 ) -> Repetitions:
-    """Return the whole :func:`excursions` that move the joints ``columns`` between the ``ends``
+    """Return the whole ``motions`` in a log of commanded ``angles`` (N, n) rad between the ``ends``
     (rad; m for joints that are not ``circular``) to within REACH, in ``steps`` ± SLACK, with
-    ``rest`` rows at rest before and after. With ``rest`` 0, return the stretches of ``steps`` that
+    ``rest`` steps at rest before and after. With ``rest`` 0, return the stretches of ``steps`` that
     pass both ends within REACH.
     """
     if not rest:
-        return _find_passes(angles[:, columns], ends, steps, circular)
-    moving = np.any(np.abs(speeds) > rest_speed, axis=1)
+        return _find_passes(angles, ends, steps, circular)
     runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
-    for run in excursions(angles, speeds, rest_speed):
+    for run in motions:
+        reached = angles[[max(run.first - 1, 0), min(run.last, len(angles) - 1)]]
+        away = np.abs(apart(reached, np.stack(ends), circular)).max()
         if not run.whole:
             left_out["cut_off"].append(run.first)
-            continue
-        reached = angles[[run.first - 1, run.last]][:, columns]
-        before, after = run.first - rest - SLACK, run.last + rest + 2 * SLACK + 1
-        away = np.abs(apart(reached, np.stack(ends), circular)).max()
-        near = moving[max(before, 0) : run.first].any() or moving[run.last : after].any()
-        if away > REACH or abs(run.steps - steps) > SLACK:
+        elif away > REACH or abs(run.steps - steps) > SLACK:
             left_out["other_motion"].append(run.first)
-        elif before < 0 or after > len(moving) or near:
+        elif run.pause < rest + 2 * SLACK + 1:
             left_out["too_little_rest"].append(run.first)
         else:
             runs.append(run)

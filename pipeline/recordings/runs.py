@@ -17,7 +17,7 @@ from pipeline.recordings.commands import standing_joints
 from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH, delayed, joint_lags
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import SLACK, Excursion, disturbances, excursions
+from pipeline.recordings.repetitions import SLACK, Excursion, disturbances
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
@@ -39,14 +39,6 @@ class RunsOfLogs(NamedTuple):
 
     runs: list[JointRun]
     unused: dict[str, str]
-
-
-class Place(NamedTuple):
-    """Commanded motion of a run in the log of a movement."""
-
-    movement: str
-    motion: Excursion
-    pause: int  # steps of the shorter rest before or after
 
 
 def joint_runs(
@@ -74,18 +66,17 @@ def located_runs(
     rate: float,
     joints: Sequence[str] = (),
     pose_noise: float | None = None,
-) -> tuple[RunsOfLogs, dict[str, Place]]:
-    """Return all runs as :func:`joint_runs`, also disturbed ones, and name → place."""
+) -> tuple[RunsOfLogs, dict[str, tuple[str, Excursion]]]:
+    """Return all runs as :func:`joint_runs`, also disturbed ones, and name → movement and
+    commanded motion."""
     unused, runs, places, circular = {}, [], {}, {}
     joints = [*(joints or next(iter(movements.values())).joints)]
     for read in movements.values():
-        columns = [read.joints.index(joint) for joint in joints]
         standing = standing_joints(read.actual, read.target)
-        for column in (column for column in columns if standing[column]):
-            moved = np.ptp(read.target[:, column]), np.ptp(read.actual[:, column])
-            unused[read.joints[column]] = (
-                "its command moves by {:.3g} rad, it moves by {:.2g} rad".format(*moved)
-            )
+        for column in np.flatnonzero(standing & np.isin(read.joints, joints)):
+            by, moved = (np.ptp(q[:, column]) for q in (read.target, read.actual))
+            reason = f"its command moves by {by:.3g} rad, it moves by {moved:.2g} rad"
+            unused[read.joints[column]] = reason
     if not (joints := [joint for joint in joints if joint not in unused]):
         return RunsOfLogs([], unused), {}
     for name, read in movements.items():
@@ -93,7 +84,7 @@ def located_runs(
         circular = read.circular[[read.joints.index(joint) for joint in joints]]
         for run, place in found:
             runs.append(run)
-            places[run.name] = place
+            places[run.name] = name, place
         if not found:
             unused[name] = f"the command never moves by more than {REACH:g} rad"
     runs = named_motions(runs, circular)
@@ -111,14 +102,13 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
 
 def _runs_of(
     name: str, read: LoggedMovement, rate: float, joints: Sequence[str], stated: float | None
-) -> list[tuple[JointRun, Place]]:
-    """Return the runs in one movement, from pause to pause, and their places."""
+) -> list[tuple[JointRun, Excursion]]:
+    """Return the runs in one movement, from pause to pause, and their motions."""
     columns = [read.joints.index(joint) for joint in joints]
     measured, target = read.actual[:, columns], read.target[:, columns]
-    every = excursions(read.target, read.speed)
     moved = [
         run
-        for run in every
+        for run in read.motions
         if np.ptp(target[max(run.first - 1, 0) : run.last + 1], axis=0).max(initial=0.0) > REACH
     ]
     if not moved:
@@ -155,11 +145,8 @@ def _runs_of(
             motion="",
         )
         whole = group[0].whole and group[-1].whole
-        first, last = group[0].first, group[-1].last
-        before = first - max((other.last for other in every if other.last <= first), default=0)
-        after = min((other.first for other in every if other.first >= last), default=len(target))
-        place = Place(name, Excursion(first, last, whole), min(before, after - last))
-        runs.append((run, place))
+        pause = min(group[0].pause, group[-1].pause)
+        runs.append((run, Excursion(group[0].first, group[-1].last, whole, pause)))
     return runs
 
 

@@ -12,7 +12,6 @@ from pipeline.recordings.motions import find_motions
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import (
     beside_others,
-    commanded_speeds,
     disturbances,
     excursions,
     find_repetitions,
@@ -20,7 +19,7 @@ from pipeline.recordings.repetitions import (
 
 RATE = 125.0
 HOME, AWAY = np.array([0.3, -2.0, -1.9, -0.4]), np.array([-0.2, -3.0, -0.2, -1.5])
-COLUMNS, STEPS = [1, 2, 3], 100
+STEPS = 100
 
 
 def way(start: np.ndarray, end: np.ndarray, steps: int = STEPS) -> tuple[np.ndarray, np.ndarray]:
@@ -57,8 +56,8 @@ WHOLE = (AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, OUT,
 
 
 def find(angles, speeds, *, rest=20, steps=STEPS, start=HOME, end=AWAY):
-    ends = start[1:], end[1:]
-    return find_repetitions(angles, speeds, COLUMNS, ends, steps=steps, rest=rest)
+    ends, motions = (start[1:], end[1:]), excursions(angles, speeds)
+    return find_repetitions(angles[:, 1:], motions, ends, steps, rest)
 
 
 @pytest.mark.parametrize("noise", [0.0, 5e-5])
@@ -110,7 +109,7 @@ def periodic(rows: int, period: float) -> np.ndarray:
 
 
 def passes(command: np.ndarray, ends: tuple, steps: int):
-    return find_repetitions(command, command, slice(None), ends, steps=steps, rest=0)
+    return find_repetitions(command, [], ends, steps, rest=0)
 
 
 def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
@@ -146,8 +145,8 @@ def movement(target: np.ndarray, pushed: int | None = None) -> LoggedMovement:
     actual = target + np.random.default_rng(1).normal(0, 1e-5, target.shape)
     if pushed is not None:
         actual[pushed : pushed + 20, 1] += 0.02
-    speed, turning = commanded_speeds(target, SAMPLED), np.ones(6, dtype=bool)
-    return LoggedMovement(JOINTS, actual, target, speed, {}, {}, turning)
+    motions, turning = excursions(target, SAMPLED), np.ones(6, dtype=bool)
+    return LoggedMovement(JOINTS, actual, target, motions, {}, {}, turning)
 
 
 def rounds(times: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from source_code import ROOT
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.lags import joint_lags
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import commanded_speeds
+from pipeline.recordings.repetitions import excursions
 from pipeline.recordings.runs import find_quantum, joint_runs
 from pipeline.tools.characterize.logs import folder_logs
 
@@ -29,8 +29,8 @@ def wave(t: np.ndarray, phase: float = 0.0) -> np.ndarray:
 
 def movement(target: np.ndarray, actual: np.ndarray) -> LoggedMovement:
     joints = [f"joint_{j}" for j in range(1, target.shape[1] + 1)]
-    speed = commanded_speeds(target, RATE)
-    return LoggedMovement(joints, actual, target, speed, {}, {}, np.ones(len(joints), bool))
+    motions, turning = excursions(target, RATE), np.ones(len(joints), bool)
+    return LoggedMovement(joints, actual, target, motions, {}, {}, turning)
 
 
 def stops(ways: int, seed: int, late: float = 0.0) -> LoggedMovement:

@@ -43,7 +43,7 @@ from pipeline.recordings.movement import (
     smoothness_by_rows,
     without_damage,
 )
-from pipeline.recordings.repetitions import commanded_speeds, excursions
+from pipeline.recordings.repetitions import excursions
 from pipeline.tools.inspect.finding import Finding
 
 RATES = 5.0, 5000.0  # Hz, range of the rates of controllers' logs
@@ -270,7 +270,7 @@ def _add_tracking(finding: Finding, log: JointLog) -> None:
         if np.isfinite(late)
         else f"at rest, tracking error {np.abs(actual - target).max():.2g} rad"
     )
-    lacks = [run.lack(len(target)) for run in excursions(target, commanded_speeds(target, rate))]
+    lacks = [run.lack(len(target)) for run in excursions(target, rate)]
     finding.facts["motions"] = f"{lacks.count('')} whole"
     finding.count({"motions_cut_off": sum("cut off" in lack for lack in lacks)})
     if any("never rests" in lack for lack in lacks):
