@@ -89,7 +89,6 @@ def test_a_slow_library_is_imported_by_the_function_that_needs_it(library):
     assert any(library in imports(module) for module in packages), "nothing does: take it out"
 
 
-TESTS_ALONE = "serves tests alone"  # in the docstring of a theorem of pipeline.randommatrix
 Definition = ast.FunctionDef | ast.ClassDef
 
 
@@ -103,10 +102,9 @@ def definitions(module: ast.Module) -> Iterator[Definition]:
 
 
 def called_from_outside(node: Definition) -> bool:
-    """True where Python or pydantic calls it, or where it is a theorem that serves tests."""
+    """True where Python or pydantic calls it."""
     decorators = " ".join(ast.unparse(one) for one in node.decorator_list)
-    theorem = TESTS_ALONE in " ".join((ast.get_docstring(node) or "").split())
-    return node.name.startswith("__") or "_validator" in decorators or theorem
+    return node.name.startswith("__") or "_validator" in decorators
 
 
 def names_read(modules: dict[str, ast.Module]) -> Iterator[str]:

@@ -27,7 +27,6 @@ NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algo
 LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
-TESTS_ALONE = "serves tests alone"  # words in the docstring of code that only tests use
 MISSING = "(not in this dataset)"
 CLAIMED = ("published", "value", "distance")  # numbers of a claim
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
@@ -70,11 +69,10 @@ class Item:
 
 
 class Source(NamedTuple):
-    """A function, class or method, its ``file``, and True if it serves tests alone."""
+    """A function, class or method, and its ``file``."""
 
     name: str
     file: Path
-    tests_alone: bool = False
 
 
 def parse_items(entries: object) -> list[Item]:
@@ -118,7 +116,7 @@ def citations(
             except ConfigError as error:
                 raise ConfigError(error.message, file=file, name=name, **error.evidence) from None
             for item in names:
-                sources[item].append(Source(name, file, TESTS_ALONE in " ".join(docstring.split())))
+                sources[item].append(Source(name, file))
     return sources
 
 
@@ -136,9 +134,7 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
     rows = []
     for item in items:
         by = [
-            f"[`{source.name}`](../{source.file.as_posix()})"
-            + f" ({TESTS_ALONE})" * source.tests_alone
-            for source in sources[item.cited_as]
+            f"[`{source.name}`](../{source.file.as_posix()})" for source in sources[item.cited_as]
         ] or [f"no code: {item.without_code}"]
         tests = (test.partition("::") for test in item.tests)
         shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)

@@ -211,7 +211,9 @@ def nominal_system(force: Force, robots: Arrangement) -> CableSystem:
 @dataclass(frozen=True)
 class MatrixModel:
     """Matrix model without Σ_S of one system or an array of systems: n wrench rows, m actuators.
-    Moments are in N·m, or in N if divided by a characteristic length.
+    S ~ N(S̲, Σ_S ⊗ Ψ_S) by Definition 1: vec(Sᵀ), Eq. (vec-of-a-matrix), is normal with the
+    covariance Σ_S ⊗ Ψ_S, Eq. (Kron). Moments are in N·m, or in N if divided by a characteristic
+    length.
     """
 
     jacobian: ndarray  # S̲ (..., n, m)

@@ -5,7 +5,7 @@ import pytest
 from scipy import linalg, stats
 
 from pipeline.models.wishart.decomposition import Decomposition
-from pipeline.randommatrix import wishart
+from pipeline.randommatrix.wishart import degrees_of_freedom
 
 # every decomposition
 READINGS = {
@@ -21,8 +21,8 @@ def algorithm_1(chain, q, v, sigma_b, decomposition, size, rng) -> np.ndarray:
     """(size, n) draws of q_{k+1}, line by line after the paper, under the command ``v``."""
     jacobian = chain.jacobian(q)
     j1, (m, n) = first_factor(jacobian, decomposition), jacobian.shape
-    d = wishart.degrees_of_freedom(sigma_b, m)
-    b = wishart.sample(d, np.eye(m) / d, (size,), rng)
+    d = degrees_of_freedom(sigma_b, m)
+    b = stats.wishart(d, np.eye(m) / d).rvs(size, random_state=rng).reshape(size, m, m)
     random = j1 @ b @ np.linalg.solve(j1, jacobian)
     inverse = np.linalg.inv(random) if m == n else np.linalg.pinv(random)
     return q + chain.null_step(q, v) + np.matvec(inverse, v[..., :m])

@@ -18,7 +18,6 @@ from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.model import frobenius, root
 from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import mean_covariance
-from pipeline.randommatrix import wishart
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 GAIN = np.array([[0.04, -0.02, 0.01], [-0.02, 0.09, 0.0], [0.01, 0.0, 0.05]])
@@ -146,7 +145,9 @@ def test_independent_rows_make_the_step_isotropic_with_variance_v_sigma_v(step):
     give ‖v‖²Σ.
     """
     sigma, rng = np.diag([4.0, 1.0, 0.25]), np.random.default_rng(2)
-    drawn = wishart.sample_matrix_normal(np.zeros((3, 3)), np.eye(3), sigma, (200_000,), rng) @ step
+    drawn = (
+        stats.matrix_normal(np.zeros((3, 3)), colcov=sigma).rvs(200_000, random_state=rng) @ step
+    )
     covariance = np.cov(drawn.T) / (step @ sigma @ step)
     np.testing.assert_allclose(covariance, np.eye(3), atol=0.02)
     assert np.abs(covariance - (step @ step) * sigma / (step @ sigma @ step)).max() > 1
@@ -159,7 +160,8 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
     rng, model, q = np.random.default_rng(3), GaussianModel(0.1, 18.0), np.tile(POSE, (DRAWS, 1))
     inverse = chain.inverse_jacobian(POSE)
     sigma = solve_noise_covariance(float(np.linalg.norm(inverse)), model.alpha, model.u, 3, 3)
-    matrices = POSE + wishart.sample_matrix_normal(inverse, np.eye(3), sigma, (DRAWS,), rng) @ step
+    law = stats.matrix_normal(inverse, colcov=sigma)
+    matrices = POSE + law.rvs(DRAWS, random_state=rng) @ step
     drawn, clipped = draw_steps(model, chain, q, step, rng)
     wrong, _ = draw_steps(GaussianModel(0.105, 18.0), chain, q, step, rng)
     mean = model.mean(chain, POSE, step)

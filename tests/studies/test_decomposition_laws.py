@@ -5,11 +5,12 @@
 import numpy as np
 import pytest
 from scipy.linalg import lu
+from scipy.stats import wishart
 from study_runs import options_of
 
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.randommatrix.wishart import degrees_of_freedom, sample
+from pipeline.randommatrix.wishart import degrees_of_freedom
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.evidence import PIVOTED, PLAIN, QR, QR_TRANSPOSED
@@ -148,7 +149,7 @@ def test_the_variances_are_those_of_algorithm_1(poses, reading):
     for jacobian, v in [*poses, *redundant]:
         first = first_factor(reading, jacobian)
         second = np.linalg.solve(first, jacobian)
-        draws = sample(d, np.eye(3) / d, (DRAWS,), rng)
+        draws = wishart(d, np.eye(3) / d).rvs(DRAWS, random_state=rng)
         steps = np.linalg.solve(draws, np.linalg.solve(first, v)[:, None])
         drawn = (np.linalg.pinv(second) @ steps)[..., 0].std(axis=0)
         np.testing.assert_allclose(

@@ -124,7 +124,7 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     name = "test_theta_follows_the_papers_equation_for_any_size"
     by = used("tests/randommatrix/test_laws.py", name)
     assert "pipeline.randommatrix.wishart.maxent_theta" in by
-    assert "pipeline.randommatrix.wishart.sample" not in by
+    assert "pipeline.randommatrix.wishart.degrees_of_freedom" not in by
 
 
 FIT = {"file": "metrics/fit", "key": "std_{joint 1}"}

@@ -21,15 +21,7 @@ from pipeline.core.options.dataset import Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.figures import style
-from pipeline.laboratory.dynamics import (
-    Chance,
-    JointPath,
-    desired_path,
-    expose,
-    open_session,
-    swing,
-)
-from pipeline.laboratory.dynamics import draw as draw_chance
+from pipeline.laboratory.dynamics import JointPath, desired_path, open_session, perform
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
 from pipeline.models import kinds
 from pipeline.models.model import MotionModel
@@ -45,7 +37,6 @@ from pipeline.verdicts.wording import join_names, table
 RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # least share of the resamplings of a reliable result
 DIGITS = 9  # significant digits of a prediction that are compared
-BATCH = 50  # takes that are simulated at once, which bounds the memory
 KEYS = ["arm", "physics"]
 Motions = Mapping[str, np.ndarray]  # by name: (M+1, n) rad, or (choices,) sums of their noise
 
@@ -97,16 +88,9 @@ class Bench:
         motion, built, dynamics = JointPath(path, self.trajectory.rate), self.built, self.dynamics
         motion.require_followable(built)
         session = open_session(built, dynamics, rng.stream(self.seed, "planning.session"))
-        grid, poses = np.arange(len(path)) / motion.rate, []
-        streams = [rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes)]
-        for first in range(0, self.takes, BATCH):
-            own = streams[first : first + BATCH]
-            drawn = [draw_chance(built, motion, dynamics, stream) for stream in own]
-            chance = Chance(*map(np.stack, zip(*drawn, strict=True)))
-            t, q, _ = swing(session.chain, session.encoder, motion, dynamics, chance)
-            pairs = zip(q, own, strict=True)
-            poses += [expose(t, each, grid, dynamics, stream) for each, stream in pairs]
-        return np.stack(poses)
+        streams = (rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes))
+        takes = (perform(session, motion, dynamics, stream) for stream in streams)
+        return np.stack([take.motion_capture for take in takes])
 
     def steps(self, path: np.ndarray, name: str) -> Recorded:
         """Return the steps of the takes ``name`` of the ``path``."""
