@@ -19,7 +19,7 @@ from pipeline.filtering.particle_filter import Start
 from pipeline.models.steps import Options, Recorded
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
-from pipeline.statistics.curves import constant_noise_variation
+from pipeline.statistics.curves import variation_limits
 
 # the paper's models; the first is the reference of comparisons
 KINDS = ("additive", "wishart", "gaussian")
@@ -108,10 +108,9 @@ class Recordings:
         return rng.stream(self.seed, name, *filter(None, numbers[:1]), *numbers[1:])
 
     @cached_property
-    def variation_of_constant_noise(self) -> np.ndarray:
-        """Limits (n,) of :func:`constant_noise_variation` of the training takes."""
-        stream = self.generator("score.constant_noise")
-        return constant_noise_variation(self.takes.training.noise, stream)
+    def variation_limits(self) -> np.ndarray:
+        """:func:`variation_limits` (n, 2) of the training takes."""
+        return variation_limits(self.takes.training.noise, self.generator("score.variation"))
 
 
 def recorded_takes(robot: Robot, motion: Motion) -> Takes:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.core.filters import NONE, models_of
 from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.statistics.curves import following_tests
 from pipeline.statistics.scores import FOLLOWS, Filtered, bound_scores, filter_tables
 
 
@@ -20,18 +21,23 @@ def filter_evidence(
     log score. ``filters`` have the names of :mod:`pipeline.core.filters`.
 
     The bounds also have the correlation with the error over the ``steady`` steps (K − 1,) alone.
-    There the speed is constant and causes no correlation. ``rng`` resamples the takes.
+    There the speed is constant and causes no correlation. ``rng`` resamples the takes, then draws
+    for the limits of the correlation (:func:`following_tests`).
     """
     rows, (tables, refusals) = [], filter_tables(filters, joints, rng)
     for name in models_of(filters):
         error, bound = filters[name].error, filters[name].bound
-        own = bound_scores(error, bound, joints)
-        at_speed = bound_scores(error[:, 1:][:, steady], bound[:, 1:][:, steady], joints)
-        for joint, scores in own.items():
+        for joint, scores in bound_scores(error, bound, joints).items():
             keys = {"model": name, "joint": joint}
             rows += [evidence_row(quantity, value, **keys) for quantity, value in scores.items()]
-            value = at_speed[joint][FOLLOWS]
-            rows.append(evidence_row(FOLLOWS, value, **keys, steps="constant_speed"))
+        chosen = np.append(False, steady)
+        tests = following_tests(bound.mean(axis=0), error, chosen, joints, rng, centred=False)
+        for own in tests.itertuples():
+            keys = {"model": name, "joint": own.joint, "steps": own.steps.removeprefix("all")}
+            if keys["steps"]:
+                rows.append(evidence_row(FOLLOWS, own.correlation, **keys))
+            rows.append(evidence_row("correlation_of_bound_limit", own.limit, **keys))
+            rows.append(evidence_row("correlation_of_bound_power", own.power, **keys))
     first, quantities = models_of(filters)[0], {}
     for joint in joints:
         for quantity in (FOLLOWS, "relative_error_of_bound"):

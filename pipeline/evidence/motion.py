@@ -1,6 +1,6 @@
 """Evidence on fits, realisations and predictions of the motion models."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 
@@ -16,6 +16,7 @@ from pipeline.models.steps import Recorded, recorded_deviation
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.curves import (
     NO_NOISE,
+    VARYING,
     ModelledNoise,
     following_tests,
     mean_error_comparison,
@@ -57,15 +58,15 @@ def noise_tests(
     """
     noise = modelled_noise(model, training)
     steady = constant_speed(poses)
-    return noise, following_tests(noise, training.noise, steady, training.joints, rng)
+    return noise, following_tests(noise.std, training.noise, steady, training.joints, rng)
 
 
 def motion_evidence(
-    outcomes: Mapping[str, Outcome], takes: Takes, mode: str, limits: Sequence[float]
+    outcomes: Mapping[str, Outcome], takes: Takes, mode: str, limits: np.ndarray
 ) -> pd.DataFrame:
     """Return the evidence of fits, realisations and predictions; ``outcomes`` by model.
 
-    ``limits`` (n,) are of :func:`pipeline.statistics.curves.constant_noise_variation`.
+    ``limits`` (n, 2) are of :func:`pipeline.statistics.curves.variation_limits`.
     """
     training = takes.training
     realized = {name: each for name, each in outcomes.items() if each.mean is not None}
@@ -101,18 +102,18 @@ def _nominal_error(training: Recorded) -> np.ndarray:
     return training.q + training.chain.nominal_step(training.q, training.v) - training.q_next
 
 
-def _recorded_rows(takes: Takes, limits: Sequence[float]) -> Rows:
+def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
     noise, recordings = takes.training.noise, [name.rpartition("_")[0] for name in takes.names]
     yield evidence_row("takes", len(noise), model=RECORDED)
     share = share_between(noise, recordings)
     yield evidence_row("share_of_variance_between_recordings", share, model=RECORDED)
     steps = takes.training.chain.nominal_step(takes.training.q, takes.training.v)
     ranges = np.ptp(np.cumsum(steps.mean(axis=0), axis=0), axis=0)
-    for j, (joint, limit) in enumerate(zip(takes.training.joints, limits, strict=True)):
+    for j, joint in enumerate(takes.training.joints):
         keys = {"model": RECORDED, "joint": joint}
         yield evidence_row("commanded_range", ranges[j], **keys)
         yield evidence_row("lag_one_correlation", lag_one_correlation(noise[..., j]), **keys)
-        yield evidence_row("std_variation_of_constant_noise", limit, **keys)
+        yield evidence_row("std_variation_limits", VARYING, *limits[j], **keys)
 
 
 def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Rows:

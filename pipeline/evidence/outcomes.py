@@ -189,7 +189,7 @@ def case_evidence(
     ``outcomes`` by model; ``posteriors`` by filter (a name of :mod:`pipeline.core.filters`) and
     take, or the reason why there is none. A filter without a posterior on one take has no evidence.
     """
-    takes, limits = recordings.takes, recordings.variation_of_constant_noise
+    takes, limits = recordings.takes, recordings.variation_limits
     tables = [motion_evidence(outcomes, takes, case.mode, limits)]
     refusals = {f"{model}: {why}" for model, result in outcomes.items() for why in result.refusals}
     if (camera := recordings.cameras.get(case.clock)) is None:

@@ -15,13 +15,18 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the evidence of the tables of the stage wrench by name; any but ``wrench_errors`` and
     ``wrench_spread`` may be missing.
     """
-    rows, maxima = [], tables["wrench_spread"].groupby("agents")["maximum"].median()
+    rows, maxima = [], tables["wrench_spread"].groupby("agents")["maximum"]
+    maxima = maxima.agg(["median", "mean", "std"])
     for own in wrench_summary(tables["wrench_errors"], tables["wrench_spread"]).itertuples():
         keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
+        repeats = maxima.loc[own.agents]
         rows += [
             evidence_row("mean_error_of_variances", own.mean, **keys),
             evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
-            evidence_row("median_of_greatest_errors", maxima[own.agents], **keys),
+            evidence_row("median_of_greatest_errors", repeats["median"], **keys),
+            evidence_row(
+                "greatest_error_of_a_repeat", repeats["mean"], standard_error=repeats["std"], **keys
+            ),
         ]
     for own in _records(tables, "sigma_s"):
         published = own["system_class"] != "study" and own["form"] == "diagonal"

@@ -26,7 +26,7 @@ from pipeline.recordings import quality
 from pipeline.recordings.commands import constant_speed, speed_scores
 from pipeline.recordings.inventory import by_place
 from pipeline.recordings.steps import truth_of
-from pipeline.statistics.curves import constant_noise_variation
+from pipeline.statistics.curves import variation_limits
 from pipeline.statistics.scores import Filtered, training_mean
 from pipeline.statistics.takes import wrench_summary
 from pipeline.verdicts.run import Run
@@ -122,8 +122,7 @@ def _score_motion(models: list[str], takes: Takes, settings, folder: Path) -> Sc
         for source, own in std.items()
     ]
     contracts.write(pd.concat(rows, ignore_index=True), "deviation", folder)
-    stream = rng.stream(settings.seed, "score.constant_noise")
-    limits = constant_noise_variation(recorded.noise, stream)
+    limits = variation_limits(recorded.noise, rng.stream(settings.seed, "score.variation"))
     metrics = {f"{model}_greatest_bias_rad": own.max() for model, own in bias.items()}
     return metrics, {EVIDENCE: motion_evidence(outcomes, takes, mode, limits)}
 

@@ -27,10 +27,14 @@ from pipeline.statistics.takes import (
     lag_one_correlation,
 )
 
-RECOGNISED = 0.95  # share of draws of a true model that pass in all joints
+RECOGNISED = 0.975  # share of draws of a true model that pass in all joints
 POWER = 0.8  # least share of draws of constant noise that a test must reject to be evidence
 HALF_EXPLAINED = 0.5**0.5
+WINDOWS = 8  # of a motion, over which a running mean is taken
+VARYING = 0.25  # variation over time of a curve that looks constant
 CLOSE_TO_ONE = 0.9999  # greatest correlation of neighbouring steps in draws
+MOST_POWER = 3.0  # greatest exponent of residuals that restores their tails
+TAIL_VALUES = 80_000  # drawn residuals that determine the exponent
 NO_NOISE = "no_noise"  # name in the tables of a prediction without noise
 
 
@@ -64,22 +68,25 @@ def variation(values: ndarray) -> float:
 
 
 def following_tests(
-    modelled: ModelledNoise, noise: ndarray, steady: ndarray, joints: Sequence[str], rng: Generator
+    std: ndarray,
+    noise: ndarray,
+    steady: ndarray,
+    joints: Sequence[str],
+    rng: Generator,
+    centred: bool = True,
 ) -> pd.DataFrame:
-    """Tabulate the ``correlation`` of the modelled and the recorded standard deviation, ``limit``
+    """Tabulate the ``correlation`` of the modelled standard deviation ``std`` (M, n) and the one of
+    ``noise`` (takes ≥ 2, M, n) in rad, about its mean if ``centred``, else about zero; ``limit``
     and ``power`` for each joint, over all steps and over the ``steady`` steps (M,) at constant
-    speed. A constant modelled curve has no row. ``noise`` (takes ≥ 2, M, n) in rad is recorded.
+    speed. A constant modelled curve has no row.
 
     A true model passes in all joints at once in at least RECOGNISED of the draws. Quantiles assume
     that Fisher's transform of the drawn correlations is normal.
     """
-    rows, recorded, std = [], noise.std(axis=0, ddof=1), modelled.std
+    rows, recorded = [], _std(noise, 0, centred)
     quantile = ndtri(1 - RECOGNISED ** (1 / len(joints)))
     for j, joint in enumerate(joints):
-        residuals = (noise[..., j] - noise[..., j].mean(axis=0)) / std[:, j]
-        ordered = np.sort(residuals.ravel())
-        ranks = (ndtr(_autoregression(noise[..., j], rng)) * len(ordered)).astype(np.intp)
-        constant = ordered[ranks].std(axis=-1, ddof=1)
+        constant = _drawn_std(noise[..., j], std[:, j], rng, centred)
         drawn = constant * std[:, j, None]
         for name, chosen in {"all": np.full(len(steady), True), "constant_speed": steady}.items():
             curve = std[chosen, j]
@@ -93,18 +100,69 @@ def following_tests(
     return pd.DataFrame(rows, columns=["joint", "steps", "correlation", "limit", "power"])
 
 
-def constant_noise_variation(noise: ndarray, rng: Generator) -> ndarray:
-    """Return limits (n,) of the variation over time of the standard deviation over the takes. Noise
-    with one law at all steps is below the limits, in all joints at once, in RECOGNISED of the
-    draws. Draws pool all steps of ``noise`` (takes, M, n) in rad and have its autocorrelation.
+def variation_limits(noise: ndarray, rng: Generator) -> ndarray:
+    """Return limits (n, 2) of the variation over time of the standard deviation over the takes, if
+    the true variation is VARYING: it is below the first, in any of the joints, and above the second
+    in a joint, with a probability of 1 − RECOGNISED or less. ``noise`` (takes, M, n) is in rad.
+
+    Draws are a sine over the motion times the pooled noise of all steps, for the first limit over
+    its running standard deviation. Variation over time makes the tails of the pool heavier: the
+    second limit is too high with few takes. The logarithm of the variation is taken as normal.
     """
-    share, limits = RECOGNISED ** (1 / noise.shape[-1]), []
+    from scipy.ndimage import uniform_filter1d
+
+    ends = ndtri([1 - RECOGNISED ** (1 / noise.shape[-1]), RECOGNISED])
+    phases = 2 * np.pi * np.arange(noise.shape[1]) / noise.shape[1]
+    course, limits = 1 + 2**0.5 * VARYING * np.sin(phases)[:, None], []
     for of_joint in np.moveaxis(noise, -1, 0):
-        variates = _autoregression(of_joint, rng)
-        ordered = np.sort((of_joint - of_joint.mean(axis=0)).ravel())
-        curves = ordered[(ndtr(variates) * len(ordered)).astype(np.intp)].std(axis=-1, ddof=1)
-        limits.append(np.quantile(curves.std(axis=0) / curves.mean(axis=0), share))
-    return np.array(limits)
+        running = uniform_filter1d(of_joint.var(axis=0), max(len(phases) // WINDOWS, 1))
+        for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
+            drawn = _drawn_std(of_joint, scale, rng) * course
+            variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
+            limits.append(np.exp(variations.mean() + end * variations.std(ddof=1)))
+    return np.reshape(limits, (-1, 2))
+
+
+def _std(noise: ndarray, axis: int, centred: bool = True) -> ndarray:
+    """Return the standard deviation along ``axis``, about zero if not ``centred``."""
+    return noise.std(axis=axis, ddof=1) if centred else np.sqrt(np.mean(noise**2, axis=axis))
+
+
+def _drawn_std(
+    noise: ndarray, scale: ndarray | float, rng: Generator, centred: bool = True
+) -> ndarray:
+    """Return standard deviations (M, REPLICATES) over as many takes of drawn noise with one law at
+    all steps: the tails of ``noise`` (takes, M) over ``scale`` (M,), and its autocorrelation.
+    """
+    middle = noise.mean(axis=0) if centred else 0.0
+    pool = ((noise - middle) / scale).ravel()
+    ordered = np.sort(_uncentred(pool, len(noise), rng) if centred else pool)
+    ranks = (ndtr(_autoregression(noise, rng)) * len(ordered)).astype(np.intp)
+    return _std(ordered[ranks], -1, centred)
+
+
+def _uncentred(pool: ndarray, takes: int, rng: Generator) -> ndarray:
+    """Return the residuals ``pool`` about the mean of ``takes`` with the tails of the noise, whose
+    heavy tails the mean of few takes makes lighter. A power of the absolute values makes the ratio
+    E|x|/√E[x²] of draws about the mean of as many takes equal to the ratio of the residuals.
+    """
+    from scipy.optimize import brentq
+
+    drawn = rng.integers(len(pool), size=(TAIL_VALUES // takes, takes))
+    scaled = pool / max(np.abs(pool).max(), np.finfo(float).tiny)
+
+    def raised(power: float) -> ndarray:
+        return np.sign(scaled) * np.abs(scaled) ** power
+
+    def excess(power: float) -> float:
+        values = raised(power)[drawn]
+        centred = values - values.mean(axis=1, keepdims=True)
+        ratios = (np.mean(np.abs(x)) / root_mean_square(x) for x in (centred, pool))
+        return float(np.subtract(*ratios))
+
+    if not pool.any() or excess(1.0) <= 0:
+        return pool
+    return raised(MOST_POWER if excess(MOST_POWER) > 0 else brentq(excess, 1.0, MOST_POWER))
 
 
 def _autoregression(noise: ndarray, rng: Generator) -> ndarray:

@@ -23,8 +23,6 @@ FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 WITHOUT_RECORDING = "no recording"  # heading of the column of claims that need no recording
 
-TAILED = ("follows", "varies")  # rules with limits from draws with the tails of the recordings
-LEAST_TAKES = 10  # fewer takes do not determine the tails
 LEAST_RANGE = 0.01  # share of the greatest commanded range below which a joint is at rest
 
 Recordings = Literal["none", "synthetic", "real", "paper"]
@@ -102,9 +100,10 @@ def _decide_claim(
     if (unless := claim.unless) is not None:
         share = unless.value.look_up(evidence, arm)
         void = share is None or share > unless.limit  # a guard without a number is no evidence
-    few = _few_takes(claim, evidence, arm)
-    holds = decide_cases(rule, r, known & (not (void or few)))
-    half = NORMAL_QUANTILE * r.standard_error
+    holds = decide_cases(rule, r, known & (not void))
+    # the interval of the rule ``standard_errors`` is the rule's own
+    quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
+    half = quantile * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
     rows = r.replace([np.inf, -np.inf], np.nan).astype(object)
     rows = rows.where(rows.notna(), None).assign(holds=pd.Series(holds, dtype=object))
@@ -113,19 +112,8 @@ def _decide_claim(
         for case in named
     ]
     cases = tuple(map(Case._make, rows[[*Case._fields]].itertuples(index=False)))
-    evident = not (void or few) and len(known) > 0 and known.all()
+    evident = not void and len(known) > 0 and known.all()
     return Verdict(claim, _verdict_word(claim, recordings, evident, holds), cases)
-
-
-def _few_takes(claim: Claim, evidence: IndexedEvidence, arm: ArmNames) -> bool:
-    """Return True if the rule needs the tails of the noise and the takes are below LEAST_TAKES: the
-    residuals about the mean of four takes have lighter tails than the noise, and with heavy tails a
-    true model would be refuted in more than a fifth of the draws.
-    """
-    if claim.rule not in TAILED:
-        return False
-    takes = Reference("takes", model="recorded").look_up(evidence, arm)
-    return takes is not None and takes < LEAST_TAKES
 
 
 def _verdict_word(

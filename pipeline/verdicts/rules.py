@@ -97,12 +97,22 @@ def _contains(r: Table) -> pd.Series:
     return (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
 
 
+def _greatest_below(r: Table) -> tuple[ndarray, ndarray]:
+    """Return P(greatest ≥ yardstick) and P(greatest < yardstick) of a repeat by Gumbel's law, from
+    mean ``than`` and standard deviation ``standard_error`` of the greatest values of the repeats.
+    """
+    scale = r.standard_error * np.sqrt(6) / np.pi
+    below = np.exp(-np.exp(-((r.yardstick - r.than) / scale + np.euler_gamma)))
+    return np.asarray(1 - below), np.asarray(below)
+
+
 JUDGES: dict[str, Judge] = {
     "within_relative": lambda r: _within(r, r.tolerance * r.published.abs(), r.value - r.published),
     "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
     "below": lambda r: beyond(r.yardstick - r.value, r, 1),
+    "greatest_below": _greatest_below,
     "above": lambda r: beyond(r.value - r.yardstick, r, -1),
-    "varies": lambda r: _sure((r.value > r.limit) & (r.value > r.threshold), r.value <= r.limit),
+    "varies": lambda r: _sure(r.value > r.threshold, r.value < r.than),
     "follows": lambda r: _sure(
         (r.power >= POWER) & (r.value >= r.threshold), (r.power >= POWER) & (r.value < r.threshold)
     ),
@@ -131,17 +141,17 @@ RULES = {
 
 def decide_cases(rule: Rule, r: Table, known: pd.Series) -> list[bool | None]:
     """Return for each row of ``r`` whether the case holds, None if the rule does not decide it or
-    the row is not ``known``. A case that the control passes too is not decided: the rule has no
-    power there.
+    the row is not ``known``. A case that the control passes too does not hold: the rule has no
+    power to confirm it. It fails all the same.
     """
     with np.errstate(invalid="ignore"):
         supports, refutes = rule.judge(r)
         ends = {"low": np.nan, "high": np.nan, "standard_error": np.nan}
         of_control, _ = rule.judge(r.assign(value=r.control, **ends))
     powerless = r.control.notna().to_numpy() & (of_control <= LEVEL)
-    known = known.to_numpy() & ~powerless
+    known = known.to_numpy()
     refuted = holm(np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)) & known
-    held = known & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
+    held = known & ~powerless & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
     return [False if no else True if yes else None for yes, no in zip(held, refuted, strict=True)]
 
 

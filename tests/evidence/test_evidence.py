@@ -78,7 +78,7 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     assert values["median_of_greatest_errors", "20"] == 0.06
     greatest = evidence.query("quantity == 'greatest_error_of_variances'").iloc[0]
     assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
-    assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(evidence) == 6
+    assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(evidence) == 8
     force = {"configuration": "C1", "source": ["measured", "modelled"], "fx": [3.1, 3], "fy": 5}
     tables = {"wrench_errors": errors, "wrench_spread": repeats}
     tables["force_moments"] = pd.DataFrame(force)
