@@ -94,10 +94,24 @@ def compose_config(params_file: Path) -> Config:
         message = f"no model {', '.join(unknown)} is chosen; there are {', '.join(params.models)}"
         faults.append(ConfigError(message, key="overrides.models"))
     if faults:
-        section, _, key = str(faults[0].evidence.get("key")).partition(".")
-        in_sheet = section == "dataset" and sheet.holds(key)
-        raise joined_faults(faults, sheet.file if in_sheet else params_file)
+        section, *below = str(faults[0].evidence.get("key")).split(".")
+        group, option = section, vars(params).get(section)
+        if section == "models" and below:
+            group, option = "model", below[0]
+        sources = {params_file: params.overrides, sheet.file: {"dataset": sheet.values}}
+        if (file := CONF / group / f"{option}.yaml").is_file():
+            stated = read_yaml(file)
+            sources[file] = {section: stated if group == section else {option: stated}}
+        places = [section, *below]
+        raise joined_faults(faults, max(sources, key=lambda f: _depth(sources[f], places)))
     return config
+
+
+def _depth(values: Any, places: list[str]) -> int:
+    """Return the number of the nested keys ``places`` that ``values`` have."""
+    if not (isinstance(values, dict) and places and places[0] in values):
+        return 0
+    return 1 + _depth(values[places[0]], places[1:])
 
 
 def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:

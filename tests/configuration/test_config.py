@@ -93,7 +93,32 @@ def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
         compose(overrides=nested)
     key = str(refused.value.evidence["key"])
     assert key.startswith(path.rpartition(".")[0].partition(".")[0]) or key == "overrides.models"
-    assert refused.value.evidence["file"].name in ("params.yaml", "dataset.yaml")
+    # a part that the null leaves alone is named in the file that states it
+    names = ("params.yaml", "dataset.yaml", "youbot.yaml")
+    assert refused.value.evidence["file"].name in names
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "key"),
+    [
+        ("filter/systematic.yaml", "threshold: 0.5", "threshold: 5", "filter.threshold"),
+        ("dataset/youbot.yaml", "gate: 0.012", "gate: far", "dataset.mocap.gate"),
+        ("model/wishart.yaml", "kind: wishart", "kind: wishrat", "models.wishart.kind"),
+        ("scale/paper.yaml", "test_takes: 50", "test_takes: 0", "scale.test_takes"),
+    ],
+)
+def test_a_wrong_value_of_an_option_file_is_refused_with_the_file(
+    compose, tmp_path, monkeypatch, file, old, new, key
+):
+    shutil.copytree(config.CONF, tmp_path / "conf")
+    monkeypatch.setattr(config, "CONF", tmp_path / "conf")
+    text = (tmp_path / "conf" / file).read_text()
+    assert old in text
+    (tmp_path / "conf" / file).write_text(text.replace(old, new))
+    with pytest.raises(ConfigError) as refused:
+        compose()
+    assert refused.value.evidence["file"] == tmp_path / "conf" / file
+    assert refused.value.evidence["key"] == key
 
 
 def test_all_faults_are_in_one_message(compose):
