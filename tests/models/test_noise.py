@@ -165,6 +165,9 @@ def test_without_noise_single_steps_start_where_the_recording_was_and_a_free_run
     # recorded poses that differ do not count as spread of single steps
     _, deviation, _ = realized_moments(SILENT, chain, q, v, "one_step", single[0])
     assert deviation.max() < 1e-12 < single[0].std(axis=0).min()
+    # of a free run the angles are compared, whatever the recorded ones do meanwhile
+    _, deviation, _ = realized_moments(SILENT, chain, q, v, "free_running", run[0])
+    np.testing.assert_allclose(deviation, run[0].std(axis=0, ddof=1))
 
 
 def test_the_bias_of_a_step_is_the_mean_of_many_draws_and_zero_for_a_normal_law(chain, poses, rng):
