@@ -4,6 +4,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from joint_logs import ROOT
 from omegaconf import OmegaConf
@@ -75,6 +76,26 @@ def test_angles_are_measured_as_well_as_their_noise_lets_them():
     assert values(trajectory, "v").shape == (321, 6) and values(trajectory, "u").shape == (321, 7)
     noise = values(contracts.read("process_noise", Path("data/track")), "w")
     assert noise.shape == (3 * 320, 7) and 1e-4 < noise.std() < 1e-2
+
+
+@pytest.mark.slow
+def test_takes_beyond_a_limit_are_left_out_and_named_and_the_others_stay(capsys):
+    choose(dataset={"limits": {"longest_gap": 20}})
+    tracked()
+    takes, before = (contracts.read(name, track.OUT) for name in ("takes", "joints"))
+    assert not takes["left_out"].any() and takes["limit"].notna().any()
+    markers = contracts.read("markers", track.MOTION)
+    gap = (markers["take"] == "train_001") & markers["k"].between(50, 90)
+    markers.loc[gap, ["x", "y", "z"]] = np.nan
+    contracts.write(markers, "markers", track.MOTION)
+    track.run()
+    printed = capsys.readouterr().out
+    assert (
+        "1 of 5 takes left out: train_001 (" in printed and "longest_gap 41 beyond 20)" in printed
+    )
+    assert {*contracts.read("takes", track.OUT).query("left_out")["take"]} == {"train_001"}
+    stay = before[before["take"] != "train_001"].reset_index(drop=True)
+    pd.testing.assert_frame_equal(contracts.read("joints", track.OUT), stay)
 
 
 @pytest.mark.slow
