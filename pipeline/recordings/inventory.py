@@ -96,19 +96,20 @@ def listing(folder: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
 
 
+def _digest(lines: pd.Series) -> str:
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
 def by_place(files: pd.DataFrame) -> pd.DataFrame:
     """Return the table ``raw_files`` of a :func:`listing`: by file or folder of the recordings
     number of files, bytes, and SHA-256 of the paths and hashes of the files.
     """
-
-    def digest(rows: pd.DataFrame) -> pd.Series:
-        lines = "\n".join(f"{row.sha256} {row.file}" for row in rows.itertuples())
-        total = hashlib.sha256(lines.encode()).hexdigest()
-        return pd.Series({"files": len(rows), "bytes": rows["bytes"].sum(), "sha256": total})
-
     files = files.drop_duplicates("file").sort_values("file")
-    place = files["file"].str.partition("/")[0].rename("place")
-    return files.groupby(place)[["file", "bytes", "sha256"]].apply(digest).reset_index()
+    place, lines = files["file"].str.partition("/")[0], files["sha256"] + " " + files["file"]
+    table = files.assign(place=place, lines=lines).groupby("place")
+    return table.agg(
+        files=("file", "size"), bytes=("bytes", "sum"), sha256=("lines", _digest)
+    ).reset_index()
 
 
 def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:

@@ -1,6 +1,6 @@
 """Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -23,18 +23,14 @@ from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.quality import LEFT_OUT, REPETITIONS, quality_row
 from pipeline.recordings.repetitions import SLACK
 
-RESIDUALS = "residuals"
-
 
 class LoggedTake(NamedTuple):
-    """One repetition, with all N rows of the movement that contains it."""
+    """One repetition of the dataset's motion in a movement of N rows."""
 
     movement: str  # name of the movement
     first: int  # row at which the repetition starts
     actual: np.ndarray  # (N, n) rad, measured angles of the chain
     target: np.ndarray  # (N, n) rad, commanded
-    circular: np.ndarray  # (n,) whether a joint is circular
-    signals: Mapping[str, np.ndarray]  # (N, joints) RESIDUALS of all joints in rad, and others
 
 
 def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str = "count") -> None:
@@ -74,18 +70,23 @@ def joint_log_rows(
     rest, length, raw = options.rest, dataset.motion.steps + 1, raw_folder(dataset.recordings)
     steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(movements, dataset)
-    note, rows, reference = partial(_note, quality), {}, None
+    note, rows, signals, reference = partial(_note, quality), {}, {}, None
     for name, take in takes.items():
+        read = movements[take.movement]
         if reference is None:
             reference = take.target[take.first :][: steps + 1]
-        turns = TURN * turns_apart(reference[0], take.target[take.first], take.circular)
+        circular = read.circular[[read.joints.index(joint) for joint in joints]]
+        turns = TURN * turns_apart(reference[0], take.target[take.first], circular)
         start = in_phase(take.target + turns, take.first, reference, SLACK, whole=rest > 0)
-        logged = {"actual": take.actual + turns, "target": take.target + turns} | take.signals
-        rows[name] = {key: stretch(signal, start - rest, length) for key, signal in logged.items()}
+        cut = partial(stretch, place=start - rest, length=length)
+        rows[name] = {"actual": cut(take.actual + turns), "target": cut(take.target + turns)}
+        signals[name] = [cut(q) for q in (read.actual - read.target, *read.others.values())]
         if start != round(start):
             note(name, "resampled_rows", length)
-    if rows:
-        _leave_out_disturbed(rows, takes, dataset, quality)
+    for name, score in _disturbances(signals, rate, note).items():
+        if score > options.disturbed_beyond:
+            del rows[name]
+            note(takes[name].movement, "disturbed_from_row", takes[name].first, "row")
     for name, take in rows.items():
         pair = take["actual"], take["target"], rate, options.mismatch, joints
         require_pair(*pair, file=raw, take=name)
@@ -130,12 +131,11 @@ def find_takes(
             read.circular[columns],
         )
         found = repetitions.find_repetitions(angles[1], read.motions, ends, steps, rest, circular)
-        signals = {RESIDUALS: read.actual - read.target} | read.others
         for number, run in enumerate(found.runs, 1):
             take = f"{name}_{number}"
             rows = slice(max(run.first - rest, 0), run.last + rest + 1)
             _require_locked(read, rows, dataset, take)
-            takes[take] = LoggedTake(name, run.first, *angles, circular, signals)
+            takes[take] = LoggedTake(name, run.first, *angles)
         for run in read.motions:
             if not (words := run.lack(len(read.target))):
                 start, end = angles[1][[run.first - 1, run.last]].round(2).tolist()
@@ -165,24 +165,18 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
             raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
 
 
-def _leave_out_disturbed(
-    rows: dict[str, dict], takes: Mapping[str, LoggedTake], dataset: Dataset, quality: list[dict]
-) -> None:
-    """Delete disturbed takes from ``rows``, and add to ``quality``."""
-    options, rate, note = dataset.joint_log, dataset.motion.rate, partial(_note, quality)
-    signals = next(iter(takes.values())).signals
-    residuals, *others = (np.stack([take[key] for take in rows.values()]) for key in signals)
+def _disturbances(signals: Mapping[str, list], rate: float, note: Callable) -> dict[str, float]:
+    """Return take → score of the residuals and other ``signals``; note it and the residuals."""
+    if not signals:
+        return {}
+    residuals, *others = (np.stack(each) for each in zip(*signals.values(), strict=True))
     scores = repetitions.disturbances(residuals, others, rate)
-    distances = repetitions.beside_others(residuals)
-    greatest = np.abs(residuals).max(axis=(1, 2))
-    for name, distance, score, largest in zip(takes, distances, scores, greatest, strict=True):
-        note(name, "residual_beside_others", distance, "rad")
-        note(name, "disturbance", score, "robust standard deviations")
-        note(name, "greatest_residual", largest, "rad")
-        if score <= options.disturbed_beyond:
-            continue
-        del rows[name]
-        note(takes[name].movement, "disturbed_from_row", takes[name].first, "row")
+    greatest, beside = np.abs(residuals).max(axis=(1, 2)), repetitions.beside_others(residuals)
+    for name, *values in zip(signals, beside, scores, greatest, strict=True):
+        note(name, "residual_beside_others", values[0], "rad")
+        note(name, "disturbance", values[1], "robust standard deviations")
+        note(name, "greatest_residual", values[2], "rad")
+    return dict(zip(signals, scores.tolist(), strict=True))
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:

@@ -12,17 +12,11 @@ DEPTH_CAMERA = "depth camera"  # name of the instrument in the tables
 REPETITIONS, LEFT_OUT = "repetitions", "excursions_"
 # quantities of the table ``quality`` that do not depend on the length of a take
 MEASURES = (
-    *("missing_share", "longest_gap", "interpolated", "relabelled_share", "residual_rms"),
-    *("dropped_share", "clock_offset", "clock_offset_standard_error", "clock_drift"),
-    *("clock_drift_standard_error", "camera_residual_share", "lag_behind_command"),
-    *(
-        "lag_beside_others",
-        "greatest_residual",
-        "residual_beside_others",
-        "disturbance",
-        "likeness",
-    ),
-)
+    "missing_share longest_gap interpolated relabelled_share residual_rms dropped_share "
+    "clock_offset clock_offset_standard_error clock_drift clock_drift_standard_error "
+    "camera_residual_share lag_behind_command lag_beside_others greatest_residual "
+    "residual_beside_others disturbance likeness"
+).split()
 # measures whose limit applies to the absolute value
 TWO_SIDED = ("clock_drift", "lag_behind_command", "lag_beside_others")
 FEWEST = 2  # least number of takes of a part, for the covariance and for leaving one take out

@@ -122,7 +122,7 @@ def _runs_of(
     for run in moved:
         resting[max(run.first - SLACK, 0) : run.last + round(SETTLED * rate)] = False
     quantum = np.array([find_quantum(joint) for joint in measured.T])
-    noise = stated or _noise_at_rest(measured, resting) or _noise_of(quantum)
+    noise = stated or _noise_of(measured, resting, quantum)
     known = read.counts.get("command_delay", 0.0)
     groups = [[moved[0]]]
     for before, after in pairwise(moved):
@@ -180,16 +180,13 @@ def find_quantum(angles: np.ndarray) -> float:
     return float(tried[best]) if lengths[best] >= IN_PHASE else 0.0
 
 
-def _noise_at_rest(measured: np.ndarray, resting: np.ndarray) -> float | None:
-    """Return the noise in rad of a measured angle, rms over the joints, from rows at rest."""
+def _noise_of(measured: np.ndarray, resting: np.ndarray, quantum: np.ndarray) -> float | None:
+    """Return the noise in rad of a measured angle, rms over the joints, from rows at rest, else
+    from the quantum; None if both are 0.
+    """
     pairs = resting[1:] & resting[:-1]
-    if pairs.sum() < RESTING:
-        return None
-    return float(np.sqrt(np.mean(np.diff(measured, axis=0)[pairs] ** 2) / 2)) or None
-
-
-def _noise_of(quantum: np.ndarray) -> float | None:
-    return float(np.sqrt(np.mean(quantum**2) / 12)) or None
+    still = np.diff(measured, axis=0)[pairs] if pairs.sum() >= RESTING else np.zeros(1)
+    return float(np.sqrt(np.mean(still**2) / 2) or np.sqrt(np.mean(quantum**2) / 12)) or None
 
 
 def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointRun]:
