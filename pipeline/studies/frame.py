@@ -17,10 +17,12 @@ Parameters of ``draw`` are named after tables. The study NAME writes the checked
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from inspect import signature
+from operator import getitem
 from pathlib import Path
 from types import SimpleNamespace
+from typing import TypeVar
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -29,6 +31,8 @@ from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import PipelineError
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.validation import validated
 from pipeline.figures.style import save
 from pipeline.verdicts import wording
 from pipeline.verdicts.wording import MISSING, plain_page
@@ -37,6 +41,7 @@ DATA, REPORTS = Path("data/studies"), Path("reports/studies")
 CSV_DIGITS = "%.6g"
 ROUNDING = 1e-12
 Tables = dict[str, pd.DataFrame]
+T = TypeVar("T")
 number = partial(wording.number, digits=3)
 concatenate = partial(pd.concat, ignore_index=True)
 
@@ -79,6 +84,12 @@ class Study:
                 save(self.draw(**shown), report, name)
                 page = page.format(**self.facts(tables, options))
         contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
+
+
+def dataset_option(kind: type[T], dataset: str, *keys: str) -> T:
+    """Return the section ``keys`` of the option file of a ``dataset``, validated as ``kind``."""
+    file = config.CONF / f"dataset/{dataset}.yaml"
+    return validated(kind, reduce(getitem, keys, read_yaml(file)), ".".join(keys), file)
 
 
 def trials(

@@ -9,13 +9,15 @@ from scipy.stats import wishart
 from study_runs import options_of
 
 from pipeline.arm.model import arm_of, chain_of
+from pipeline.core.options.dataset import Robot
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.randommatrix.wishart import degrees_of_freedom
+from pipeline.studies.frame import dataset_option
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.evidence import PIVOTED, PLAIN, QR, QR_TRANSPOSED
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
-from pipeline.studies.which_decomposition.stage import PAPER_ARM, robot_of
+from pipeline.studies.which_decomposition.stage import PAPER_ARM, SPACE_ARM
 from pipeline.verdicts.readings import read_claims
 
 ALL = (*laws.SIZES["all joints"], *laws.SETS["small_difference"])
@@ -24,7 +26,7 @@ LAW = TimeLaw(320, 100.0, rest=(0.0, 0.45), ramp=(0.05, 0.35), peak=(0.2, 1.1))
 
 @pytest.fixture(scope="module")
 def arm():
-    return arm_of(robot_of(PAPER_ARM)).chain
+    return arm_of(dataset_option(Robot, PAPER_ARM, "robot")).chain
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +175,8 @@ def test_the_values_and_every_entry_of_the_covariance_are_in_the_claims(stated):
 def test_every_reading_has_its_invariance_in_space():
     options = options_of("which_decomposition")
     q = np.linspace(options.start, options.end, options.poses)
-    units = stage.unit_rows(chain_of(robot_of(stage.SPACE_ARM)), q, options.turns, 0.25)
+    arm = chain_of(dataset_option(Robot, SPACE_ARM, "robot"))
+    units = stage.unit_rows(arm, q, options.turns, 0.25)
     noise = units.set_index(["reading", "unit", "turn"])["noise"]
     np.testing.assert_allclose(noise[QR_TRANSPOSED], noise[QR_TRANSPOSED, "m", 0.0], rtol=1e-6)
     np.testing.assert_allclose(noise[QR, "m", 75.0], noise[QR, "m", 0.0], rtol=1e-6)

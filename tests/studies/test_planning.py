@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 from study_runs import options_of
 
-from pipeline.configuration.config import CONF
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model
@@ -24,7 +23,7 @@ OPTIONS = options_of("planning")
 
 def coarse(task: list[str]) -> Bench:
     """Return the youBot at 25 steps of the motion and 200 of the servo a second."""
-    own = Bench.of_dataset(CONF / "dataset/youbot.yaml", task, OPTIONS, seed=1)
+    own = Bench.of_dataset("youbot", task, OPTIONS, seed=1)
     motion, dynamics = replace(own.trajectory, rate=25.0), replace(own.dynamics, rate=200.0)
     return replace(own, trajectory=motion, dynamics=dynamics, takes=6)
 

@@ -96,12 +96,13 @@ def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
 
 def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
     base = replace(CASE, models={kind: MODELS[kind] for kind in KINDS}, closed=False)
-    cases = decision_cases(base, 0.2, laboratory.chain.task, ("a", "b", "c"), 2)
+    cases = decision_cases(base, laboratory.chain.task, ("a", "b", "c"), 2)
     assert cases[0] == ("", "", base) and all(case != base for _, _, case in cases[1:])
     by_place = {(factor, level): case for factor, level, case in cases[1:]}
     levels = {level for factor, level in by_place if factor == "clock"}
     assert levels == {"not aligned", "a frame late", "a frame early", "nearest step"}
-    assert by_place["floor", "0.1"].models["wishart"].floor == 0.1
+    control = by_place["decomposition", "QR of Jᵀ (control)"].models["wishart"]
+    assert control.decomposition == "qr_transposed"
     assert by_place["particles", "6"].filter.particles == 6
     free = by_place["realisations", "free running"]
     assert free == replace(base, mode="free_running") and without_camera(free, base)

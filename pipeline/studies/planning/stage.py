@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,8 +17,6 @@ from pipeline.configuration import config
 from pipeline.core import rng
 from pipeline.core.errors import ConfigError, ModelDomainError, SingularJacobianError, SolverError
 from pipeline.core.options.dataset import Robot
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
 from pipeline.figures import style
 from pipeline.laboratory.dynamics import JointPath, desired_path, open_session, perform
 from pipeline.laboratory.options import DynamicsOptions, TrajectoryOptions
@@ -30,7 +27,16 @@ from pipeline.planning.motions import best_conditioned, least_uncertain, minimum
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval, number, trials
+from pipeline.studies.frame import (
+    MISSING,
+    Study,
+    Tables,
+    concatenate,
+    dataset_option,
+    interval,
+    number,
+    trials,
+)
 from pipeline.studies.simulated import PhysicsFactors, disturb
 from pipeline.verdicts.wording import join_names, table
 
@@ -55,15 +61,12 @@ class Bench:
 
     @classmethod
     def of_dataset(
-        cls, file: Path, task: Sequence[str], options: SimpleNamespace, seed: int
+        cls, arm: str, task: Sequence[str], options: SimpleNamespace, seed: int
     ) -> "Bench":
-        """Return the arm of a dataset's option ``file``; without ``task`` all rows are planned."""
-        section = read_yaml(file)
-        robot = validated(Robot, section["robot"], "robot", file)
-        motion, dynamics = (
-            validated(kind, section["laboratory"][key], f"laboratory.{key}", file)
-            for key, kind in (("trajectory", TrajectoryOptions), ("dynamics", DynamicsOptions))
-        )
+        """Return the arm of the dataset ``arm``; without ``task`` all rows are planned."""
+        robot = dataset_option(Robot, arm, "robot")
+        motion = dataset_option(TrajectoryOptions, arm, "laboratory", "trajectory")
+        dynamics = dataset_option(DynamicsOptions, arm, "laboratory", "dynamics")
         times = {n: getattr(motion, n) / options.pace for n in ("duration", "rest", "ramp")}
         built, motion = chain_of(robot), replace(motion, **times)
         chain = chain_of(replace(robot, task=list(task))) if task else built
@@ -101,9 +104,8 @@ class Bench:
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
-    files = {arm: config.CONF / f"dataset/{arm}.yaml" for arm in options.arms}
     benches = {
-        arm: Bench.of_dataset(files[arm], task, options, settings.seed)
+        arm: Bench.of_dataset(arm, task, options, settings.seed)
         for arm, task in options.arms.items()
     }
     fixed = trials(settings, "planning: arms", fixed_motions, benches.values(), options=options)

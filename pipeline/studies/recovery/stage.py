@@ -182,9 +182,8 @@ def draw(recovery: pd.DataFrame) -> Figure:
     for shift, (estimator, look) in zip((-0.2, 0, 0.2), LOOKS.items(), strict=True):
         rows = recovery[recovery["estimator"] == estimator].dropna(subset="mean")
         x = rows["truth"].map(places) + shift
-        ends = (rows[name] / rows["truth"] for name in ("least", "greatest"))
-        axes.vlines(x, *ends, color=look["color"], linewidth=1.2)
-        axes.plot(x, rows["mean"] / rows["truth"], linestyle="", markersize=4, **look)
+        mean, least, greatest = (rows[c] / rows["truth"] for c in ("mean", "least", "greatest"))
+        axes.errorbar(x, mean, yerr=(mean - least, greatest - mean), ls="", ms=4, lw=1.2, **look)
     axes.axhline(1, color=style.GREY, linewidth=0.8, zorder=0, label="true value")
     axes.set_xticks(list(places.values()), [f"{truth:g}" for truth in places])
     axes.set(xlabel=r"true $\sigma_B$ (1)", ylabel=r"estimated over true $\sigma_B$ (1)")

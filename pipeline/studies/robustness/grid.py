@@ -29,36 +29,21 @@ CHANCE = "random numbers"
 CONSISTENT = {"additive": "shrinkage", "wishart": "likelihood", "gaussian": "likelihood"}
 BASE = ""  # decision and level of the base case
 NamedCase = tuple[str, str, Choices]  # decision, level, case
-LINEAR = ("x", "y", "z")  # rows of a task in m
 CLOCKS = ("aligned", "not aligned", "a frame late", "a frame early", "nearest step")
 
 
 def decision_cases(
-    base: Choices, lever: float, task: Sequence[str], joints: Sequence[str], others: int
+    base: Choices, task: Sequence[str], joints: Sequence[str], others: int
 ) -> list[NamedCase]:
-    """Return the base case, then every case in which one decision changes the options.
-
-    The given decomposition diag(lever, lever, 1) of x, z, φ weighs an angle like the displacement
-    at the distance ``lever`` in m. ``others`` is the number of cases with other random numbers, and
-    the number of cases with other test takes.
+    """Return the base case, then every case in which one decision changes the options; ``others``
+    is the number of cases with other random numbers, and the number with other test takes.
     """
     models = {
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
         for kind, model in base.models.items()
     }
     cases = [("estimator", "likelihood", replace(base, models=models))]
-    if (wishart := base.models.get("wishart")) is not None:
-        if wishart.estimator == "paper":
-            for factor in (0.1, 0.3, 3.0, 10.0):
-                weighted = base.with_wishart(ratio_factor=factor * wishart.ratio_factor)
-                cases.append(("weights", f"× {factor:g}", weighted))
-            for floor in (0.1, 0.3):
-                cases.append(("floor", f"{floor:g}", base.with_wishart(floor=floor)))
-        named = readings(base, task, joints).items()
-        cases += [("decomposition", name, case) for name, case in named]
-        left = np.diag([lever if row in LINEAR else 1.0 for row in task]).tolist()
-        given = base.with_wishart(decomposition="given", left=left)
-        cases.append(("decomposition", "given", given))
+    cases += [("decomposition", *named) for named in readings(base, task, joints).items()]
     for mode in ("one_step", "free_running"):
         cases.append(("realisations", mode.replace("_", " "), replace(base, mode=mode)))
     for factor in (0.0, 0.5, 2.0):

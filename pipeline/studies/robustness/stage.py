@@ -39,8 +39,6 @@ NAMES = {
     "lasting": "duration of deviations",
     "kappa": "concentration of cables",
     "tension_std": "tension std of cables",
-    "floor": r"floor of $B^{-1}$",
-    "weights": r"weights $\alpha_2/\alpha_1$",
 }
 Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of claim_verdicts()
 
@@ -76,8 +74,7 @@ def decision_verdicts(
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
     arm = ArmNames(tuple(joints), tuple(chain.task))
-    lever = float(chain.lengths.mean()) if hasattr(chain, "lengths") else 1.0
-    cases = decision_cases(base, lever, chain.task, joints, options.others)
+    cases = decision_cases(base, chain.task, joints, options.others)
     seen = {}
     if contracts.exists("angles", ARTICULATE):
         quality = contracts.read("quality", TRACK)

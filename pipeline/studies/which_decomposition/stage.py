@@ -12,13 +12,10 @@ from scipy.spatial.transform import Rotation
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import arm_of, chain_of
-from pipeline.configuration import config
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
-from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import validated
 from pipeline.figures import style
-from pipeline.studies.frame import Study, Tables, concatenate, number, trials
+from pipeline.studies.frame import Study, Tables, concatenate, dataset_option, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
@@ -47,7 +44,10 @@ SHOWN = (laws.PIVOTED, "lu_xzp", "lu_zxp", laws.QR, laws.QR_TRANSPOSED)  # in th
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
-    stated, chain = laws.published_values(read_claims()), arm_of(robot_of(PAPER_ARM)).chain
+    stated, chain = (
+        laws.published_values(read_claims()),
+        arm_of(dataset_option(Robot, PAPER_ARM, "robot")).chain,
+    )
     common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
     label = "which_decomposition: paths"
     chunks = trials(settings, label, widths_of_chunk, range(options.chunks), **common)
@@ -64,11 +64,12 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     ]
     sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
+    space = dataset_option(Robot, SPACE_ARM, "robot")
     return {
         "evidence": concatenate(likelihoods),
         "widths": concatenate(sizes),
         "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
-        "units": unit_rows(chain_of(robot_of(SPACE_ARM)), q, options.turns, stated.sigma_b),
+        "units": unit_rows(chain_of(space), q, options.turns, stated.sigma_b),
     }
 
 
@@ -107,12 +108,6 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
             noise = np.sqrt(variance.sum() / np.sum(nominal**2))
             rows.append((reading, unit, degrees, noise))
     return pd.DataFrame(rows, columns=["reading", "unit", "turn", "noise"])
-
-
-def robot_of(dataset: str) -> Robot:
-    """Return the robot of ``pipeline/conf/dataset``."""
-    file = config.CONF / f"dataset/{dataset}.yaml"
-    return validated(Robot, read_yaml(file)["robot"], "robot", file)
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
