@@ -91,8 +91,9 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         if guessed and not possibly_speed(found["target"]):
             del found["target"]
         chosen = found | chosen
+    units = {name: _unit(chosen.get(name, ())) for name in wanted}
     signals = {
-        name: numbers(name, labels := chosen.get(name, ())) * _unit(labels, options.angle_unit)
+        name: numbers(name, chosen.get(name, ())) * ANGLE_UNITS[units[name] or options.angle_unit]
         for name in wanted
     }
     length = {name: len(rows) for name, rows in signals.items()}
@@ -106,15 +107,16 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError(message, file=file, array=clock)
     width = {rows.shape[1] for rows in signals.values()}
     joints = next((tuple(names) for names in stated if {len(names)} == width), ())
-    log = JointLog(time, signals, {}, joints, time_unit="s" if clock in dated else "")
+    time_unit, angle_unit = "s" * (clock in dated), "rad" * all(units.values())
+    log = JointLog(time, signals, {}, joints, time_unit=time_unit, angle_unit=angle_unit)
     return increasing(log, file, lambda row: {"array": clock, "row": row})
 
 
-def _unit(labels: Sequence[object], given: str) -> float:
-    """Return rad per unit of an array: by the last word of its name, else the unit ``given``."""
+def _unit(labels: Sequence[object]) -> str:
+    """Return the unit of the angles in arrays by the last word of their names, "" without one."""
     last = {(words_of(str(label).partition(":")[0]) or [""])[-1] for label in labels}
     stated = last & {*ANGLE_UNITS}
-    return ANGLE_UNITS[stated.pop() if len(stated) == 1 == len(last) else given]
+    return stated.pop() if len(stated) == 1 == len(last) else ""
 
 
 def _npz(file: Path) -> Arrays:

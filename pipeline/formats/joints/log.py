@@ -41,6 +41,7 @@ class JointLog:
     joints: tuple[str, ...] = ()  # joint names in column order, if the file states them
     lines: Sequence[int] = ()  # (N,) line numbers of the samples, if the file has lines
     time_unit: str = ""  # unit of the times, if the file states it
+    angle_unit: str = ""  # unit of the angles, if the file states it
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,14 @@ import re
 import shutil
 import subprocess
 import sys
-from math import isclose
 from pathlib import Path
+
+import numpy as np
 
 from pipeline.core.environment import NOT_EQUAL, has_equal_bytes
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
+from pipeline.tools.lock.command import stage_names
 
 HELP = "folder of the clone (not deleted afterwards)"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
@@ -37,19 +39,17 @@ def run(folder: Path) -> None:
         # DVC's state of files between runs, by default outside the project
         "DVC_SITE_CACHE_DIR": str(project / ".dvc/tmp/site"),
     }
-    repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
-    dry = subprocess.run([*repro, "--dry"], cwd=project, env=environment, stdout=subprocess.PIPE)
-    planned = set(re.findall(r"(?m)^Running stage '([^']+)'", dry.stdout.decode()))
     stages = []  # entries of the lock files, without removed stages
-    for lock in project.rglob("dvc.lock"):
-        place = lock.parent.relative_to(project).as_posix()
-        prefix = "" if place == "." else f"{place}/dvc.yaml:"
-        entries = read_yaml(lock).get("stages", {}).items()
-        stages += [stage for name, stage in entries if f"{prefix}{name}" in planned]
+    for file in project.rglob("dvc.yaml"):
+        lock = file.with_name("dvc.lock")
+        entries = read_yaml(lock).get("stages", {}) if lock.is_file() else {}
+        names = stage_names(file, project / "params.yaml") if entries else []
+        stages += [entries[name] for name in names if name in entries]
     for out in (project / out["path"] for stage in stages for out in stage.get("outs", [])):
         shutil.rmtree(out) if out.is_dir() else out.unlink(missing_ok=True)
+    repro = [sys.executable, "-m", "dvc", "repro", "--all-pipelines", "--force"]
     ran = subprocess.run(repro, cwd=project, env=environment, stdout=sys.stderr)
-    if dry.returncode or ran.returncode or not planned:
+    if ran.returncode or not stages:
         raise PipelineError("`dvc repro -P` failed; its message is above", folder=project)
     # the lock files contain the hashes of files that are not in git
     changed = _git(project, "status", "--porcelain").splitlines()
@@ -70,10 +70,8 @@ def _rounded(project: Path, line: str) -> bool:
     agrees with the commit but for the rounding of numbers.
     """
     status, name = line[:2].strip(), line[3:].strip('"')
-    if status != "M":
-        return False
-    if name.endswith((".png", ".svg", "dvc.lock")):
-        return True
+    if status != "M" or name.endswith((".png", ".svg", "dvc.lock")):
+        return status == "M"
     after = (project / name).read_text(encoding="utf-8")
     return agree(_git(project, "show", f"HEAD:{name}"), after)
 
@@ -82,9 +80,8 @@ def agree(before: str, after: str) -> bool:
     """Return True if two texts differ at most in numbers, by ROUNDING relative or absolute."""
     if NUMBER.sub("", before) != NUMBER.sub("", after):
         return False
-    pairs = zip(NUMBER.findall(before), NUMBER.findall(after), strict=True)
-    near = (isclose(float(a), float(b), rel_tol=ROUNDING, abs_tol=ROUNDING) for a, b in pairs)
-    return all(near)
+    old, new = (np.array(NUMBER.findall(text), float) for text in (before, after))
+    return np.allclose(old, new, rtol=ROUNDING, atol=ROUNDING)
 
 
 def clone_commit(root: Path, folder: Path) -> Path:

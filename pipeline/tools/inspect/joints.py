@@ -34,7 +34,7 @@ from pipeline.formats.joints.names import (
     words_of,
 )
 from pipeline.formats.number_sheet import Sheet
-from pipeline.recordings.commands import find_pairing, suspects, tracking_errors
+from pipeline.recordings.commands import find_pairing, standing_joints, suspects, tracking_errors
 from pipeline.recordings.lags import lag
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
@@ -70,7 +70,7 @@ def add_joint_log(finding: Finding, form: Format) -> None:
         return
     # a bag's message defines its units
     bag = form.name == BAG.name
-    record = _in_units(finding, record, bag or bool(record.time_unit), bag)
+    record = _in_units(finding, record, bag or record.time_unit, bag or record.angle_unit)
     time = record.time
     finding.duration = float(time[-1] - time[0])
     finding.rate = round((len(time) - 1) / finding.duration, 3)
@@ -208,7 +208,7 @@ def compare_tables(findings: Sequence[Finding]) -> None:
 
 
 def _in_units(
-    finding: Finding, log: JointLog, timed: bool = False, angled: bool = False
+    finding: Finding, log: JointLog, timed: object = False, angled: object = False
 ) -> JointLog:
     """Return ``log`` in s and rad; add questions for units that are not stated (``timed``,
     ``angled``). The measured angles without damaged cells suggest the unit of all angles.
@@ -264,12 +264,15 @@ def _add_tracking(finding: Finding, log: JointLog) -> None:
         question = f"the command differs from the measured angles by its {quantity}: without this "
         finding.ask(f"{question}option the error is {without:.2g} of the motion", option, value)
     actual, target = pairing.apply(actual, target)
-    missing, late = float(tracking_errors(actual, target).max()), lag(target, actual, rate)
+    standing, late = standing_joints(actual, target), lag(target, actual, rate)
+    missing = tracking_errors(actual, target)[~standing].max(initial=0.0)
     finding.facts["command"] = (
         f"tracking error {missing:.2g} of the motion (0.9 quantile), lag {1e3 * late:.2g} ms"
         if np.isfinite(late)
         else f"at rest, tracking error {np.abs(actual - target).max():.2g} rad"
     )
+    if standing.any():
+        finding.facts["joints_that_stand_still"] = (np.flatnonzero(standing) + 1).tolist()
     lacks = [run.lack(len(target)) for run in excursions(target, rate)]
     finding.facts["motions"] = f"{lacks.count('')} whole"
     finding.count({"motions_cut_off": sum("cut off" in lack for lack in lacks)})

@@ -26,7 +26,7 @@ def run() -> None:
             text = lock.read_text(encoding="utf-8")
             head, *entries = re.split(r"(?m)^  (?=\S)", text)
             by_name = {entry.partition(":")[0]: f"  {entry}" for entry in entries}
-            names = _stage_names(lock.with_name("dvc.yaml"))
+            names = stage_names(lock.with_name("dvc.yaml"))
             ordered = head + "".join(by_name.get(name, "") for name in names)
             if ordered != text:
                 contracts.write_text(ordered, lock)
@@ -53,12 +53,12 @@ def _mend() -> Iterator[Path]:
             yield run
 
 
-def _stage_names(file: Path) -> list[str]:
+def stage_names(file: Path, params: Path = Path("params.yaml")) -> list[str]:
     """Return the stage names of a dvc.yaml as in the lock file: one per item of a matrix."""
     names = []
     for name, stage in read_yaml(file)["stages"].items():
         lists = [
-            read_yaml(Path("params.yaml"))[values[2:-1]] if isinstance(values, str) else values
+            read_yaml(params)[values[2:-1]] if isinstance(values, str) else values
             for values in stage.get("matrix", {}).values()
         ]
         names += [f"{name}@{'-'.join(items)}" if lists else name for items in product(*lists)]

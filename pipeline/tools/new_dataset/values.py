@@ -13,7 +13,6 @@ from pipeline.configuration.datasheet import OPEN, get_filled
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled
 from pipeline.formats.format import Kind
-from pipeline.formats.joints.log import BAG
 from pipeline.formats.joints.names import match_joints, states_joints
 from pipeline.recordings.commands import UNFILLED, named_joints
 from pipeline.tools.inspect.command import describe_file
@@ -83,13 +82,13 @@ def entries(
         "force": force and _force(force, calibrations, folder),
         "joint_log": logs and _joint_log(groups, folder, urdf, robot, facts),
     }
-    found = _questions(
-        [*({"": one} for one in (*takes, *force, *depth)), *(g.named for g in groups)]
-    )
+    found = {f"{part}.{key}": one for part in sections for key, one in dict(sections[part]).items()}
     kept = {section for section, known in sections.items() if known} | {"motion"}
-    found = {key: one for key, one in found.items() if key.partition(".")[0] in kept}
-    for section, known in sections.items():
-        found |= {f"{section}.{key}": one for key, one in dict(known).items()}
+    single = [{"": one} for one in (*takes, *force, *depth)]
+    for key, entry in _questions([*single, *(group.named for group in groups)]).items():
+        known = found.get(key, Entry())
+        if key.partition(".")[0] in kept and (known.value is None or not known.certain):
+            found[key] = entry
     near = Path(relpath(folder.resolve()))  # in the project or beside it
     place = folder.resolve() if ".." in near.parts[1:] else near
     found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(str(place)))}
@@ -257,12 +256,12 @@ def _joint_log(
     arm = robot.get("robot.joints", Entry()).value or ""
     names = [*stated.pop()] if len(stated) == 1 else []
     found["joints"] = _joints(names, count, arm, urdf, facts, first)
-    questions = _questions([{"": log} for log in logs_of(takes.values())])
-    for key, known in UNITS.items() if first.format != BAG.name else ():
+    for key, known in UNITS.items():
         own = {spelled(unit) for unit in first.units.values()} & {*known}
-        found[key] = questions.get(f"joint_log.{key}", Entry())
         if len(own) == 1:
             found[key] = Entry(own.pop(), "by the labels")
+        elif first.kind != Kind.JOINTS:  # a log asks for the units that it does not state
+            found[key] = Entry()
     return found
 
 
