@@ -6,9 +6,10 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,7 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     texts = [fill_template(part, known) for part in _template("template", name).split("---\n")]
     if unplaced := [text_of(printable_path(one.file, folder)) for one in recorded.unplaced]:
         texts[0] += f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}\n"
+        print(f"new-dataset: {len(unplaced)} files not placed, named in the datasheet; see inspect")
     return Draft(name, dict(zip((sheet, option), texts, strict=True)), recorded, folder)
 
 
@@ -251,28 +253,31 @@ class Draft:
         """Ask for the open values one by one, the robot first, the motion by its number last. An
         empty answer accepts the suggestion, else leaves ???.
         """
-        passed: set[str] = set()
-        offered: list[FoundMotion] = []
-        while keys := [key for key in self.open_values() if key not in passed]:
-            key, answer = min(keys, key=lambda one: (one[:6] != "robot.", one in KEYS)), ""
-            key = "motion" if key in KEYS and "motion" not in passed else key
+        others = [key for key in self.open_values() if key not in KEYS]
+        for key in [*sorted(others, key=lambda one: one[:6] != "robot."), "motion", *KEYS]:
+            hints, accept = self.open_values(), partial(self.answer, key)
             entry = self._entries().get(key, Entry())
             suggested = entry.value if isinstance(entry.value, str) else ""
-            hint = self.open_values().get(key, f"number, or nothing to enter {', '.join(KEYS)}")
-            try:
-                if key == "motion":
-                    offered = offered or self.show_motions()
-                print("; ".join(filter(None, [f"\n{key}: {hint}", entry.note])))
-                answer = input(f"[{suggested}] " if suggested else "? ").strip() or suggested
-                if not answer:
-                    passed.add(key)
-                elif key == "motion":
-                    self._choose_motion(answer, offered)
-                else:
-                    self.answer(key, answer)
-            except PipelineError as error:
-                print(f"! {error}")
-                passed |= {key} if answer == suggested else set()
+            if key == "motion" and hints.keys() & {*KEYS}:
+                hints[key] = f"number, or nothing to enter {', '.join(KEYS)}"
+                try:
+                    accept = partial(self._choose_motion, offered=self.show_motions())
+                except PipelineError as error:
+                    print(f"! {error}")
+                    continue
+            if key in hints:
+                print("; ".join(filter(None, [f"\n{key}: {hints[key]}", entry.note])))
+                _accept_answer(accept, suggested)
+
+
+def _accept_answer(accept: Callable[[str], None], suggested: str) -> None:
+    """Prompt until ``accept`` raises no error, or until there is no answer."""
+    while answer := input(f"[{suggested}] " if suggested else "? ").strip() or suggested:
+        try:
+            return accept(answer)
+        except PipelineError as error:
+            print(f"! {error}")
+            suggested *= answer != suggested
 
 
 def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:

@@ -46,8 +46,9 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     """Return the recordings in ``folder`` by kind, and takes in groups that match one pattern."""
     of: dict[str, list[Finding]] = defaultdict(list)
     for one in findings:
-        of[one.kind].append(one)
-    motion = {one.file: one for one in of[Kind.MOTION] if "markers" in one.facts}  # is not refused
+        if one.facts or not one.stops:  # its reader did not refuse it
+            of[one.kind].append(one)
+    motion = {one.file: one for one in of[Kind.MOTION] if "markers" in one.facts}
     names, filmed = {path.stem for path in motion}, {}
     for one in of[Kind.SEQUENCE]:
         # take folder: named as a motion-capture take, else the folder of the index
