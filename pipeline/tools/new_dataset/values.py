@@ -260,8 +260,8 @@ def _joint_log(
         own = {spelled(unit) for unit in first.units.values()} & {*known}
         if len(own) == 1:
             found[key] = Entry(own.pop(), "by the labels")
-        elif first.kind != Kind.JOINTS:  # a log asks for the units that it does not state
-            found[key] = Entry()
+        elif first.kind != Kind.JOINTS or "samples" not in first.facts:
+            found[key] = Entry()  # a log that was read asks for the units that it does not state
     return found
 
 
