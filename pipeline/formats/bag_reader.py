@@ -14,7 +14,7 @@ from typing import Any
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
 from rosbags.rosbag2 import storage_mcap
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from pipeline.core.bounds import read_whole
@@ -26,7 +26,6 @@ from pipeline.formats.format import Head
 MENDS = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "ros2 bag reindex"}
 PROFILE = re.compile(rb"\x89MCAP0\r\n\x01.{8}(.)\0{3}", re.DOTALL)
 SERIALIZATION = re.compile(rb"serialization_format: *[\"']?(\w+)")
-IDL_MARK = "=" * 80 + "\n"
 ROS1, ROS2 = "ros1", "cdr"  # serializations
 FOREIGN = "{} is serialised as {!r}, where ROS 2 writes cdr"
 
@@ -111,15 +110,11 @@ def _types(kind: str, definition: MessageDefinition, digest: str, form: str) -> 
         if kind not in store.fielddefs:
             raise RecordingError(f"the bag has no definition of {kind}")
         return store
-    store, types = get_typestore(Stores.EMPTY), {}
+    store = get_typestore(Stores.EMPTY)
     try:
-        if definition.format == MessageDefinitionFormat.MSG:
-            types = get_types_from_msg(definition.data, kind)
-        else:
-            parts = definition.data.split(IDL_MARK)[1:]
-            for part in [each.partition("\n")[2] for each in parts] or [definition.data]:
-                types |= get_types_from_idl(part)
-        store.register(types)
+        if definition.format != MessageDefinitionFormat.MSG:
+            raise ValueError("it is in IDL")
+        store.register(get_types_from_msg(definition.data, kind))
         own = store.generate_msgdef(kind)[1] if form == ROS1 else store.hash_rihs01(kind)
     except Exception as error:  # the parser's own, and those of a type that is not defined
         words = " ".join(str(error).split())[:80]

@@ -90,7 +90,7 @@ FORMATS = {
         (None, encoded(".png", np.zeros((12, 16, 3), np.uint16)), "3 channel(s) of uint16", None),
         *((None, content, "no PNG", None) for content in (b"no image at all\n", b"")),
         *((None, content, "truncated or damaged", None) for content in (
-            PNG[:-60], PGM[:-300], PGM + bytes(9), TIFF[:60] + b"\xff" * 30 + TIFF[90:])),
+            PNG[:-60], PGM[:-300], TIFF[:60] + b"\xff" * 30 + TIFF[90:])),
     ], "d.png"),
     "index": Sound("0.5 a.png\n0.6 b.png\n", read_index, [
         ("0.6", "1e400", "must be an increasing time", 2),

@@ -89,14 +89,14 @@ def _sequence(
 
 def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
     """Return the times in ns that all ``stems`` state in one way, and the numbers in them."""
-    for mark, read in ((DATE, _date), (SECONDS, _decimal), (DECIMAL, _decimal), (INTEGER, _epoch)):
+    for mark in (DATE, SECONDS, DECIMAL, INTEGER):
         matches = [mark.search(stem) for stem in stems]
         if None in matches:
             continue
         first, *other = {len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches}
         inside = range(first, first + len(re.findall(r"\d+", matches[0][0], re.ASCII)))
         widths = {len(match[match.lastindex or 0]) for match in matches}
-        times = [*map(partial(read, even=len(widths) == 1), matches)]
+        times = [*map(partial(_time, even=len(widths) == 1), matches)]
         counts = mark in (DATE, DECIMAL) and _counts(matches, mark)
         if not (other or counts or None in times or {*varying}.isdisjoint(inside)):
             return times, inside
@@ -114,27 +114,21 @@ def _counts(matches: list[re.Match], mark: re.Pattern) -> bool:
     return len(before) == 1 and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
 
 
-def _fraction(mark: str, digits: str, even: bool) -> int:
-    """Return ns of a decimal fraction (``mark`` ".", or ``even``), else of whole ms, µs or ns."""
-    if mark == "." or even:
-        return int(digits.ljust(9, "0"))
-    return int(digits) * (10**6 if len(digits) < 4 else 10**3 if len(digits) < 7 else 1)
-
-
-def _date(match: re.Match, even: bool) -> int | None:
-    try:
-        seconds = np.datetime64("{}-{}-{}T{}:{}:{}".format(*match.groups()[:6])).astype(int)
-    except ValueError:
+def _time(match: re.Match, even: bool) -> int | None:
+    """Return the time in ns, None for a date or time that cannot be. Behind a mark other than "."
+    stand whole ms, µs or ns, unless all numbers there have as many digits (``even``).
+    """
+    whole, mark, digits = match.groups()[-3:] if match.re is not INTEGER else (match[0], ".", "")
+    if match.re is DATE:
+        try:
+            date = "{}-{}-{}T{}:{}:{}".format(*match.groups()[:6])
+            whole = str(np.datetime64(date).astype(int))
+        except ValueError:
+            return None
+    elif match.re is INTEGER:
+        whole, digits = whole[:10], whole[10:]
+    if match.re in (SECONDS, INTEGER) and int(whole) not in EPOCH:
         return None
-    return int(seconds) * NANO + (_fraction(match[7], match[8], even) if match[8] else 0)
-
-
-def _decimal(match: re.Match, even: bool) -> int | None:
-    if match.re is SECONDS and int(match[1]) not in EPOCH:
-        return None
-    return int(match[1]) * NANO + _fraction(match[2], match[3], even)
-
-
-def _epoch(match: re.Match, even: bool) -> int | None:
-    unit = 10 ** (19 - len(match[0]))
-    return int(match[0]) * unit if int(match[0]) * unit // NANO in EPOCH else None
+    size = len(digits := digits or "")
+    unit = 10 ** (9 - size) if mark == "." or even else 10 ** (6 - 3 * min(2, (size - 1) // 3))
+    return int(whole) * NANO + int(digits or 0) * unit

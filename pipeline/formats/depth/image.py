@@ -1,8 +1,9 @@
 """Depth images as PNG, TIFF or PGM, conversion of pixels to m, and the times of the frames of a
 sequence: by an index (TUM RGB-D layout), or by numbers or times in file names.
 
-OpenCV decodes the pixels and keeps their type. The header is read first, to bound the size of the
-pixels. Checksums of a PNG and the length of a PGM are checked, since OpenCV pads missing bytes.
+OpenCV decodes the pixels and keeps their type. Pillow reads the header first, to bound the size of
+the pixels, and checks the checksums of a PNG and the length of a PGM, since OpenCV pads missing
+bytes.
 """
 
 import io
@@ -27,9 +28,6 @@ from pipeline.formats.format import Format, Head, Kind, begins, file_content, ma
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
 ENDINGS = (".png", ".tif", ".tiff", ".pgm")
 WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
-GAP = rb"(?:\s|#[^\n\r]*[\n\r])+"  # blanks and comments in the header of a PGM
-# P5, width, height, greatest value and one blank; the pixels follow
-PGM_HEADER = re.compile(rb"P5" + GAP + rb"(\d+)" + GAP + rb"(\d+)" + GAP + rb"(\d{1,5})\s")
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, limits of the median step; times in ms exceed them
 PIXEL = 4  # bytes, size of the largest decoded pixel
 NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
@@ -143,48 +141,35 @@ def depth_size(content: bytes, *, file: Path) -> tuple[int, int]:
 
 
 def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
-    """Return (H, W) of an image and the description of a TIFF."""
-    readers = {PNG: _png_size, PGM: _pgm_size} | dict.fromkeys(TIFF, _tiff_size)
-    read = next((read for mark, read in readers.items() if content.startswith(mark)), None)
-    if read is None:
+    """Return (H, W) of an image, whose checksums or length are right, and a TIFF's description."""
+    if not content.startswith((PNG, PGM, *TIFF)):
         message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
         raise RecordingError(message, file=file)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
-            *shape, description = read(content, file)
+            if content.startswith(TIFF):
+                # read the tags alone, since Pillow opens no image of float64
+                tags = ImageFileDirectory_v2((stream := io.BytesIO(content)).read(8))
+                stream.seek(tags.next)
+                tags.load(stream)
+                if tags.next:
+                    message = "the file holds several images; write one depth frame to a file"
+                    raise RecordingError(message, file=file)
+                height, width = int(tags[LENGTH]), int(tags[WIDTH])
+                _require_size(height, width, file)
+                return (height, width), str(tags.get(DESCRIPTION, ""))
+            with Image.open(io.BytesIO(content), formats=("PNG", "PPM")) as image:
+                width, height = image.size
+                _require_size(height, width, file)
+                (image.verify if content.startswith(PNG) else image.load)()
+                return (height, width), ""
     except HEADER_DAMAGE as error:
         raise _damaged(file, f" ({error})") from None
-    require("part_mib", shape[0] * shape[1] * PIXEL / MIB, "MiB of pixels", file)
-    return tuple(shape), description
 
 
-def _png_size(content: bytes, file: Path) -> tuple[int, int, str]:
-    with Image.open(io.BytesIO(content), formats=("PNG",)) as image:
-        width, height = image.size
-        image.verify()  # checksums of all chunks
-    return height, width, ""
-
-
-def _tiff_size(content: bytes, file: Path) -> tuple[int, int, str]:
-    # read the tags alone, since Pillow opens no image of float64
-    stream = io.BytesIO(content)
-    tags = ImageFileDirectory_v2(stream.read(8))
-    stream.seek(tags.next)
-    tags.load(stream)
-    if tags.next:
-        message = "the file holds several images; write one depth frame to a file"
-        raise RecordingError(message, file=file)
-    return int(tags[LENGTH]), int(tags[WIDTH]), str(tags.get(DESCRIPTION, ""))
-
-
-def _pgm_size(content: bytes, file: Path) -> tuple[int, int, str]:
-    header = PGM_HEADER.match(content)
-    width, height, greatest = map(int, header.groups())
-    size = width * height * (1 if greatest < 256 else 2)
-    if (found := len(content) - header.end()) != size:
-        raise ValueError(f"{found} bytes where {width} × {height} pixels have {size}")
-    return height, width, ""
+def _require_size(height: int, width: int, file: Path) -> None:
+    require("part_mib", height * width * PIXEL / MIB, "MiB of pixels", file)
 
 
 def _damaged(file: Path, reason: str = "") -> RecordingError:

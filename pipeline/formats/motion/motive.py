@@ -39,8 +39,8 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     ``Unlabeled 1``, ``Unlabeled 2``, … in each frame. If the file states no rate, the printed times
     give the rate. ``counts`` adds to the counts of :func:`checked_take`: ``blank_rows``,
     ``cut_rows`` (last row without line end), ``repeated_rows``, ``solved_replaced`` and
-    ``solved_only`` markers, ``unused_columns``, ``skipped_bones``; before 1.2 ``stray_ids``,
-    ``stray_samples`` and ``lacking_body_rows`` (frames in which a body has no row). Raises
+    ``solved_only`` markers, ``unused_columns``, ``skipped_bones``; before 1.2 ``stray_ids`` and
+    ``stray_samples``. Raises
     RecordingError, with the line if known, where the file has no unit, no rate or neither marker
     nor body; where its unit is not ``unit``; where times contradict the rate; for malformed rows.
     """

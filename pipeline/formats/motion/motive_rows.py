@@ -4,22 +4,21 @@ the first cell of a row is its type.
 The rows have this order: any number of ``comment`` rows; ``righthanded`` or ``lefthanded``;
 ``info,version|framecount|rigidbodycount,…`` (1.0 has no version); one definition of every rigid
 body; then, per frame, one ``frame`` row and one row per body. Version 1.0 writes ``trackable``
-instead of ``rigidbody``. Only version 1.1 has the cells in brackets::
+instead of ``rigidbody``. Only version 1.1 has the cell in brackets::
 
     rigidbody, name, ID, n, n × (x, y, z)                       definition in the body's frame
     frame, frame, time, m, m × (ID, x, y, z, qx, qy, qz, qw, yaw, pitch, roll),
            p, p × (x, y, z, ID[, name])
-    rigidbody, frame, time, name, ID, frames since last tracked, n, n × (x, y, z[, ID]) solved,
-               n × (x, y, z) measured, n × tracked, n × quality, mean error (mm)
 
-The reader takes the poses of the m tracked bodies and the positions of all p visible markers from
-the frame row, and the measured positions of ``name-Marker i`` from the row of the body ``name``. It
-ignores solved positions, which are constant while a body is lost. No row has a unit or a rate.
+The reader takes the poses of the m tracked bodies and the positions of all p visible markers, which
+have no names in version 1.0, from the frame rows. The rows per body in between repeat these
+positions beside solved ones, which are constant while a body is lost; the reader ignores them. No
+row has a unit or a rate.
 """
 
 from collections import defaultdict
 from itertools import islice
-from math import isfinite, isnan, nan
+from math import isfinite, nan
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +48,6 @@ class TypedRows:
         self.markers: Samples = {}
         self.strays: list[list[list[float]]] = []  # positions of unnamed markers, per frame
         self.stray_ids: set[str] = set()
-        self.body_rows = 0
 
     def take(self, count: int) -> list[str]:
         """Return the next ``count`` cells of the row."""
@@ -80,13 +78,12 @@ class TypedRows:
             key, value = self.take(2)
             self.infos[key] = value
             self.named |= key == "version" and value not in ("1", "1.0", "1.00")
-        elif kind == "frame" or kind in BODY_ROWS:
+        elif kind == "frame" or (kind in BODY_ROWS and not self.frame):
             self.line += [line] if kind == "frame" else []
-            add_body = self._add_body if self.frame else self._define
-            (self._add_frame if kind == "frame" else add_body)()
+            (self._add_frame if kind == "frame" else self._define)()
             if any(self.cells):
                 raise ValueError("the row has more cells than its counts state")
-        elif kind != "righthanded":
+        elif kind not in ("righthanded", *BODY_ROWS):
             message = f"the row type is {kind!r}; a right-handed take has the row types "
             raise ValueError(f"{message}{', '.join(ROW_TYPES)}")
 
@@ -97,7 +94,8 @@ class TypedRows:
             raise ValueError(f"rigid body {name!r} (ID {identity}) is defined twice")
         self.names[identity], self.poses[name] = name, {}
         # a marker without any measured position is in the take, with NaN in all frames
-        self.markers |= {f"{name}-Marker {marker}": {} for marker in range(1, markers + 1)}
+        if self.named:
+            self.markers |= {f"{name}-Marker {marker}": {} for marker in range(1, markers + 1)}
 
     def _add_frame(self) -> None:
         k, strays = len(self.frame), []
@@ -116,23 +114,6 @@ class TypedRows:
             elif self.markers.setdefault(name, {}).setdefault(k, sample) is not sample:
                 raise ValueError(f"two markers are named {name!r}")
         self.strays.append(strays)
-
-    def _add_body(self) -> None:
-        at, (name,), identity = self.numbers(2), self.take(1), self.count()
-        if at != [self.frame[-1], self.time[-1]] or self.names.get(identity) != name:
-            raise ValueError(f"rigid body {name!r} is not defined, or not in the frame above it")
-        self.count()
-        markers, strays = self.count(), self.strays[-1]
-        self.take((4 if self.named else 3) * markers)
-        for marker in range(1, markers + 1):
-            sample = self.numbers(3)
-            if sample in strays:
-                strays.remove(sample)
-            if not all(map(isnan, sample)):
-                samples = self.markers.setdefault(f"{name}-Marker {marker}", {})
-                samples[len(self.frame) - 1] = sample
-        self.take(2 * markers + 1)
-        self.body_rows += 1
 
 
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
@@ -178,8 +159,7 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     markers = {name: dense(samples, 3) for name, samples in (parser.markers | strays).items()}
     poses = {name: dense(samples, 7) for name, samples in parser.poses.items()}
     bodies = {name: RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in poses.items()}
-    lacking = len(frame) * len(parser.names) - parser.body_rows if parser.body_rows else 0
     more = {"stray_ids": len(parser.stray_ids), "stray_samples": sum(map(len, parser.strays))}
     about = file.stem, parser.infos.get("version", "1.0"), rate, frame, printed, markers, bodies
     raw = MotionTake(*about, counts, unit, rate_from=capture.FROM_TIMES)
-    return capture.checked_take(raw, file, parser.line, more=more | {"lacking_body_rows": lacking})
+    return capture.checked_take(raw, file, parser.line, more=more)
