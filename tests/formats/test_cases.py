@@ -19,12 +19,8 @@ from scipy.io import savemat
 from written_logs import seen
 
 from pipeline.arm.model import chain_of
-from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Robot
 from pipeline.formats.force.record import ForceLogOptions, read_force_table
-from pipeline.formats.joints.log import LogOptions
-from pipeline.recordings.movement import UNWRAPPED, read_log, read_movement
-from pipeline.tools.inspect.command import inspect
 
 TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
@@ -57,7 +53,7 @@ QUALISYS = "FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n"
 VICON = "ASCII export of Vicon is not read: export C3D"
 # words about a file that is refused
 STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read", "convert it")
-STOPS += ("take ost.yaml", "cam0", "pairs two images")
+STOPS += ("take ost.yaml", "cam0", "pairs two images", "no time in its header")
 UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
     "struct.mat": (
@@ -108,6 +104,14 @@ PUBLIC = {  # case, file: what inspect says of it
     ("02", "wrench.csv"): "columns without numbers field.header.frame_id (words)",
     ("02", "wrench_empty_frame.csv"): "columns without numbers field.header.frame_id (nothing)",
     ("03", "motion.csv"): "actual (q_0, q_1, q_2, q_3 … (6)), target (tq_0, tq_1, tq_2, tq_3 … (6",
+    ("06", "actual_wraps/run.csv"): "16 unwrapped jumps",
+    ("06", "both_wrap/run.csv"): "32 unwrapped jumps",
+    ("08", "gripper_first"): "60 messages of other joints",
+    ("08", "gripper_on_the_same_topic"): "60 messages of other joints",
+    ("08", "message_twice"): "6 doubled rows",
+    ("08", "order_of_joints_changes"): "samples 59; joints 2; signals actual, target",
+    ("08", "same_stamp_other_values"): "the time does not increase",
+    ("08", "without_stamps"): "the message has no time in its header",
     ("09", "comma.csv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
     ("09", "tab.tsv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
     ("09", "semicolon.csv"): "columns Time (s), Fx (N), Fy (N), Fz (N) … (7); rows 120",
@@ -203,31 +207,3 @@ def test_forces_of_the_cases_are_the_numbers_of_the_control(tmp_path):
     control = read_force_table(above / "control.csv", options)
     for name in ("comma.csv", "tab.tsv", "semicolon.csv"):
         np.testing.assert_array_equal(read_force_table(above / name, options).force, control.force)
-
-
-@pytest.mark.slow
-def test_case_06_wrapped_angles(tmp_path):
-    folder = place_of("06", tmp_path)
-    names = {"actual": [f"q_{j}" for j in range(6)], "target": [f"q_target_{j}" for j in range(6)]}
-    options = LogOptions("time", joints=6, signals=names)
-    control = read_log(folder / "control/run.csv", options)
-    for name, jumps in (("both_wrap", 32), ("actual_wraps", 16)):
-        log = read_log(folder / name / "run.csv", options)
-        (finding,) = inspect(folder / name / "run.csv")
-        assert log.counts[UNWRAPPED] == jumps == finding.gaps[UNWRAPPED]
-        np.testing.assert_allclose(log.signals["actual"], control.signals["actual"], atol=2e-8)
-
-
-@pytest.mark.slow
-def test_case_08_two_publishers(tmp_path):
-    folder, counted = place_of("08", tmp_path), {}
-    options = LogOptions(joints=2, names=("a", "b"))
-    for name in ("gripper_on_the_same_topic", "gripper_first", "message_twice", "control"):
-        counted[name] = read_movement({folder / name: options}, 100.0)[1]
-    assert counted["message_twice"]["doubled_rows"] == 6
-    assert counted["gripper_first"]["messages_of_other_joints"] == 60
-    assert counted["gripper_on_the_same_topic"]["messages_of_other_joints"] == 60
-    read_movement({folder / "order_of_joints_changes": options}, 100.0)
-    for name in ("same_stamp_other_values", "without_stamps"):
-        with pytest.raises(RecordingError):
-            read_movement({folder / name: options}, 100.0)

@@ -1,5 +1,6 @@
-"""Records of one force/torque transducer: options and units of logs, faulty samples, and tables of
-forces with columns and units by options, labels or header.
+"""Records of one force/torque transducer: options and units of logs, faulty samples, tables of
+forces with columns and units by options, labels or header, and WrenchStamped messages of ROS bags,
+in N and N·m by definition.
 """
 
 import re
@@ -33,6 +34,7 @@ AXIS = re.compile(
 )
 TIMES = re.compile(r"t|x_value|time[ _-]?(stamp)?", re.IGNORECASE)
 NUMBERS = re.compile(r"(sample|(rdt )?sequence|packet)( ?(number|no\.?|#))?", re.IGNORECASE)
+WRENCH = ("geometry_msgs/msg/WrenchStamped",)
 EQUAL_PAIRS = 0.1  # share of equal neighbours; more are of a sensor of coarse resolution
 JITTER = 0.1  # greatest deviation of an even step, over the median step
 
@@ -294,4 +296,34 @@ def sheet_record(
     return replace(record, marks=marks, rate=steady or record.rate)
 
 
-FORMAT = Format("table of forces", Kind.FORCE, read_force_table, option="table")
+def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
+    """Return the record of the option ``topic`` (default the only WrenchStamped topic) in the bag
+    ``file``, at the times of the message headers; ``counts`` as in :func:`read_force_table`.
+
+    Raises RecordingError for an unreadable bag, for no topic or several; with the sample number
+    (from 0), where a value is not finite or the time decreases.
+    """
+    # here, since most force logs are no bags
+    from pipeline.formats.rosbag import choose_topic, messages
+
+    topic = choose_topic(file, WRENCH, options.topic)
+    samples = np.array([*messages(file, topic, _sample)])
+    if not (finite := np.isfinite(samples).all(axis=1)).all():
+        where = {"file": file, "topic": topic, "sample": int(np.argmin(finite))}
+        raise RecordingError("a force or torque is not finite", **where)
+    places = ("sample", range(len(samples)))
+    return timed_record(samples[:, 0], samples[:, 1:], places, file, {})
+
+
+def _sample(message: object) -> list[float]:
+    from pipeline.formats.rosbag import seconds
+
+    wrench = message.wrench
+    axes = [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
+    return [seconds(message), *axes]
+
+
+FORMAT = (
+    Format("forces in a ROS bag", Kind.FORCE, read_force_bag, option="bag"),
+    Format("table of forces", Kind.FORCE, read_force_table, option="table"),
+)

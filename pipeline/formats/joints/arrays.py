@@ -41,6 +41,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
     data = read_alone(read, Path(file), file=file, advice="save it again")
+    require("memory_mib", sum(one.size for one in data.values()) * 8 / MIB, "MiB of numbers", file)
     stated = [[*map(str, one)] for n, one in data.items() if one.dtype.kind == "U" and is_names(n)]
     dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
     data |= {name: _seconds(data[name]) for name in dated}
@@ -66,7 +67,6 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
             message += f"ARRAY:COLUMN. The file has {', '.join(shapes) or 'no arrays'}"
             key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
             raise RecordingError(message, file=file, key=key)
-        require("part_mib", sum(map(len, chosen)) * 8 / MIB, f"MiB of the {quantity}", file)
         values = np.column_stack(chosen).astype(float)
         if (invalid := ~np.isfinite(values)).any():
             row, column = np.argwhere(invalid)[0].tolist()
@@ -83,8 +83,6 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
         tables = {name: [name] for name in arrays if data[name].ndim == 2}
-        numbers_mib = sum(data[name].size for name in tables) * 8 / MIB
-        require("memory_mib", numbers_mib, "MiB of numbers in unnamed arrays", file)
         values = {name: data[name].astype(float) for name in tables}
         with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers may be huge or NaN
             found, guessed = signals_of_groups(tables, values, time)

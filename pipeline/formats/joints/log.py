@@ -20,10 +20,6 @@ from pipeline.formats.joints.names import is_names, match_joints, named_like, st
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 OPTION = "dataset.joint_log"
-FLAT = (
-    "; the table has one column: for one joint, set signals: {actual: [0]} and time: null; for "
-    "several joints, write the values of all joints at one time in one line"
-)
 JOINT_STATE = "sensor_msgs/msg/JointState"
 ANGLES = ("actual", "target")
 # signal → field of a message; other signals are in the field effort
@@ -99,7 +95,7 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
         if columns is None and sheet.width != options.joints + first:
             values = f"{'a time and ' if first else ''}{sheet.width - first} values"
             message = f"the line has {values}, not {options.joints}; correct joints, or name the "
-            message += f"columns in signals{FLAT if sheet.width == 1 else ''}"
+            message += "columns in signals"
             raise RecordingError(message, file=file, line=sheet.lines[0])
         named = range(first, sheet.width) if columns is None else columns
         chosen[signal] = slice(len(wanted) - first, len(wanted) - first + len(named))

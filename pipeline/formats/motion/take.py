@@ -46,7 +46,6 @@ class MotionTake:
     bodies: dict[str, RigidBody]
     counts: dict[str, int]  # numbers of skipped, lost and repaired items; see the format's reader
     unit: str = "m"  # unit of lengths in the file
-    printed_rate: float | None = None  # Hz, by the times in the file
     rate_from: str = ""  # source of ``rate``, if the file does not state it
 
 
@@ -176,6 +175,5 @@ def checked_take(
     counts["marker_samples"] = len(markers) * len(frame)
     counts["missing_samples"] = int(sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values()))
     counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
-    timed = rate_from_times(frame, raw.time) if len(raw.time) else None
-    checked = {"time": time, "markers": markers, "bodies": bodies, "printed_rate": timed}
+    checked = {"time": time, "markers": markers, "bodies": bodies}
     return replace(raw, counts=counts | (more or {}), **checked)

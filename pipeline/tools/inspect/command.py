@@ -21,8 +21,7 @@ from pipeline.formats.delimited import foreign
 from pipeline.formats.depth.frame_names import frame_sequences
 from pipeline.formats.depth.image import frame_endings
 from pipeline.formats.depth.intrinsics import ANY_SIZE
-from pipeline.formats.force.bag import WRENCH
-from pipeline.formats.force.record import ForceLogOptions, require_record
+from pipeline.formats.force.record import WRENCH, ForceLogOptions, require_record
 from pipeline.formats.format import (
     Format,
     Head,

@@ -9,11 +9,12 @@ from ros_bags import Message, write_bag
 from written_logs import refusal
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.force.bag import WRENCH, read_force_bag
 from pipeline.formats.force.daqft import read_daqft
 from pipeline.formats.force.record import (
+    WRENCH,
     ForceLogOptions,
     ForceRecord,
+    read_force_bag,
     read_force_table,
     sound_samples,
 )
