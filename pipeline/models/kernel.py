@@ -40,18 +40,18 @@ from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import expm1
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import (
+    ADDITIVE_LAW,
     GAUSSIAN_LAW,
     GIVEN_LAW,
     PIVOTED_LU_LAW,
     QR_TRANSPOSED_LAW,
-    SCALED_LAW,
     WISHART_LAWS,
     Law,
 )
 from pipeline.randommatrix.variates import draw_variates
 
 INVERSE_LAWS = tuple(WISHART_LAWS.values())
-LAWS = (SCALED_LAW, GAUSSIAN_LAW, *INVERSE_LAWS)
+LAWS = (ADDITIVE_LAW, GAUSSIAN_LAW, *INVERSE_LAWS)
 DRAWN = 64  # poses of a serial chain whose variates are drawn at a time
 
 
@@ -169,13 +169,8 @@ def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int
     row ``spare``. Return the number of poses with a covariance clipped at zero.
     """
     joints, normal, spare = rows.joints, rows.normal, rows.spare
-    if law.kind == SCALED_LAW:
-        # η + D(q̇)ε; the additive model has no ε
+    if law.kind == ADDITIVE_LAW:
         for j in range(n):
-            if law.sets > 1:
-                fill(block, spare, 0.0, count)
-                add_combination(block, spare, law.parameters, n * n + j * n, normal + n, n, count)
-                add_product(block, joints + j, 1.0, joints + j, spare, count)
             add_combination(block, joints + j, law.parameters, j * n, normal, n, count)
         return 0
     if law.kind != GAUSSIAN_LAW:

@@ -17,7 +17,7 @@ from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
 
 # kinds of compiled laws (pipeline.models.kernel); the numbers have no order
-SCALED_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
+ADDITIVE_LAW, GAUSSIAN_LAW, QR_LAW, GIVEN_LAW, PIVOTED_LU_LAW, QR_TRANSPOSED_LAW = range(6)
 WISHART_LAWS = {  # by the name of the decomposition; they apply B⁻¹ to a = J₁⁻¹v
     "pivoted_lu": PIVOTED_LU_LAW,
     "qr": QR_LAW,

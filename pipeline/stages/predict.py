@@ -26,7 +26,6 @@ from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
-BESIDE = ("scaled", "scaled_full")  # models without a random matrix, added to the models of the run
 CONTROL = "wishart_qr_transposed"  # added if the run has a Wishart model
 MATRIX_KINDS = ("gaussian", "wishart")
 Models = dict[str, Options]  # options by name, of the run's and the added models
@@ -40,10 +39,9 @@ def run() -> None:
             print("predict: the dataset has no robot; there is no pose to predict")
             return
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-        control = any(own.kind == "wishart" for own in settings.models.values())
-        beside = [*BESIDE, CONTROL] if control else BESIDE
-        beside = config.model_options([name for name in beside if name not in settings.models])
-        options = {**settings.models, **beside}
+        options = settings.models
+        if any(own.kind == "wishart" for own in options.values()):
+            options = options | config.model_options({CONTROL} - options.keys())
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
         tables = {"ranges": ranges} | _joint_tables(settings, recorded, options)
         for name, table in (tables | _predictions(settings, recorded, options)).items():

@@ -82,7 +82,7 @@ def test_a_wrong_line_of_params_yaml_is_refused_in_one_line(compose, choices, wo
         ("dataset.laboratory.mocap", "{noise_std: -1.0}", "noise_std.*greater than or equal to 0"),
         ("models.wishart", "{kind: laplace}", "no kind 'laplace'; there are additive"),
         ("models.wishart.left", "[[1.0]]", "given"),
-        ("models.scaled", "{kind: scaled, structure: full}", "no model scaled is chosen"),
+        ("models.gaussian_ml", "{kind: gaussian}", "no model gaussian_ml is chosen"),
     ],
 )
 def test_a_wrong_value_is_refused_with_its_key(compose, path, value, words):
@@ -207,7 +207,7 @@ def test_a_study_of_motion_is_refused_without_a_robot_and_the_papers_stage_is_no
 
 
 def test_models_and_the_laboratory_have_their_own_types(sections):
-    models = sections("models", models="[additive, wishart, gaussian, joint_error, scaled]").models
+    models = sections("models", models="[additive, wishart, gaussian, joint_error]").models
     assert {name: type(model) for name, model in models.items()} == {
         kind: options_type(kind) for kind in kinds()
     }

@@ -33,9 +33,8 @@ ROOT = Path(__file__).parents[2]
 JOINTS = ("a", "b", "c")
 ARM = ArmNames(JOINTS, PLANE)
 CLAIMS = ("pipeline/verdicts/claims.yaml", "pipeline/studies/robustness/conclusions.yaml")
-# claims of the wrench, the closed loop, the linear filter and the speed-scaled model, which
-# these takes lack
-WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory", "scaled")
+# claims of the wrench, the closed loop and the linear filter, which these takes lack
+WRENCH = ("wrench", "sigma-s", "force", "closed-loop", "memory")
 READINGS = ["pivoted LU", "QR of J", "QR of Jᵀ (control)"]
 STEPS, REST = 24, 6
 STD = np.array([2e-3, 3e-3, 4e-3])

@@ -81,7 +81,7 @@ def tables() -> dict[str, pd.DataFrame]:
         ),
         "sigma_b_weights": points.assign(model="wishart", ratio=np.geomspace(1e-5, 0.1, 6)),
         "noise_quantiles": each(
-            ["noise"], model=["scaled_t", "distance_t"], joint=JOINTS, normal=np.arange(-3, 4.0)
+            ["noise"], model=["joint_step", "joint_error"], joint=JOINTS, normal=np.arange(-3, 4.0)
         ),
         "takes": pd.concat(takes, ignore_index=True),
         "wrench_errors": each(["error"], agents=[3, 10], system=range(40)).assign(

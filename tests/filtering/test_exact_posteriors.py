@@ -17,10 +17,10 @@ from pipeline.filtering.linear import linear_filter
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.filtering.sampling import SCHEMES
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.draws import draw_steps
 from pipeline.models.model import Commands, Traits, open_loop
-from pipeline.models.scaled.law import ScaledModel
 
 DT = 0.01
 # rows are the joints' directions: what a step of the task moves the joints by is constant
@@ -102,12 +102,12 @@ def runs_of(model, chain, steps, start, measurements, options, seeds=range(16)) 
 @pytest.mark.parametrize("scheme", [name for name in SCHEMES if name != "none"])
 def test_with_a_linear_model_and_normal_noise_the_posterior_is_the_kalman_filters(scheme):
     options = filter_options(2000, scheme)
-    runs = runs_of(ScaledModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
+    runs = runs_of(AdditiveModel(NOISE), LINEAR, STEPS, START, FRAMES, options)
     exact = kalman(FRAMES)
     assert all(run.resampled.any() for run in runs)
     assert np.all(distance(runs, *exact) < BAND)
     # control: motion noise half as large again
-    runs = runs_of(ScaledModel(1.5 * NOISE), LINEAR, STEPS, START, FRAMES, options)
+    runs = runs_of(AdditiveModel(1.5 * NOISE), LINEAR, STEPS, START, FRAMES, options)
     assert np.all(distance(runs, *exact) > 2 * BAND)
 
 
@@ -149,8 +149,8 @@ def test_a_law_with_a_memory_has_the_exact_posterior_of_its_path():
 
 
 # one joint that turns the tip about the base, from PHASE on, and the tip's height as the task: its
-# step v/cos is nonlinear, and so is the noise that grows with it
-PHASE, FLOOR, GAIN = 0.6, 0.006**2, 0.3**2
+# step v/cos is nonlinear
+PHASE, VARIANCE = 0.6, 0.015**2
 WALLS = (-0.03, 0.6)  # limits of the joint, rad
 FAST = np.full((10, 1), 0.035)
 AT_WALL = Start(np.zeros(1), np.array([[0.03**2]]))
@@ -171,7 +171,7 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
     density = norm.pdf(q, AT_WALL.mean[0], 0.03)
     density /= density.sum() * cell
     step = (FAST[0, 0] / np.cos(q + PHASE))[:, None]
-    kernel = norm.pdf(q[None, :], q[:, None] + step, np.sqrt(FLOOR + GAIN * step**2))
+    kernel = norm.pdf(q[None, :], q[:, None] + step, np.sqrt(VARIANCE))
     means, variances, evidence = [], [], 0.0
     for k in range(len(FAST) + 1):
         joint = np.diag(density / cell) if k == 0 else density[:, None] * kernel
@@ -189,7 +189,7 @@ def integrated(measurements: Measurements) -> tuple[np.ndarray, np.ndarray, floa
 
 @pytest.fixture(scope="module")
 def walled_runs() -> list[Posterior]:
-    model = ScaledModel(np.array([[FLOOR]]), np.array([[GAIN]]))
+    model = AdditiveModel(np.array([[VARIANCE]]))
     phase = Rotation.from_euler("z", PHASE).as_matrix().ravel()
     placements = np.array([[*phase, 0, 0, 0], [*np.eye(3).ravel(), 1.0, 0, 0]])
     ends = *np.array(WALLS)[:, None], np.ones(1)
@@ -226,7 +226,7 @@ def test_the_filter_of_a_closed_loop_is_calibrated_and_the_open_loops_wanders(
     progress = np.linspace(0.0, 1.0, steps + 1)[:, None]
     poses = np.array([0.4, 1.7, -0.3]) + progress * np.array([0.5, 0.4, -0.6])
     path, start = MeanPath(chain, poses), Start(poses[0], np.diag(DEVIATION**2))
-    model = ScaledModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
+    model = AdditiveModel(np.diag((1 - (1 - share) ** 2) * DEVIATION**2))
     takes = np.empty((count, steps + 1, 3))
     takes[:, 0] = poses[0] + DEVIATION * rng.standard_normal((count, 3))
     for k in range(steps):  # corrected by NumPy

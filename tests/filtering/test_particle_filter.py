@@ -21,17 +21,16 @@ from pipeline.core.options.analysis import Filter
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, Start, particle_filter
 from pipeline.filtering.sampling import SCHEMES, keep_inside
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import Commands, Traits, open_loop
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.law import WishartModel
 
 DT = 0.01
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 MODELS = {
-    "additive": ScaledModel(COVARIANCE),
-    "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06]) + 0.01),
+    "additive": AdditiveModel(COVARIANCE),
     **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
     "wishart pivoted_lu, wide": WishartModel(1.2, READINGS["pivoted_lu"]),
     "gaussian": GaussianModel(0.05, 15.5),
@@ -115,7 +114,7 @@ def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band,
 class Sampled:
     """A law without compiled code, whose draws in NumPy are those of the compiled ``law``."""
 
-    law: ScaledModel | GaussianModel | WishartModel
+    law: AdditiveModel | GaussianModel | WishartModel
     traits: ClassVar = Traits(noisy_at_rest=False, needs_jacobian=True, compiled=False)
 
     def sample(self, chain, q, v, rng) -> np.ndarray:
@@ -158,7 +157,7 @@ def test_blocks_of_any_filling_are_filtered(particles, arm):
 
 def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(arm):
     compiled, plain = both(MODELS["additive"], arm, filter_options(PARTICLES))
-    off, _ = both(ScaledModel((1 + 1e-9) * COVARIANCE), arm, filter_options(PARTICLES))
+    off, _ = both(AdditiveModel((1 + 1e-9) * COVARIANCE), arm, filter_options(PARTICLES))
     assert greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
     for options, share in (
         (filter_options(PARTICLES, threshold=0.6), 0.0),
@@ -175,7 +174,7 @@ BENT = np.array([[0.0, 0.155], [0.135, 0.0], [0.0, 0.17]])
 ELBOW = PlanarChain(np.zeros(2), BENT, np.ones(3), np.full(3, -50.0), np.full(3, 50.0), np.ones(3))
 STILL = Start(np.array([0.3, -0.2, 0.5]), np.zeros((3, 3)))
 START = replace(STILL, covariance=1e-4 * np.array([[4.0, 1, 0], [1, 3, -1], [0, -1, 2]]))
-DIFFUSING, EXACT = ScaledModel(0.005**2 * np.eye(3)), ScaledModel(np.zeros((3, 3)))
+DIFFUSING, EXACT = AdditiveModel(0.005**2 * np.eye(3)), AdditiveModel(np.zeros((3, 3)))
 STEPS = np.tile([0.01, -0.005, 0.0], (320, 1))
 
 

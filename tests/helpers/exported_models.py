@@ -12,7 +12,6 @@ ROOT_OF_NOISE = np.array([[3.0, 0.0, 0.0], [-2.0, 4.0, 0.0], [1.0, 1.0, 5.0]]) *
 PARAMETERS = {
     "additive": {"noise_covariance": (ROOT_OF_NOISE @ ROOT_OF_NOISE.T).tolist()},
     "gaussian": {"alpha": 0.05, "u": 30.0},
-    "scaled": {"floor": (1e-7 * np.eye(3)).tolist(), "gain": (0.09 * np.eye(3)).tolist()},
     "wishart": {"sigma_b": 0.25, "decomposition": "qr_transposed"},
 }
 

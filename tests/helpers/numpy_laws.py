@@ -5,11 +5,11 @@ are held against.
 import numpy as np
 
 from pipeline.arm.rows import WIDTH
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import space_of
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kernel import DRAWN
 from pipeline.models.model import frobenius, root
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import split
 from pipeline.models.wishart.law import WishartModel
 from pipeline.randommatrix.wishart import degrees_of_freedom
@@ -29,11 +29,8 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
 def _block(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     dq = chain.nominal_step(q, v)
     match model:
-        case ScaledModel(gain=None):
-            return q + dq + rng.standard_normal(q.shape) @ root(model.floor), 0
-        case ScaledModel():
-            at_rest = rng.standard_normal(q.shape) @ root(model.floor)
-            return q + dq + at_rest + dq * (rng.standard_normal(q.shape) @ root(model.gain)), 0
+        case AdditiveModel():
+            return q + dq + rng.standard_normal(q.shape) @ root(model.noise), 0
         case GaussianModel():
             inverse, task = chain.inverse_jacobian(q), v[:, : len(chain.task)]
             norm, entries = frobenius(inverse), inverse[0].size

@@ -14,10 +14,10 @@ import pytest
 from pipeline.configuration.config import CONF
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import desired_joints, desired_trajectory, draw, expose, swing
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import realize
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.model import frobenius
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import mean_covariance, process_noise
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.commands import commanded_steps, speed_scores
@@ -178,7 +178,7 @@ def modelled(arm, recorded):
     """Name → (model, free-running poses, noise) of the three models."""
     q, v, noise, *_ = recorded
     models = {
-        "additive": ScaledModel(mean_covariance(noise)),
+        "additive": AdditiveModel(mean_covariance(noise)),
         "wishart": WishartModel(0.2),
         "gaussian": GaussianModel(0.12, 25.0),
     }

@@ -15,6 +15,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Start, particle_filter
 from pipeline.models.additive.fit import Options as Additive
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.closed_loop import (
     ClosedLoopFit,
     MeanPath,
@@ -30,8 +31,6 @@ from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import estimate
 from pipeline.models.model import Commands, open_loop, without_measurement
-from pipeline.models.scaled.fit import Options as Scaled
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Estimate, Recorded, process_noise
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
@@ -41,21 +40,19 @@ TAKES, STEPS, REST = 30, 60, 10
 JOINTS = ("a", "b", "c")
 POSE = np.array([3e-3, 3e-3, 4e-3])  # rad, standard deviation of a measured pose
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
-FULL = np.array([[0.05, -0.03, 0.0], [-0.03, 0.06, 0.0], [0.0, 0.0, 0.09]])
 UNSEEN = Measurements("take", np.empty(0), *np.empty((2, 0, 3)), np.empty((0, 3, 3)))
 # a model, an estimator that accounts for the measurement noise, and a factor on that noise, so that
 # the model's noise does not hide it
 MODELS = {
-    "additive": (ScaledModel(COVARIANCE), Additive("additive", estimator="shrinkage"), 1),
+    "additive": (AdditiveModel(COVARIANCE), Additive("additive", estimator="shrinkage"), 1),
     "gaussian": (GaussianModel(0.1, 18.0), Gaussian("gaussian", estimator="likelihood"), 2),
-    "scaled": (ScaledModel(0.1 * COVARIANCE, FULL), Scaled("scaled", structure="full"), 1),
     "wishart": (
         WishartModel(0.2, Decomposition("qr")),
         Wishart("wishart", estimator="likelihood", decomposition="qr"),
         2,
     ),
 }
-SEVEN = {"still": (ScaledModel(3e-5 * np.eye(7)), MODELS["additive"][1], 1)}  # joints
+SEVEN = {"still": (AdditiveModel(3e-5 * np.eye(7)), MODELS["additive"][1], 1)}  # joints
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +66,7 @@ def path(chain) -> MeanPath:
 
 def moved(path: MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
-    still, quiet = Start(path.poses[0] + off, np.zeros((3, 3))), ScaledModel(np.zeros((3, 3)))
+    still, quiet = Start(path.poses[0] + off, np.zeros((3, 3))), AdditiveModel(np.zeros((3, 3)))
     run = commands, 0.01, still, UNSEEN, filter_options(1), np.random.default_rng(1)
     return particle_filter(quiet, path.chain, *run).mean - path.poses
 
@@ -172,7 +169,7 @@ def test_its_interval_covers_the_truth_as_it_says_and_the_regressions_does_not(k
     assert np.sum(np.abs(naive) < 1.96) < 12
 
 
-@pytest.mark.parametrize("kind", ["additive", "gaussian", "scaled"])
+@pytest.mark.parametrize("kind", ["additive", "gaussian"])
 def test_of_takes_in_an_open_loop_the_interval_holds_zero(kind, path):
     fit = fitted(kind, takes_of(kind, path, 0.0, seed=2))
     assert 0 <= fit.share < 1.96 * fit.standard_error < 0.02

@@ -17,21 +17,17 @@ from scipy import stats
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ModelDomainError, SingularJacobianError
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kernel import LAWS
 from pipeline.models.model import GAUSSIAN_LAW
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.wishart.decomposition import Decomposition, split
 from pipeline.models.wishart.law import WishartModel, step_covariance
 
 COVARIANCE = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 MEASUREMENT = np.diag([1e-6, 2e-6, 3e-6])
-NORMAL = {
-    "additive": ScaledModel(COVARIANCE),
-    "scaled": ScaledModel(COVARIANCE, np.diag([0.04, 0.05, 0.06])),
-    "timing": ScaledModel(COVARIANCE, np.full((3, 3), 0.04)),
-}
+NORMAL = {"additive": AdditiveModel(COVARIANCE)}
 MATRIX = {  # without noise at rest
     **{f"wishart {name}": WishartModel(0.25, each) for name, each in READINGS.items()},
     "gaussian": GaussianModel(0.05, 30.0),
@@ -246,13 +242,13 @@ def test_the_first_steps_of_a_serial_arm_do_not_depend_on_the_number_of_poses():
 def test_normal_models_steps_are_their_formula_in_numpy_whatever_the_size(n, m):
     chain, q, command = arm_and_command(n, m)
     q, factor = q + 0.1 * RNG(6).standard_normal((300, n)), 1e-3 * RNG(5).standard_normal((n, n))
-    noise, gain = factor @ factor.T + 1e-8 * np.eye(n), 0.04 * np.eye(n)
+    noise = factor @ factor.T + 1e-8 * np.eye(n)
     norms = np.linalg.norm(np.linalg.pinv(chain.jacobian(q)), axis=(1, 2))
     bounded = GaussianModel(0.1, float(np.median(norms)))
-    for model in (ScaledModel(noise), ScaledModel(noise, gain), bounded):
+    for model in (AdditiveModel(noise), bounded):
         moved, clipped = draw_steps(model, chain, q, command, RNG(4))
         expected, expected_clipped = plain_steps(model, chain, q, command, RNG(4))
         assert np.max(np.abs(moved - expected) / (1 + np.abs(expected - q))) < 1e-12
         assert clipped == expected_clipped == (150 if model is bounded else 0)
     with pytest.raises(ModelDomainError, match="run the stage fit"):
-        NORMAL["scaled"].law(random_arm(7, 6))
+        NORMAL["additive"].law(random_arm(7, 6))

@@ -11,13 +11,13 @@ from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kinds import build_model, estimate
 from pipeline.models.model import frobenius
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import Recorded, mean_covariance
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.fit import Options as Wishart
@@ -196,8 +196,6 @@ ESTIMATORS = {
     # α and u are hardly determined apart
     ("gaussian", "estimator", "paper"): ("noise_level", 0.04, 1.1),
     ("gaussian", "estimator", "likelihood"): ("noise_level", 0.04, 1.1),
-    ("scaled", "structure", "diagonal"): ("", 0.15, 1.5),
-    ("scaled", "structure", "full"): ("", 0.15, 1.5),
 }
 
 
@@ -214,7 +212,7 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
     (kind, option, value), case = given, scene(n, m)
     choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
     options = kinds.options_type(kind)(kind, **choice)
-    (truth,) = kinds.truths(recorded_on(*case, ScaledModel(case[-1])), options, [0.25])
+    (truth,) = kinds.truths(recorded_on(*case, AdditiveModel(case[-1])), options, [0.25])
     model, at = build_model(truth.parameters), case[:3]
     variance = np.trace(model.covariance(*at), axis1=-2, axis2=-1).mean()
 

@@ -25,7 +25,7 @@ OUTSIDE = {
     "alpha": {"kind": "gaussian", "alpha": -0.1, "u": 20.0},
     "asymmetric": {"kind": "additive", "noise_covariance": [[1.0, 2.0], [3.0, 4.0]]},
     "two joints": {"kind": "additive", "noise_covariance": np.eye(2).tolist()},
-    "negative": {"kind": "scaled", "floor": np.eye(3).tolist(), "gain": (-np.eye(3)).tolist()},
+    "negative": {"kind": "additive", "noise_covariance": (-np.eye(3)).tolist()},
 }
 
 
@@ -66,7 +66,7 @@ def test_a_closed_loop_corrects_its_share_of_the_way_to_the_target(tmp_path, cha
 
 
 def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, chain):
-    model = load(write_model(tmp_path / "model.json", "scaled", chain, width=0.5))
+    model = load(write_model(tmp_path / "model.json", "additive", chain, width=0.5))
     q, v = np.array([0.3, 1.5, -0.4]), np.array([0.001, 0.001, 0.01])
     bent = np.array([0.3, 2.4, -0.4])
     with warnings.catch_warnings():

@@ -9,9 +9,9 @@ import pytest
 from random_arm import motion, random_arm
 
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import mean_bias, realize, realized_moments
 from pipeline.models.gaussian.law import GaussianModel
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import (
     Recorded,
     at_recorded_level,
@@ -28,9 +28,8 @@ from pipeline.statistics.takes import takes_moments
 MEASUREMENT = 1e-10 * np.diag([1.0, 2.0, 3.0])
 FULL = np.array([[2.0, -0.5, 0.1], [-0.5, 1.0, 0.2], [0.1, 0.2, 3.0]])
 MODELS = {
-    "additive": ScaledModel(1e-7 * FULL),
+    "additive": AdditiveModel(1e-7 * FULL),
     "gaussian": GaussianModel(0.1, 40.0),
-    "scaled": ScaledModel(1e-8 * FULL, 1e-3 * FULL),
     "wishart": WishartModel(0.1, Decomposition("pivoted_lu")),
     "wishart without a covariance": WishartModel(1.2, Decomposition("qr_transposed")),
 }
@@ -132,8 +131,8 @@ def test_there_is_no_level_without_noise_of_the_motion():
 
 
 STD = np.array([1e-3, 2e-3, 3e-3])
-SILENT = ScaledModel(np.zeros((3, 3)))
-NOISY = ScaledModel(np.diag(STD**2))
+SILENT = AdditiveModel(np.zeros((3, 3)))
+NOISY = AdditiveModel(np.diag(STD**2))
 MODES = ["one_step", "free_running"]
 
 

@@ -10,30 +10,23 @@ from scipy import stats
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import convex
 from pipeline.models.additive.fit import shrunk_covariance
-from pipeline.models.additive.law import build
+from pipeline.models.additive.law import AdditiveModel, build
 from pipeline.models.convex import solve_noise_covariance
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import fit_distance
 from pipeline.models.gaussian.law import GaussianModel, noise_scale
 from pipeline.models.model import frobenius, root
-from pipeline.models.scaled.law import ScaledModel
 from pipeline.models.steps import mean_covariance
 
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
-GAIN = np.array([[0.04, -0.02, 0.01], [-0.02, 0.09, 0.0], [0.01, 0.0, 0.05]])
-TIMING = np.full((3, 3), 0.04)  # one share of the step for all joints: a singular gain
 NONE = np.zeros((3, 3))
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
 MODELS = {
     "additive": build({"noise_covariance": SIGMA}),
     "gaussian": GaussianModel(0.1, 40.0),
-    "scaled": ScaledModel(np.diag(np.diag(SIGMA)), np.diag(np.diag(GAIN))),
-    "scaled_full": ScaledModel(SIGMA, GAIN),
-    "timing": ScaledModel(SIGMA, TIMING),
 }
 FLAT = {
-    "additive": ScaledModel(1e-5 * np.outer([1.0, -1.0, 2.0], [1.0, -1.0, 2.0])),
-    "timing": ScaledModel(NONE, TIMING),
+    "additive": AdditiveModel(1e-5 * np.outer([1.0, -1.0, 2.0], [1.0, -1.0, 2.0])),
     "gaussian": GaussianModel(0.1, 14.5),  # below the norm of poses with a bent elbow
 }
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
@@ -82,7 +75,7 @@ def test_a_singular_covariance_is_a_model_without_a_density(kind, chain, poses, 
     ],
 )
 def test_what_is_no_covariance_is_refused(bad):
-    for make in (ScaledModel, root, lambda c: ScaledModel(c, NONE), lambda c: ScaledModel(NONE, c)):
+    for make in (AdditiveModel, root):
         with pytest.raises(ModelDomainError, match="covariance must be"):
             make(bad)
 

@@ -109,7 +109,7 @@ def test_a_closed_loop_is_fitted_beside_the_open_one_unless_the_options_say_no(p
 def test_results_of_models_that_are_not_chosen_go_and_the_others_stay(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     parameters(tmp_path, models="[additive]")
-    for place in ("data/fit/additive", "data/fit/scaled", "data/filter/wishart"):
+    for place in ("data/fit/additive", "data/fit/gaussian", "data/filter/wishart"):
         Path(place).mkdir(parents=True)
         Path(place, "parameters.json").touch()
     configure.run()
@@ -134,7 +134,7 @@ def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project,
     choose(models=["gaussian", "gaussian_ml", "additive", "wishart"])
     predict.run()
     scores = log_scores()
-    plain = {"none", "memory", "additive", "scaled", "scaled_full"}
+    plain = {"none", "memory", "additive"}
     # beside a Wishart model the control that depends on no unit
     wishart = {"wishart", "wishart_qr_transposed"}
     assert {*scores.index} == {"gaussian", "gaussian_ml"} | plain | wishart

@@ -11,7 +11,7 @@ from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice
 
-BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "scaled_full": 10.5}
+BASELINES = {"none": 10.0, "memory": 11.0, "additive": 9.0, "gaussian": 10.5}
 PARAMETER = {"s": 0.5, "s_standard_error": 0.0125, "s_interval_low": 0.48, "s_interval_high": 0.53}
 LIMIT = "sigma_b_limit_of_the_covariance"
 MOTIONS = ["motion", "takes", "steps", "moving"]

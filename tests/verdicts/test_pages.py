@@ -171,7 +171,7 @@ def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
     for joint, low in {"a": 0.3, "b": -0.2}.items():
         keys = {"model": "wishart", "joint": joint, "rival": "no_noise"}
         rows.append(evidence_row("std_error", low + 0.1, low, low + 0.2, **keys))
-    known = {"joints": ["a", "b"], "models": {"wishart": "wishart", "additive": "scaled"}}
+    known = {"joints": ["a", "b"], "models": {"wishart": "wishart", "additive": "additive"}}
     run = replace(RUNS[1], **known, tables={"evidence": evidence_table(rows)})
     (text,) = widths(run)
     assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
@@ -232,7 +232,7 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
     higher = filter_verdict(filtered(wishart_closed=(0.0, 0.5), additive=(0.5, -1.0)))
     assert higher.startswith("On lab these particle filters have a higher log score")
     assert higher.endswith(": wishart, closed loop.")
-    means = {"none": 5.0, "memory": 12.0, "wishart": 10.0, "scaled_full": 9.0}
+    means = {"none": 5.0, "memory": 12.0, "wishart": 10.0, "additive": 9.0}
     rows = [{"steps": "all", "model": n, "score": "log_score", "mean": m} for n, m in means.items()]
     pair = {"steps": "all", "model": "memory", "rival": "wishart", "difference": 2.0}
     run.tables["predictions"] = pd.DataFrame(rows)

@@ -82,7 +82,7 @@ def test_a_copy_of_the_smallest_module_of_each_kind_is_found_by_its_place_and_wo
     set_parameters(project, models=f"[additive, {COPIED}]")
     succeeds("python", "-m", "pipeline", "configure", cwd=project)
     assert f"kind: {COPIED}" in (project / "data/config.yaml").read_text()
-    assert "ScaledModel" in succeeds("python", "-c", FOUND_BY_PLACE, cwd=project)
+    assert "AdditiveModel" in succeeds("python", "-c", FOUND_BY_PLACE, cwd=project)
     assert f" {COPIED}" in succeeds("python", "-m", "pipeline", "--help", cwd=project)
     stages = succeeds("dvc", "stage", "list", "--all", "--name-only", cwd=project)
     assert f"pipeline/studies/{COPIED}/dvc.yaml:{COPIED}" in stages

@@ -1,14 +1,53 @@
 """Additive Gaussian model: q_{k+1} = q_k + J(q_k)⁺ẋᵈ_kΔt + ω_{k+1}, ω ~ N(0, Σ_ω) (Eq.
-InvDiffRndm): the speed-scaled law without the noise that grows with speed.
+InvDiffRndm).
 """
 
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy import ndarray
 
-from pipeline.models.scaled.law import ScaledModel
+from pipeline.arm.interface import Chain, Mechanism
+from pipeline.core.errors import ModelDomainError
+from pipeline.models.model import ADDITIVE_LAW, Law, NormalModel, Traits, root, trace_factor
 
 
-def build(parameters: dict[str, Any]) -> ScaledModel:
+@dataclass(frozen=True)
+class AdditiveModel(NormalModel):
+    """Model of Eq. (InvDiffRndm) with the noise covariance ``noise`` Σ_ω (n, n) in rad², which may
+    be singular. Raises ModelDomainError if it is not a covariance.
+    """
+
+    traits: ClassVar = Traits(noisy_at_rest=True, needs_jacobian=False)
+    noise: ndarray
+
+    def __post_init__(self) -> None:
+        _ = self._root  # raises if it is no covariance
+
+    @cached_property
+    def _root(self) -> ndarray:
+        return root(self.noise)
+
+    def law(self, chain: Chain) -> Law:
+        """Law of a compiled step. Raises ModelDomainError if the covariance and the ``chain``
+        differ in their number of joints.
+        """
+        n = len(chain.lower)
+        if self.noise.shape != (n, n):
+            message = f"the model's matrix must have a row for each of the {n} joints of this arm"
+            raise ModelDomainError(f"{message}; run the stage fit for it", shape=self.noise.shape)
+        return Law(ADDITIVE_LAW, self._root.ravel(), sets=1, normals=n)
+
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        return np.broadcast_to(self.noise, (*q.shape, q.shape[-1]))  # at singular poses too
+
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "AdditiveModel":
+        """Return the model with Σ_ω times a factor; ModelDomainError for zero noise."""
+        return AdditiveModel(trace_factor(self.covariance(chain, q, v), trace) * self.noise)
+
+
+def build(parameters: dict[str, Any]) -> AdditiveModel:
     """Build the model of Eq. (InvDiffRndm) from its ``noise_covariance`` Σ_ω in rad²."""
-    return ScaledModel(np.array(parameters["noise_covariance"]))
+    return AdditiveModel(np.array(parameters["noise_covariance"]))

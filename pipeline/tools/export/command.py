@@ -54,7 +54,6 @@ ARGUMENTS = {
     "model": {"metavar": "MODEL", "help": MODEL},
     "--to": {"type": Path, "metavar": "FILE", "help": TO},
 }
-STILL = 0.1  # least greatest step of a joint over the greatest one of all joints
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
 # modules that are not copied: only fits and annotations need them, or reader.txt replaces them
 LEFT_OUT = (
@@ -234,19 +233,7 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
 
 
 def require_known(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
-    """Raise ModelDomainError for a scaled model if a joint hardly moves in ``recorded``, and for a
-    Wishart model without a covariance.
-    """
-    if parameters["kind"] == "scaled":
-        most = np.abs(recorded.chain.nominal_step(recorded.q, recorded.v)).max(axis=(0, 1))
-        least, steps = STILL * most.max(), zip(recorded.joints, most, strict=True)
-        still = [f"{joint} (at most {q:.2g} rad a step)" for joint, q in steps if q < least]
-        if still:
-            raise ModelDomainError(
-                f"{model}: the recordings do not show how noise grows with the speed of "
-                f"{', '.join(still)}, where {least:.2g} rad is required; export joint_error, "
-                "which is fitted to all motions, or record a motion in which they move"
-            )
+    """Raise ModelDomainError for a Wishart model without a covariance."""
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     if parameters["kind"] == "wishart" and (sigma_b := parameters.get("sigma_b", 0.0)) >= limit:
         raise ModelDomainError(
