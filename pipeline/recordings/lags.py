@@ -6,19 +6,19 @@ REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal en
 SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
 OWN_LAG = 0.9  # a joint has its own lag if that reduces its rms error below this share
 ROUNDS = 6  # rounds of least squares, each with the command at the lag of the round before
-FURTHEST = 0.1  # s, greatest lag of a joint that least squares finds
+FURTHEST = 0.1  # s, greatest lag of a joint in a run
 
 
 def lag(
-    command: np.ndarray, measured: np.ndarray, rate: float, furthest: float = FURTHEST
+    command: np.ndarray, measured: np.ndarray, rate: float, furthest: float | None = None
 ) -> float:
-    """Return the lag in s, at most ``furthest``, of ``measured`` behind ``command`` (N, n) in rad,
-    by least squares over rows in motion; NaN without a motion. Rows far from their command, as at a
-    stop, are left out.
+    """Return the lag in s of ``measured`` behind ``command`` (N, n) in rad, by least squares over
+    rows in motion; NaN without a motion. It is at most ``furthest`` (default a quarter of the log).
+    Rows far from their command, as at a stop, are left out.
     """
     if not np.ptp(command, axis=0).max(initial=0.0) > REACH:
         return np.nan
-    late = 0.0
+    late, furthest = 0.0, furthest or len(command) / 4 / rate
     for _ in range(ROUNDS):
         shifted, cut = delayed(command, np.full(command.shape[1], late * rate))
         error, velocity = shifted - measured[cut], np.gradient(shifted, axis=0) * rate
@@ -33,10 +33,10 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
     the joint's error by more than a tenth.
     """
     n = command.shape[1]
-    lags = np.full(n, lag(command, measured, rate))
+    lags = np.full(n, lag(command, measured, rate, FURTHEST))
     for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
         pair = command[:, [j]], measured[:, [j]]
-        own = lag(*pair, rate)
+        own = lag(*pair, rate, FURTHEST)
         if _typical_error(*pair, own * rate) < OWN_LAG * _typical_error(*pair, lags[j] * rate):
             lags[j] = own
     return lags

@@ -11,7 +11,9 @@ from scipy.io import savemat
 from source_code import ROOT
 
 from pipeline.core.errors import RecordingError
+from pipeline.core.options.dataset import Robot
 from pipeline.recordings.lags import joint_lags
+from pipeline.recordings.motions import find_motions
 from pipeline.recordings.movement import LoggedMovement
 from pipeline.recordings.repetitions import excursions
 from pipeline.recordings.runs import find_quantum, joint_runs
@@ -88,6 +90,27 @@ def test_disturbed_runs_standing_joints_and_logs_at_rest_are_named():
     assert "it moves by 0 rad" in unused["joint_3"] and runs[0].joints == ("joint_1", "joint_2")
     with pytest.raises(RecordingError, match=r"still: the command never moves"):
         joint_runs({"still": logs["still"]}, RATE)
+
+
+@pytest.mark.parametrize("pushed", [None, 3])
+def test_motions_to_analyse_have_ends_steps_pauses_and_repetitions(pushed):
+    home, names = np.array([-1.2, 1.4, -1.0]), ["joint_2", "joint_3", "joint_4"]
+    read = stops(10, 1)
+    read = read._replace(joints=names, target=read.target + home, actual=read.actual + home)
+    if pushed is not None:
+        first = 80 + 560 * pushed + 60
+        read.actual[first : first + 40, 1] += 0.02
+    robot = Robot("pipeline/arm/ur5.urdf", names, "wrist_centre", plane=True)
+    there, back = find_motions({"log": read}, robot, RATE)
+    for motion, start in ((there, home), (back, home + np.array([0.8, -0.5, 0.3]))):
+        assert 195 < motion.steps <= 200 and 79 <= motion.pause < 85 and len(motion.places) == 5
+        np.testing.assert_allclose(motion.start, start, atol=1e-3)
+        assert motion.deviation < 1e-9 and motion.least_singular > 0.01
+        # less than half of the pause, so that no row at rest is in two takes
+        assert 0 < motion.rest(RATE) < 40
+    # the fourth one there, and no other, was disturbed
+    assert there.disturbed == ([] if pushed is None else [there.places[pushed]])
+    assert back.disturbed == []
 
 
 def test_rows_at_the_end_where_the_arm_has_stopped_are_left_out():
