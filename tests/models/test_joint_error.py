@@ -3,15 +3,18 @@ fit, and scores on held-out motions.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from error_runs import JOINTS, MEMORY, RATE, JointSpace, known_law, runs_of_law, sweep
+from scipy.stats import norm, t
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import score_runs
 from pipeline.models.joint_error.law import Outlook, build, drive
+from pipeline.models.joint_error.likelihood import CALIBRATION, composite_loss
 from pipeline.models.joint_error.samples import counted, settled
 
 LAWS = {
@@ -70,6 +73,33 @@ def test_the_cells_of_quantised_angles_have_probability_one_together(degrees):
         assert mass.sum() == pytest.approx(1.0, abs=1e-4)
     fine = law.log_probability(np.array([[5e-5]]), np.array([1e-9]))
     assert fine == pytest.approx(law.log_probability(np.array([[5e-5]]), np.array([0.0])), abs=1e-4)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
+    law = LAWS[name]
+    run = runs_of_law(law, np.random.default_rng(6), motions=1, repeats=1)[0]
+    error, inputs = run.measured - run.command, drive(run.command, RATE, law.power)
+    past, horizons, least = law.residuals(error, inputs), [1, 10, 50], 1e-11
+    ends = [np.arange(60, 600, 7), np.arange(60, 600, 9), np.arange(60, 600, 11)]
+    for j in range(2):
+        expected = 0.0
+        for steps, own in zip(horizons, ends, strict=True):
+            outlook = law.outlook(error, inputs, steps)
+            off = (error[steps:] - outlook.mean)[own - steps, j]
+            variance, degrees = outlook.variance[own - steps, j], law.degrees[j]
+            scale = np.sqrt(variance * (1.0 if np.isinf(degrees) else 1 - 2 / degrees) + least)
+            density = norm.logpdf if np.isinf(degrees) else partial(t.logpdf, df=degrees)
+            expected -= np.mean(density(off / scale) - np.log(scale))
+            sizes = variance.mean() + least, np.mean(off**2) + least
+            expected += CALIBRATION * np.log(sizes[0] / sizes[1]) ** 2
+        parameters = law.memory[j], law.scale[j], law.drift[j], law.degrees[j]
+        data = past[:, j, 0], past[:, j], inputs.growth[:, j], np.array(horizons)
+        counts = np.array([len(own) for own in ends])
+        loss = composite_loss(
+            *parameters, law.keep, law.persistence, *data, np.concatenate(ends), counts, least
+        )
+        assert loss == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_law_comes_back_from_its_plain_parameters():

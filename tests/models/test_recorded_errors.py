@@ -1,8 +1,9 @@
 """Joint error law on public recordings of three arms, held out by motion: σ, coverage and log score
-half a second ahead, beside four simple predictions.
+at three horizons, beside four simple predictions.
 """
 
 import numpy as np
+import pandas as pd
 import pytest
 from reference_errors import references
 from source_code import ROOT
@@ -11,14 +12,18 @@ from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import parts_of, score_runs
 from pipeline.models.joint_error.samples import counted, horizons
 from pipeline.recordings.runs import joint_runs
+from pipeline.statistics.horizons import pooled
 from pipeline.tools.characterize.logs import folder_logs
 
-# nats a sample, summed over joints, that the law may lose to the best of the four; measured: it
-# gains at 0.1 s and 0.5 s, and loses .7 of 30.6 (kr300) and 2.4 of 98 (lwr4) at one sample
-LOST = {"one sample": 3.0, "0.1 s": 0.5, "0.5 s": 0.5}
-
-
 RECORDINGS = ROOT.parent / "shared/recordings"
+RATIO, WITHIN = (2 / 3, 3 / 2), (0.58, 0.80)  # predicted over measured σ; share within ±1σ
+LOST = 0.5  # nats a sample, summed over joints, that the law may lose to the best of the four
+# arm, horizon → other bands. The published angles of the LWR4+ were smoothed: over 60 rows at both
+# ends of the log the error rings with up to 2.9 mrad, beside a median of .1 mrad. At one sample .96
+# and more of the errors lie within their own standard deviation (kurtosis above 150): no law has
+# both the right σ and .68 within it. At .1 s the ringing makes the measured σ.
+OTHER_RATIO = {("lwr4", "0.1 s"): (0.57, 3 / 2)}
+OTHER_WITHIN = {("lwr4", "one sample"): (0.58, 0.95)}
 
 
 @pytest.mark.slow
@@ -27,12 +32,12 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one(arm):
     logs = folder_logs(RECORDINGS / arm, {})
     runs = joint_runs(logs.movements, logs.rate).runs
-    own, simple = {}, {}
+    rows, simple = [], {}
     for others, held in parts_of(runs).values():
-        for row in score_runs(fit_joint_error(others), held)[0]:
-            if row["samples"] == "commanded":
-                own.setdefault((row["horizon"], row["joint"]), []).append(row)
-        for steps, horizon in zip(horizons(logs.rate), LOST, strict=True):
+        rows += score_runs(fit_joint_error(others), held)[0]
+        for steps, horizon in zip(
+            horizons(logs.rate), ("one sample", "0.1 s", "0.5 s"), strict=True
+        ):
             for j, joint in enumerate(runs[0].joints):
                 for name, predict in references(others, j, steps).items():
                     for run in (run for run in held if len(run.command) > steps + 1):
@@ -40,25 +45,18 @@ def test_predictions_of_recorded_errors_are_calibrated_and_lose_to_no_simple_one
                         score = predict(run, steps).log_probability(error, run.quantum[[j]])
                         kept = score[counted(run, steps)[:, j], 0]
                         simple.setdefault((horizon, name, joint), []).append(kept)
-    for horizon, allowed in LOST.items():
-        total = 0.0
-        for joint in runs[0].joints:
-            rows = own[horizon, joint]
-            weight = [row["count"] for row in rows]
-            sizes = [
-                np.average([row[name] ** 2 for row in rows], weights=weight)
-                for name in ("predicted_rad", "measured_rad")
-            ]
-            assert 0.5 < np.sqrt(sizes[0] / sizes[1]) < 2.0, (horizon, joint)
-            assert np.average([row["two_sigma"] for row in rows], weights=weight) > 0.8
-            total += np.average([row["score"] for row in rows], weights=weight)
-        names = {name for at, name, _ in simple if at == horizon}
-        scores = {
-            name: sum(
-                np.concatenate(simple[horizon, name, joint]).mean() for joint in runs[0].joints
-            )
-            for name in names
-        }
-        assert total > max(scores.values()) - allowed, (horizon, total, scores)
+    own = pooled(pd.DataFrame(rows).query("samples == 'commanded'"), ["horizon", "joint"])
+    means = pd.Series({key: np.concatenate(each).mean() for key, each in simple.items()})
+    totals = means.groupby(level=[0, 1]).sum()
+    for horizon, joints in own.groupby("horizon"):
+        for column, band in (
+            ("ratio", OTHER_RATIO.get((arm, horizon), RATIO)),
+            ("one_sigma", OTHER_WITHIN.get((arm, horizon), WITHIN)),
+            ("two_sigma", (0.8, 1.0)),
+        ):
+            outside = joints[~joints[column].between(*band)]
+            assert outside.empty, f"{horizon}: {column} beyond {band}:\n{outside[column]}"
+        total = joints["score"].sum()
+        assert total > totals[horizon].max() - LOST, (horizon, total, totals[horizon])
         if horizon != "one sample":  # control: a constant about the command has a lower score
-            assert total > scores["constant"] + 0.5
+            assert total > totals[horizon]["constant"] + LOST

@@ -101,11 +101,12 @@ def smoothed(x: ndarray, keep: float) -> ndarray:
     """Exponential mean of ``x`` (N, ...) over time, from its first value; the weight of a value
     falls by the factor ``keep`` a sample.
     """
-    result = np.empty_like(x)
-    mean = x[0]
-    for k in range(len(x)):
-        mean = keep * mean + (1 - keep) * x[k]
-        result[k] = mean
+    result = (1 - keep) * x
+    result[:1] = x[:1]
+    lag = 1  # the sum of 2·lag terms is that of lag terms and, lag samples earlier, as many more
+    while lag < len(x):
+        result[lag:] = result[lag:] + keep**lag * result[:-lag]
+        lag *= 2
     return result
 
 

@@ -19,18 +19,14 @@ from pipeline.models.joint_error.law import (
     Drive,
     JointErrorModel,
     past_of,
-    standard_log_density,
     unit_variance_factor,
 )
+from pipeline.models.joint_error.likelihood import composite_loss, damped_memory
 
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, np.inf)  # of the ridge regression, relative
-MOST = 300  # samples by horizon in the composite likelihood
-RADIUS = 0.9995  # greatest spectral radius of the memory
+MOST = (2000, 1000, 500)  # samples by horizon in the composite likelihood
 DEGREES = (4.0, 50.0)  # bounds of ν: σ exists and ±σ holds less than .78
-# weight of the squared log ratio of predicted and measured variance, nats a sample: a likelihood
-# with heavy tails does not determine a variance
-CALIBRATION = 0.25
-FIRST, LAST = 12, 30  # iterations of the searches before and after the mean
+FIRST, LAST = 20, 60  # iterations of the searches before and after the mean
 ROUNDS = 2  # of memory and likelihood, mean
 LEAST = 20  # commanded samples of a joint that determine its law
 
@@ -63,7 +59,7 @@ def joint_of(runs, inputs, masks, groups, j: int, memory: bool) -> JointSamples:
     error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
     together = Drive(*(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2)))
     samples, one, groups = [], None, np.concatenate(groups)
-    for steps, mask in masks.items():
+    for most, (steps, mask) in zip(MOST, masks.items(), strict=True):
         before = np.concatenate(
             [first + np.flatnonzero(own[:, j]) for first, own in zip(starts, mask, strict=True)]
         )
@@ -74,7 +70,7 @@ def joint_of(runs, inputs, masks, groups, j: int, memory: bool) -> JointSamples:
         inside = groups[before] == groups[before + steps]
         before = before[inside if inside.any() else slice(None)]
         one = before if one is None else one
-        before = before[:: max(1, len(before) // MOST)]
+        before = before[:: max(1, len(before) // most)]
         samples.append(Sample(steps, before, before + steps))
     borders = {0, len(groups), *starts, *(1 + np.flatnonzero(np.diff(groups)))}
     pieces = [slice(*each) for each in pairwise(sorted(int(border) for border in borders))]
@@ -124,18 +120,6 @@ def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> tuple[ndarray
     return values, np.linalg.cholesky(np.linalg.inv(moment / len(y) / error))
 
 
-def _damped(own: JointErrorModel, values: ndarray, factor: float) -> JointErrorModel:
-    """Return the law with the memory ``values`` (3,) whose modes decay by ``factor`` more a sample,
-    and by more if they would not fade.
-    """
-    powers = np.array([1, 2, 1])
-    law = replace(own, memory=(values * factor**powers)[None])
-    while (radius := np.abs(np.linalg.eigvals(law.companion())).max()) > RADIUS:
-        factor *= min(RADIUS / radius, 0.99999)
-        law = replace(own, memory=(values * factor**powers)[None])
-    return law
-
-
 def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: bool, start):
     """Return the law with the most likely scale, drift, tails and damping of the memory ``values``
     (None: none), and the search's result.
@@ -143,33 +127,27 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
     from scipy.optimize import minimize
 
     growth, bases = joint.inputs.growth, own.scale.shape[1]
+    horizons = np.array([each.steps for each in joint.samples])
+    counts = np.array([len(each.end) for each in joint.samples])
+    ends = np.concatenate([each.end for each in joint.samples])
 
-    def law(theta: ndarray) -> JointErrorModel:
-        changed = {"scale": np.exp(2 * theta[:bases])[None]}
-        if tails:
-            changed["degrees"] = np.array([DEGREES[0] + np.exp(theta[bases])])
+    def parameters(theta: ndarray) -> tuple[ndarray, ndarray, float, float]:
+        """Return memory, scale / size², drift and degrees."""
+        scale = np.exp(2 * theta[:bases])
+        degrees = DEGREES[0] + np.exp(theta[bases]) if tails else np.inf
         if values is None:
-            return replace(own, **changed)
-        changed["drift"] = np.array([1 / (1 + np.exp(-theta[bases + 1]))])
+            return own.memory[0], scale, 0.0, degrees
+        drift = 1 / (1 + np.exp(-theta[bases + 1]))
         shifted = values[0] + values[1] @ theta[bases + 3 :]
-        return _damped(replace(own, **changed), shifted, 1 - np.exp(theta[bases + 2]))
-
-    def loss(theta: ndarray) -> float:
-        tried, total = law(theta), 0.0
-        weights, impulse = tried.response(joint.samples[-1].steps)
-        std, factor = np.sqrt(growth @ tried.scale[0])[:, None], unit_variance_factor(tried.degrees)
-        for each in joint.samples:
-            if not len(each.end):  # no part is as long as the horizon
-                continue
-            off = (r[each.end] - past[each.before] @ weights[each.steps - 1, 0])[:, None] / size
-            variance = tried.variance(std, each.end, each.steps, impulse)
-            scale = np.sqrt(variance * factor + floor)
-            total -= np.mean(standard_log_density(off / scale, tried.degrees) - np.log(scale))
-            excess = np.log((np.mean(variance) + floor) / (np.mean(off**2) + floor))
-            total += CALIBRATION * excess**2
-        return total
+        memory = damped_memory(shifted, 1 - np.exp(theta[bases + 2]), own.keep)
+        return memory, scale, drift, degrees
 
     floor = 1e-14 + float(own.quantum[0] / size) ** 2 / 12
+    data = (r / size, past / size, growth, horizons, ends, counts, floor)
+
+    def loss(theta: ndarray) -> float:
+        return composite_loss(*parameters(theta), own.keep, own.persistence, *data)
+
     one = joint.samples[0]
     first = past[one.before] @ (own.memory[0] if values is None else values[0])
     rms = np.log(max(float(np.sqrt(np.mean((r[one.end] - first) ** 2))) / size, 1e-6))
@@ -187,8 +165,9 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
     start = np.clip(start, *np.array(bounds).T)
     search = {"maxiter": rounds, "ftol": 1e-6}
     found = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options=search).x
-    best = law(found)
-    return replace(best, scale=best.scale * size**2), found
+    memory, scale, drift, degrees = parameters(found)
+    best = {"memory": memory, "scale": scale * size**2, "drift": drift, "degrees": degrees}
+    return replace(own, **{name: np.array([each]) for name, each in best.items()}), found
 
 
 def _mean(own: JointErrorModel, joint: JointSamples, size: float) -> tuple[ndarray, ndarray]:
