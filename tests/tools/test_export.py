@@ -137,14 +137,7 @@ EDITS = {  # name of the edit → text replaced, new text, and the key and value
         '"closed_loop_share": 1e9',
         "share must .*got 1000",
     ),
-    "limits": ('"lower": [-3.0', '"lower": [4.0', r"arm.lower\[0\] .*upper 3.0, got 4.0"),
-    "level": ('"alpha": 0.05', '"alpha": 1e30', r"parameters.alpha .*got 1e\+30"),
-    "twice": (
-        '"model": "gaussian"',
-        '"model": "gaussian", "model": "b"',
-        "model occurs 2 times",
-    ),
-    "nan": ('"alpha": 0.05', '"alpha": NaN', "parameters.alpha .*finite number, got nan"),
+    "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite, got NaN"),
     "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
     "cut": ('"closed_loop_share": 0.0', '"share": 0.0', "no key 'closed_loop_share'"),
     "kind": ('"kind": "gaussian"', '"kind": "laplace"', "laplace"),
@@ -161,18 +154,6 @@ def test_an_edited_model_is_refused_with_key_and_value(edit, tmp_path, chain):
     with pytest.raises(ContractError, match=words) as caught:
         load(file)
     assert caught.value.evidence["file"] == file
-
-
-def test_covariances_are_covariances_and_nothing_is_nested_without_end(tmp_path, chain):
-    file = write_model(tmp_path / "model.json", "additive", chain)
-    record = json.loads(file.read_text())
-    record["parameters"]["noise_covariance"][0][0] = -1.0
-    file.write_text(json.dumps(record))
-    with pytest.raises(ContractError, match=r"parameters.noise_covariance must be a covariance"):
-        load(file)
-    file.write_text("[" * 100_000 + "]" * 100_000)
-    with pytest.raises(ContractError, match="not an exported model"):
-        load(file)
 
 
 def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chain):

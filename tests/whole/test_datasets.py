@@ -87,7 +87,6 @@ def test_exports_become_figures_and_a_changed_export_is_noticed(reproduced, tmp_
     commands = "export additive", f"assess '{exports / 'optitrack/test_001.csv'}'"
     assessed = succeeds("python", "-c", EVERY_COMMAND, *commands, cwd=project)
     assert "test_001 behaves as the 15 takes" in assessed
-    assert (project / "data/assess/test_001.png").stat().st_size > 10_000
 
     # a file that changed is noticed where the recordings are read in place
     edit_text(next((exports / "optitrack").glob("train_*.csv")), "cut short")

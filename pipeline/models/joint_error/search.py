@@ -59,7 +59,7 @@ def joint_of(runs, inputs, masks, groups, j: int, memory: bool) -> JointSamples:
     error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
     together = Drive(*(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2)))
     samples, one, groups = [], None, np.concatenate(groups)
-    for most, (steps, mask) in zip(MOST, masks.items(), strict=True):
+    for most, (steps, mask) in zip(MOST, masks.items(), strict=False):  # 0.1 s may be one sample
         before = np.concatenate(
             [first + np.flatnonzero(own[:, j]) for first, own in zip(starts, mask, strict=True)]
         )

@@ -11,13 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, ModelDomainError, RecordingError
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.figures import style
 from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.exported import ExportedErrors, ExportedModel
@@ -33,21 +31,18 @@ from pipeline.recordings.repetitions import SLACK
 from pipeline.recordings.runs import joint_runs
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
-from pipeline.statistics.takes import percentile_interval
 from pipeline.tools.assess.runs import assessments_of_runs
 from pipeline.tools.characterize.logs import folder_logs
 
-HERE, EXPORTS, OUT = Path(__file__).parent, Path("data/export"), Path("data/assess")
+HERE, EXPORTS = Path(__file__).parent, Path("data/export")
 CHARACTERIZED = Path("data/characterize")  # runs of characterize, one folder per dataset
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 ENOUGH = 20  # least number of test takes for a comparison without training takes
-DIFFERENCE = 1e-5  # rad, step of the numerical derivative
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
 LEVEL = 0.05
 MOST_CHANCE = 0.25  # greatest false positive rate; with a greater rate nothing can be shown
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
-GREATEST = 8.0  # |t| at which a span has the darkest shade
 MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
 ARGUMENTS = {
     "file": {"type": Path, "metavar": "FILE", "help": "recording in the dataset's format"},
@@ -56,7 +51,7 @@ ARGUMENTS = {
 
 
 def run(file: Path, model: Path | None = None) -> None:
-    """Filter each take in the recording by the exported model, print the verdict and draw it."""
+    """Predict each take in the recording by the exported model and print the verdict."""
     if model is None:
         name = config.sections("assess", HERE / "reads.yaml").dataset.name
         files = sorted(EXPORTS.glob(f"{name}_*.json"))
@@ -66,17 +61,14 @@ def run(file: Path, model: Path | None = None) -> None:
             message += "`python -m pipeline export MODEL` writes one"
             raise ConfigError(message, key="--model")
         model = files[0]
-    law, file, out = load(model), file.resolve(), OUT.resolve()
+    law, file = load(model), file.resolve()
     if isinstance(law, ExportedErrors):
         for text in assessments_of_runs(_runs_in(file, law, model), law, model.name):
             print(text)
         return
     with chdir(run_folder(law.record["dataset"], model)):
-        out.mkdir(parents=True, exist_ok=True)
-        for name, text, figure in _assessments(file, law, model.name):
+        for text in _assessments(file, law, model.name):
             print(text)
-            style.save(figure, out, name)
-            print(f"assess: drawn in {OUT / name}.png")
 
 
 def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:
@@ -111,8 +103,8 @@ def run_folder(dataset: str, model: Path) -> Path:
     raise ConfigError(message, file=model)
 
 
-def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[str, str, Figure]]:
-    """Yield name, verdict as text and figure of each take in the recording."""
+def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
+    """Yield the verdict on each take in the recording."""
     dataset = config.sections("assess", HERE / "reads.yaml").dataset
     names, q = contracts.stacked(joints := contracts.read("joints", TRACK), "q")
     fitted = (joints.drop_duplicates("take")["part"] == "training").to_numpy()
@@ -123,14 +115,13 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[tuple[
     path, share = MeanPath(law.chain, mean), law.record["closed_loop_share"]
     steps = commanded_steps(contracts.read("trajectory", MOTION), rate)
     commands = path.commands(share) if share > 0 else Commands(steps, path.path, 0.0)
-    innovations = filter_takes(law, commands, poses)
+    innovations = innovations_of(law, commands, poses)
     for number, name in enumerate(takes, len(known)):
         # a take of the dataset is compared with the others
         others = np.pad(known != name, (0, len(takes)))
         verdict = judge(innovations, number, others, dataset.robot.joints, rate)
         among = int(np.sum(fitted[reference] & (known != name)))
-        figure = _draw(name, verdict, innovations, number)
-        yield name, assessment(name, export, among, verdict), figure
+        yield assessment(name, export, among, verdict)
 
 
 def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[str, np.ndarray]:
@@ -169,46 +160,25 @@ class Innovations(NamedTuple):
     error: np.ndarray
     covariance: np.ndarray
 
-    @property
-    def std(self) -> np.ndarray:
-        """Predicted standard deviation (T, M, n) in rad, by joint."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
 
+def innovations_of(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Innovations:
+    """Return the innovations of the measured ``poses`` y (T, M+1, n) in rad under the ``commands``,
+    each one step after the last measured pose:
 
-def filter_takes(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Innovations:
-    """Return the innovations e = y − x⁻ of the measured ``poses`` y (T, M+1, n) in rad under the
-    ``commands``, by the extended Kalman filter (Anderson & Moore, Optimal Filtering, 1979, Sec.
-    8.2). F is the Jacobian of the model's mean by central differences:
-
-        x⁻ = E(q_{k+1} | x),   P⁻ = F P Fᵀ + Cov(q_{k+1} | x),   S = P⁻ + Σ,   G = P⁻S⁻¹,
-        x = x⁻ + G e,   P = (I − G)P⁻.
+        e = y_{k+1} − E(q_{k+1} | y_k),   S = Cov(q_{k+1} | y_k) + 2Σ.
 
     The covariance Σ of a measured pose is exported with the model, or zero if unknown. Raises
     ModelDomainError where the model has no moments, or no noise at a pose.
     """
-    known, n = model.record["pose_covariance_rad2"], poses.shape[-1]
-    noise = np.zeros((n, n)) if known is None else np.array(known)
-    x, P = poses[:, 0], np.broadcast_to(noise, (len(poses), n, n))
-    steps = []
-    shifts = DIFFERENCE * np.concatenate([np.eye(n), -np.eye(n)])[:, None]
-    for k, (v, target) in enumerate(zip(commands.v, commands.path, strict=False)):
-        places = np.concatenate([x[None], x + shifts])
-        ahead = model.mean(places, task_step=model.command(places, target, task_step=v))
-        F = np.moveaxis(ahead[1 : n + 1] - ahead[n + 1 :], 0, -1) / (2 * DIFFERENCE)
-        Q = model.covariance(x, task_step=model.command(x, target, task_step=v))
-        P = F @ P @ np.swapaxes(F, -1, -2) + Q
-        x, S = ahead[0], P + noise
-        e = poses[:, k + 1] - x
-        steps.append((e, S))
-        try:
-            G = np.swapaxes(np.linalg.solve(S, P), -1, -2)
-        except np.linalg.LinAlgError:
-            message = "the model has no noise at a pose, so no measurement can be compared with it;"
-            advice = "set dataset.motion.pose_noise and export the model again"
-            raise ModelDomainError(f"{message} {advice}", step=k) from None
-        x, P = x + np.matvec(G, e), P - G @ P
-        P = (P + np.swapaxes(P, -1, -2)) / 2
-    return Innovations(*(np.stack(each, axis=1) for each in zip(*steps, strict=True)))
+    known, before = model.record["pose_covariance_rad2"], poses[:, :-1]
+    v = model.command(before, commands.path[: before.shape[1]], task_step=commands.v)
+    error = poses[:, 1:] - model.mean(before, task_step=v)
+    S = model.covariance(before, task_step=v) + (0.0 if known is None else 2 * np.array(known))
+    if not np.all(np.linalg.eigvalsh(S)[..., 0] > 0):
+        message = "the model has no noise at a pose, so no measurement can be compared with it;"
+        advice = "set dataset.motion.pose_noise and export the model again"
+        raise ModelDomainError(f"{message} {advice}")
+    return Innovations(error, S)
 
 
 class TakeVerdict(NamedTuple):
@@ -249,7 +219,8 @@ def judge(
     is the rank of the greatest |t|, exact for exchangeable takes (Vovk et al., Algorithmic Learning
     in a Random World, 2005).
     """
-    error, std = innovations.error, innovations.std
+    error = innovations.error
+    std = np.sqrt(np.diagonal(innovations.covariance, axis1=-2, axis2=-1))
     alone = -0.5 * ((error / std) ** 2 + np.log(2 * np.pi)) - np.log(std)
     together = normal_log_score(error, innovations.covariance)
     evidence = np.concatenate([together[..., None], alone], axis=-1)  # (T, M, 1 + n)
@@ -311,30 +282,3 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     for name, own, mean, std, p in verdict.evidence.itertuples():
         lines.append(f"  {name}: {own:.4g}; {mean:.4g} ± {std:.2g}; {100 * p:.0f} % differ as much")
     return "\n".join(lines)
-
-
-def _draw(take: str, verdict: TakeVerdict, innovations: Innovations, number: int) -> Figure:
-    """Return the figure of the innovations of take ``number``, with ±2σ, the middle 95 % of the
-    other takes, and spans shaded by |t|.
-    """
-    looks = style.joint_lines([*verdict.evidence.index[1:]]).values()
-    shape = (style.TWO_COLUMNS, 1.5, 0.85)
-    figure, (grid,) = style.joint_panels(len(looks), style.panels_across(len(looks)), shape)
-    t = np.linspace(0, verdict.ends[-1], innovations.error.shape[1] + 1)[1:]
-    low, high = percentile_interval(innovations.error[verdict.others])
-    thin, red = {"color": style.BLACK, "linewidth": 0.6}, style.VERMILLION
-    for j, (look, axes) in enumerate(zip(looks, grid, strict=True)):
-        for begin, end, off in zip(verdict.ends, verdict.ends[1:], verdict.span_t[j], strict=False):
-            shade = min(abs(off) / GREATEST, 1.0) / 2
-            axes.axvspan(begin, end, color=red, alpha=shade, linewidth=0)
-        band = axes.fill_between(t, low[:, j], high[:, j], color=style.LIGHT_GREY, linewidth=0)
-        bound, _ = axes.plot(t, innovations.std[number, :, j, None] * [2, -2], **thin)
-        (error,) = axes.plot(t, innovations.error[number, :, j], color=red, linewidth=0.8)
-        axes.set(title=look["label"], xlim=(0, t[-1]))
-    grid[0].set_ylabel("innovation (rad)")
-    unlike = "behaves as" if verdict.behaves else "does NOT behave as"
-    compared = f"{unlike if verdict.shows else 'and'} the {int(verdict.others.sum())}"
-    figure.suptitle(f"{take} {compared} other takes", fontsize=9)
-    labels = [take, "±2σ by the model", "95 % of the other takes"]
-    figure.legend([error, bound, band], labels, loc="outside lower center", ncols=3)
-    return figure
