@@ -45,13 +45,12 @@ class Reading:
     memory_mib: Bound = 2048  # of a call in a separate process, in addition to the program's
 
 
-DEFAULT = Reading()
-_in_force: ContextVar[Reading] = ContextVar("reading")
+_in_force: ContextVar[Reading] = ContextVar("reading", default=Reading())
 
 
 def bounds() -> Reading:
     """Return the bounds that :func:`within` has set, else the defaults."""
-    return _in_force.get(DEFAULT)
+    return _in_force.get()
 
 
 def within(reading: Reading, function: Callable, *arguments: object) -> Any:
@@ -66,9 +65,8 @@ def within(reading: Reading, function: Callable, *arguments: object) -> Any:
 def require(bound: str, amount: float, what: str, file: Path) -> None:
     """Raise RecordingError where the ``amount`` of ``what`` in ``file`` is above the ``bound``."""
     if amount > (most := getattr(bounds(), bound)):
-        found = f"found {amount:.6g} {what}, at most {most} are allowed"
-        option = f"dataset.reading.{bound}"
-        raise RecordingError(f"{found}: raise the bound for a sound file", file=file, bound=option)
+        message = f"found {amount:.6g} {what}, at most {most} are allowed"
+        raise _refusal(message, bound, file=file)
 
 
 class ReaderFailure(RecordingError):
@@ -156,10 +154,8 @@ class Sandbox:
                 code = self._process.exitcode
                 self.__exit__()
                 if code == -SIGKILL:
-                    message = (
-                        "the reading process was killed, as where a machine lacks memory: free"
-                    )
-                    raise RecordingError(f"{message} memory, and run this again") from None
+                    message = "the reading process was killed, as where a machine lacks memory: "
+                    raise RecordingError(f"{message}free memory, and run this again") from None
                 how = Signals(-code).name if code < 0 else f"exit code {code}"
                 raise ReaderFailure(f"reading it ends the process ({how})") from None
         if isinstance(outcome, PipelineError):
@@ -201,8 +197,7 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
     except RecursionError:
         return RecordingError("the file nests too deeply to be read")
     except ImportError as error:
-        message = f"a package is missing ({error}): run `make`, which installs it"
-        return RecordingError(message)
+        return RecordingError(f"a package is missing ({error}): run `make`, which installs it")
     except Exception as error:
         if isinstance(error, OSError) and error.errno in NO_SPACE:
             message = f"no space left on device at {gettempdir()}: free some space, or set TMPDIR"
@@ -213,7 +208,6 @@ def _outcome(function: Callable, arguments: tuple) -> Any:
         return ReaderFailure(f"its reader fails on it ({type(error).__name__}: {words})")
 
 
-def _refusal(message: str, bound: str) -> RecordingError:
-    return RecordingError(
-        f"{message}: raise the bound for a sound file", bound=f"dataset.reading.{bound}"
-    )
+def _refusal(message: str, bound: str, **evidence: object) -> RecordingError:
+    evidence |= {"bound": f"dataset.reading.{bound}"}
+    return RecordingError(f"{message}: raise the bound for a sound file", **evidence)
