@@ -198,3 +198,10 @@ def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual[:, 3] += 0.2
     with pytest.raises(RecordingError, match="d misses its command by 1"):
         require_pair(actual, target, **HELD)
+
+
+def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
+    still = np.zeros((100, 1))
+    assert tracking_errors(still + 0.01, still) == pytest.approx([0.1])
+    moved = np.linspace(0, 2, 100)[:, None]
+    assert tracking_errors(moved + 0.01, moved) == pytest.approx([0.01 / 2])

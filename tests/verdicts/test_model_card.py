@@ -96,6 +96,12 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     assert "- Wishart matrix model: no score on motion 1: the Jacobian is singular" in page
     assert "| a | one sample | 110 | 100 | 0.70 | 0.95 | 9.20 |" in page
     assert "| 1 | 4 | 300 | a |" in page and "Joints at rest" in page
+    # a joint stands still below a tenth of the greatest speed
+    run = logged()
+    ranges = run.tables["motion_ranges"]
+    for speed, still in ((0.09, True), (0.11, False)):
+        ranges.loc[ranges["name"] == "b", "greatest"] = speed
+        assert ("stood still: b." in model_card(run, [])) == still
 
 
 @pytest.mark.parametrize(
