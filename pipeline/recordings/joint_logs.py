@@ -1,6 +1,6 @@
 """Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -70,7 +70,7 @@ def joint_log_rows(
     rest, length, raw = options.rest, dataset.motion.steps + 1, raw_folder(dataset.recordings)
     steps = dataset.motion.steps - 2 * rest
     takes, observed, quality = find_takes(movements, dataset)
-    note, rows, signals, reference = partial(_note, quality), {}, {}, None
+    note, rows, residuals, reference = partial(_note, quality), {}, {}, None
     for name, take in takes.items():
         read = movements[take.movement]
         if reference is None:
@@ -80,13 +80,19 @@ def joint_log_rows(
         start = in_phase(take.target + turns, take.first, reference, SLACK, whole=rest > 0)
         cut = partial(stretch, place=start - rest, length=length)
         rows[name] = {"actual": cut(take.actual + turns), "target": cut(take.target + turns)}
-        signals[name] = [cut(q) for q in (read.actual - read.target, *read.others.values())]
+        residuals[name] = cut(read.actual - read.target)
         if start != round(start):
             note(name, "resampled_rows", length)
-    for name, score in _disturbances(signals, rate, note).items():
-        if score > options.disturbed_beyond:
-            del rows[name]
-            note(takes[name].movement, "disturbed_from_row", takes[name].first, "row")
+    if rows:
+        beyond = np.stack([*residuals.values()])
+        scores, beside = repetitions.disturbances(beyond, rate), repetitions.beside_others(beyond)
+        for name, score, distance in zip(takes, scores, beside, strict=True):
+            note(name, "residual_beside_others", distance, "rad")
+            note(name, "disturbance", score, "robust standard deviations")
+            note(name, "greatest_residual", np.abs(residuals[name]).max(), "rad")
+            if score > options.disturbed_beyond:
+                del rows[name]
+                note(takes[name].movement, "disturbed_from_row", takes[name].first, "row")
     for name, take in rows.items():
         pair = take["actual"], take["target"], rate, options.mismatch, joints
         require_pair(*pair, file=raw, take=name)
@@ -163,20 +169,6 @@ def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: s
             message += " angle, or choose a motion in which it does not move"
             evidence = {"file": dataset.recordings, "take": take}
             raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
-
-
-def _disturbances(signals: Mapping[str, list], rate: float, note: Callable) -> dict[str, float]:
-    """Return take → score of the residuals and other ``signals``; note it and the residuals."""
-    if not signals:
-        return {}
-    residuals, *others = (np.stack(each) for each in zip(*signals.values(), strict=True))
-    scores = repetitions.disturbances(residuals, others, rate)
-    greatest, beside = np.abs(residuals).max(axis=(1, 2)), repetitions.beside_others(residuals)
-    for name, *values in zip(signals, beside, scores, greatest, strict=True):
-        note(name, "residual_beside_others", values[0], "rad")
-        note(name, "disturbance", values[1], "robust standard deviations")
-        note(name, "greatest_residual", values[2], "rad")
-    return dict(zip(signals, scores.tolist(), strict=True))
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:

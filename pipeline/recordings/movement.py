@@ -190,7 +190,6 @@ class LoggedMovement(NamedTuple):
     actual: np.ndarray  # (N, joints) rad, measured
     target: np.ndarray  # (N, joints) rad, commanded
     motions: Sequence[Excursion]  # of the command
-    others: Mapping[str, np.ndarray]  # other signals (N, joints) in any unit
     counts: Mapping[str, float]  # numbers of rows; UNITS lists values with another unit
     circular: np.ndarray  # (joints,) whether a joint is circular
 
@@ -210,11 +209,6 @@ def read_logged_movement(
     for signal in SIGNALS:
         if not single and (file := getattr(options, signal)):
             wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
-    for signal, place in options.others.items():
-        file, columns = (movement / place, None) if isinstance(place, str) else (movement, place)
-        # the names in the file identify the angles
-        angles = dict.fromkeys(SIGNALS[:2]) if file == movement else {}
-        wanted[file] = (wanted.get(file) or angles) | {signal: columns}
     keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
     common = {key: getattr(options, key) for key in keys}
     common |= {"rate": rate, "circular": circular, "joints": len(joints), "names": joints}
@@ -252,5 +246,4 @@ def read_logged_movement(
     else:
         counts |= {"speed_from_angles": 1}
     motions = excursions(target, speed, options.rest_speed)
-    others = {key: shift(signals[key], signals["target"])[0] for key in options.others}
-    return LoggedMovement(joints, actual, target, motions, others, counts, circular)
+    return LoggedMovement(joints, actual, target, motions, counts, circular)

@@ -120,20 +120,17 @@ def _find_passes(
     return Repetitions(runs, {"overlapping": overlapping})
 
 
-def disturbances(residuals: np.ndarray, others: Sequence[np.ndarray], rate: float) -> np.ndarray:
+def disturbances(residuals: np.ndarray, rate: float) -> np.ndarray:
     """Return the distance (takes,) of each repetition from the median repetition, in robust
     standard deviations (1.4826 times the median absolute deviation, at least LEAST_SPREAD or
     LEAST_IN_WINDOWS of the median).
 
     The distance is the greater of two: the root mean square over the take, and the greatest mean
     over a joint and window. ``residuals`` (takes, K, joints) rad are measured minus commanded
-    angles, ``rate`` in Hz; ``others`` are signals of the same shape, such as currents. With two
-    repetitions, the distances are 0.
+    angles, ``rate`` in Hz. With two repetitions, the distances are 0.
     """
-    signals = [residuals, *others]
-    farthest = np.max([_windowed(signal, rate) for signal in signals], axis=0)
-    whole = [_scores(beside_others(signal), LEAST_SPREAD) for signal in signals]
-    return np.max([_scores(farthest, LEAST_IN_WINDOWS), *whole], axis=0)
+    whole = _scores(beside_others(residuals), LEAST_SPREAD)
+    return np.maximum(_scores(_windowed(residuals, rate), LEAST_IN_WINDOWS), whole)
 
 
 def beside_others(signal: np.ndarray) -> np.ndarray:

@@ -249,7 +249,7 @@ def _disturbed(runs: Sequence[JointRun]) -> list[tuple[str, float, int]]:
         usual = np.median([part[0] for part in parts.values()], axis=0)
         parts = {n: part for n, part in parts.items() if np.abs(part[0] - usual).max() < ALIKE}
         if len(parts) >= FEWEST:
-            scores = disturbances(np.stack([part[1] for part in parts.values()]), [], runs[0].rate)
+            scores = disturbances(np.stack([part[1] for part in parts.values()]), runs[0].rate)
             pairs = zip(parts, scores.tolist(), strict=True)
             found += [(name, score, len(parts) - 1) for name, score in pairs if score > BEYOND]
     return found

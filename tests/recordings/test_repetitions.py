@@ -148,7 +148,7 @@ def pushed(rows: np.ndarray, height: float, rng: np.random.Generator) -> tuple[n
 
 
 def scores(rows: np.ndarray) -> np.ndarray:
-    return disturbances(rows, (), LOGGED)
+    return disturbances(rows, LOGGED)
 
 
 @pytest.mark.parametrize("takes", [3, 4, 7, 20])

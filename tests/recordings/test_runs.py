@@ -32,7 +32,7 @@ def wave(t: np.ndarray, phase: float = 0.0) -> np.ndarray:
 def movement(target: np.ndarray, actual: np.ndarray) -> LoggedMovement:
     joints = [f"joint_{j}" for j in range(1, target.shape[1] + 1)]
     motions, turning = excursions(target, RATE), np.ones(len(joints), bool)
-    return LoggedMovement(joints, actual, target, motions, {}, {}, turning)
+    return LoggedMovement(joints, actual, target, motions, {}, turning)
 
 
 def stops(ways: int, seed: int, late: float = 0.0) -> LoggedMovement:

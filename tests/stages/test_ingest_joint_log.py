@@ -89,7 +89,6 @@ def test_recordings_that_are_not_there_are_refused_by_their_folder(log_project, 
         ({"joints": ["joint_2", *CHAIN]}, "each logged joint once"),
         ({"start": [0.0]}, "values as start"),
         ({"signals": {"actual": [0, 1]}}, "must name 6 columns or one array"),
-        ({"others": {"speed": "speed.csv"}}, "must have another name than"),
     ],
 )
 def test_options_that_contradict_each_other_are_refused(log_project, tmp_path, choice, words):
@@ -155,22 +154,6 @@ def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_
     assert quality("disturbed_from_row", "move_1") == 60 + 2 * 320
     assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
     assert "disturbed from row 700" in capsys.readouterr().out
-
-
-def test_a_current_that_stands_out_leaves_its_repetition_out_where_it_is_logged(read, tmp_path):
-    folder = tmp_path / "logs/move_1"
-    write_movement(folder, 9, noise=5e-5)
-    logs = [read_joint_log(folder / name, joints=6) for name in FILES]
-    current = 2 + np.random.default_rng(2).normal(0, 0.1, logs[0].signals["actual"].shape)
-    current[60 + 2 * 320 + 30 :][:40, 4] *= 2  # in the third way out, of a joint beside the chain
-    write_joint_log(folder / "current.csv", JointLog(logs[0].time, {"actual": current}, {}))
-    place, others = tmp_path / "logs", {"current": "current.csv"}
-    assert read(place, others=others)[0] == [f"move_1_{n}" for n in (1, 2, 4, 5)]
-    assert quality("disturbance", "move_1_3") > 6 > quality("disturbance", "move_1_4")
-    with pytest.raises(RecordingError, match="do not agree"):
-        read(place, others=others, target_factor=0.5)
-    # the control: by the angles alone nobody sees it
-    assert len(read(place, others={})[0]) == 5
 
 
 ROWS = 30  # by which the command is early

@@ -115,8 +115,6 @@ class JointLogSection:
     # signal → column of each joint, ARRAY:COLUMN or ARRAY of a NumPy archive; {} if the format
     # names the signals
     signals: dict[Signal, list[Column]] = field(default_factory=dict)
-    # signals that show a disturbance (currents, torques …) → file in each folder, or columns
-    others: dict[str, str | list[Column]] = field(default_factory=dict)
     time: Column | None = 0  # null: rows at dataset.motion.rate
     # for uneven times: rows are at the rate, or at their logged times; null: an error
     clock: Literal["rows", "times"] | None = None
@@ -148,8 +146,6 @@ class JointLogSection:
         for name, columns in self.signals.items():
             if len(columns) not in (1, count):
                 raise Fault(f"signals.{name}", f"must name {count} columns or one array")
-        if wrong := [name for name in self.others if name in (*SIGNALS, "residuals")]:
-            raise Fault(f"others.{wrong[0]}", f"must have another name than {', '.join(SIGNALS)}")
         return self
 
 
