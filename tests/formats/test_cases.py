@@ -58,10 +58,7 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
     "struct.mat": (
         lambda file: savemat(file, {"rec": PAIRED}), f"0.472 s; samples 60; {BOTH}"),
-    "across.mat": (lambda file: savemat(file, PAIRED | {"q": Q.T}), BOTH),
     "objects.npz": (lambda file: np.savez(file, **PAIRED, about=np.array([{}], object)), BOTH),
-    "dates.npz": (lambda file: np.savez(file, **PAIRED | {"time": STAMPS.to_numpy()}), BOTH),
-    "dates.parquet": (lambda file: COLUMNS.assign(time=STAMPS).to_parquet(file), BOTH),
     "index.parquet": (
         lambda file: COLUMNS.set_index(TIME).rename_axis("t").to_parquet(file), BOTH),
     "lists.parquet": (

@@ -11,15 +11,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from written_logs import refusal
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import motion
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.force.record import ForceLogOptions, read_force_table
 from pipeline.formats.format import formats_in
-from pipeline.formats.joints.log import LogOptions, read_joint_table
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
 from pipeline.recordings.motion_capture import read_take
@@ -143,7 +140,7 @@ def test_cells_in_many_forms_are_numbers_and_missing_ones_are_nan_where_gaps_are
 
 ONE = ["1.5,2\n3,4\n", "1.5, 2\n3, 4\n", "1,5;2\n3;4\n", "1.5;2\n3;4\n", "1,5\t2\n3\t4\n"]
 ONE += ["  1,5   2\n\n 3 4\n", "# x y\n1.5 2\n3e0 4\n", '"x";"y"\n"1,5";"2"\n"3";"4"\n']
-ONE += ["a note\nx,y\n1.5,2\n3,4\n", "\xa0\nx,y\n1.5,2\n3,4\n"]
+ONE += ["a note\nx,y\n1.5,2\n3,4\n", "x;y;;\n1,5;2;;\n3;4;;\n", "\xa0\nx,y\n1.5,2\n3,4\n"]
 
 
 @pytest.mark.parametrize("text", ONE)
@@ -181,20 +178,6 @@ def test_a_last_row_that_is_short_or_has_no_end_is_left_out_and_counted(
 ):
     result = sheet(tmp_path, ("\ufeffx,y\n1,2\n3,4\n" + last).replace("\n", end))
     assert (len(result.rows), result.counts["cut_rows"], result.lines[0]) == (rows, cut, 2)
-
-
-def test_rows_that_lack_a_column_of_their_labels_are_refused_also_by_columns_numbers(tmp_path):
-    file = tmp_path / "log.csv"
-    rows = "".join(f"{k}.5,1.5,2.5\n" for k in range(12))
-    file.write_text("time,q1,q2,q3\n" + rows)
-    joints = LogOptions(joints=2, signals={"actual": [1, 2]})
-    forces = ForceLogOptions({"t": 0, "fx": 0, "fy": 1, "fz": 2}, force_unit="N", time_unit="s")
-    for read, options in ((read_joint_table, joints), (read_force_table, forces)):
-        error = refusal(read, file, options)
-        assert "3 cells under 4 labels" in error.message and error.evidence["line"] == 2
-    # the control: as many labels, and cells that a spreadsheet has padded
-    file.write_text("time;q1;q2;;\n" + rows.replace(",", ";").replace("\n", ";;\n"))
-    assert read_joint_table(file, joints).signals["actual"].shape == (12, 2)
 
 
 def test_written_trajectories_read_back_bit_for_bit_with_and_without_joints(tmp_path):

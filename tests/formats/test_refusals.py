@@ -153,6 +153,7 @@ FORMATS = {
         ("0.5,1,2,3,4,5", "0.5,x,x,x,x,x", "words and numbers", 2),
         ("0.6,1,2,3,4,5,7\n0.7", "0.5,1,2,3,4,5,7\n0.5", "no clock", 2),
         ("time", "when", "label or number (from 0) 'time'", f"{FORCE}.columns"),
+        ("M3\n", "M3,M4\n", "7 cells under 8 labels", 2),
     ]),
     "joint table": Sound("0.1, 1, 2\n0.2, 1, 2\n0.3, 1, 2\n", joints, [
         ("0.2, 1, 2", "\n0.2, 1, 2, 3", "4 cells", 3),
@@ -168,6 +169,7 @@ FORMATS = {
     "labelled joint table": Sound("t,q1,q2\n0.0,0.5,0.25\n0.1,0.5,0.25\n",
                                   partial(read_joint_table, options=BY_NAME), [
         ("q2", "q3", "0 columns have the label", f"{JOINTS}.signals"),
+        ("q2", "q2,q3", "3 cells under 4 labels", 2),
         ("q2", "q2 (deg)", "in deg by the header and in rad", f"{JOINTS}.angle_unit"),
         ("t,", "t [ms],", "in ms by the header and in s", f"{JOINTS}.time_unit"),
     ]),
