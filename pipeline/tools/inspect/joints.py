@@ -170,10 +170,9 @@ def _add_signals(
     else:
         step = round(float(np.median(np.diff(log.time))), 9)
         finding.facts |= {"time": labels[clock], "step_of_time": step}
-    log = replace(log, joints=tuple(signals["actual"]))
     log = _in_units(finding, log, clock is None or "time_unit" in known, "angle_unit" in known)
     if clock is not None:
-        _add_tracking(finding, log)
+        _add_tracking(finding, log, signals)
 
 
 def compare_tables(findings: Sequence[Finding]) -> None:
@@ -240,9 +239,12 @@ def _in_units(
     return replace(log, time=log.time * second, signals=signals)
 
 
-def _add_tracking(finding: Finding, log: JointLog) -> None:
+def _add_tracking(
+    finding: Finding, log: JointLog, labels: Mapping[str, Sequence[str]] | None = None
+) -> None:
     """Add the tracking error of the measured and commanded angles of ``log`` in s and rad, the
-    command's motions, and options for which the signals agree.
+    command's motions, and options for which the signals agree. ``labels`` of the columns of each
+    signal stand in errors for the names of the joints.
     """
     time, angles = log.time - log.time[0], []
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # nominal rate
@@ -250,8 +252,9 @@ def _add_tracking(finding: Finding, log: JointLog) -> None:
         pairing = find_pairing(*(without_damage(log.signals[name]) for name in ANGLES), rate)
         for name, factor in zip(ANGLES, (1.0, abs(pairing.factor[0])), strict=True):
             where, values = {"signal": name, "lines": log.lines}, log.signals[name] * factor
-            require_plausible(values, time, log.joints, True, "rad", **where)
-            values, removed = unwrap(values, time, log.joints, **where)
+            names = tuple((labels or {}).get(name, log.joints))
+            require_plausible(values, time, names, True, "rad", **where)
+            values, removed = unwrap(values, time, names, **where)
             finding.count({UNWRAPPED: removed + finding.gaps.get(UNWRAPPED, 0)})
             angles.append(values / factor)
     except PipelineError as error:
