@@ -100,13 +100,13 @@ def wrench_density(
     limits = [(force_density[c].min(), force_density[c].max()) for c in ("fx", "fy")]
     shades = {"cmap": "CMRmap_r", "vmin": 0, "vmax": force_density["density"].max()}
     cross = {"color": style.SKY, "markersize": 6, "markeredgewidth": 1.0}
-    for row, (name, each) in zip(grid, configurations.items(), strict=True):
-        pulls = np.multiply(each.tension, [np.cos(each.direction), np.sin(each.direction)])
-        _draw_robots(row[0], each, pulls, ROBOTS * tension)
+    for row, (name, robots) in zip(grid, configurations.items(), strict=True):
+        pulls = np.multiply(robots.tension, [np.cos(robots.direction), np.sin(robots.direction)])
+        _draw_robots(row[0], robots, pulls, ROBOTS * tension)
         row[0].set_title(style.plain_label(name), loc="left", fontweight="bold")
-        own = force_density[force_density["configuration"] == name]
+        density_rows = force_density[force_density["configuration"] == name]
         for axes, source in zip(row[1:], ("measured", "modelled"), strict=True):
-            rows = own[own["source"] == source]
+            rows = density_rows[density_rows["source"] == source]
             density = rows.pivot(index="fy", columns="fx", values="density")
             cells = (density.columns, density.index, density.to_numpy())
             image = axes.pcolormesh(*cells, **shades, rasterized=True)

@@ -110,12 +110,12 @@ def _assign(x, z, nodes, first, second, third, distance):
         nearest = to_first if to_first < to_second else to_second
         nearest = nearest if nearest < to_third else to_third
         distance[i] = np.sqrt(nearest)
-        own = nearest if to_first == nearest else 0.0
-        first[i] = own if side_first > 0.0 else -own
-        own = nearest if to_second == nearest else 0.0
-        second[i] = own if side_second > 0.0 else -own
-        own = nearest if to_third == nearest else 0.0
-        third[i] = own if side_third > 0.0 else -own
+        squared = nearest if to_first == nearest else 0.0
+        first[i] = squared if side_first > 0.0 else -squared
+        squared = nearest if to_second == nearest else 0.0
+        second[i] = squared if side_second > 0.0 else -squared
+        squared = nearest if to_third == nearest else 0.0
+        third[i] = squared if side_third > 0.0 else -squared
 
 
 @inner

@@ -70,8 +70,8 @@ def deviations(errors: pd.DataFrame, joints: pd.DataFrame) -> pd.DataFrame:
     mean = joints[joints["part"] == "training"].groupby("k")[["t", *columns("q", names)]].mean()
     parts = []
     for take, rows in errors.groupby("take", sort=False):
-        own = joints[joints["take"] == take]
-        d = _interpolate(rows["t"], own, names) - _interpolate(rows["t"], mean, names)
+        measured = joints[joints["take"] == take]
+        d = _interpolate(rows["t"], measured, names) - _interpolate(rows["t"], mean, names)
         parts.append(rows.assign(**spread("d", names, d)))
     table = pd.concat(parts)
     families = columns("d", names) + columns("e", names)
@@ -93,8 +93,8 @@ def error_slopes(table: pd.DataFrame, step: float, pose: np.ndarray) -> pd.DataF
         # interpolation averages the noise of two samples
         noise = np.sum((1 - after) ** 2 + after**2) * np.diag(pose)
         errors = values(part, "d").T, values(part, "e").T
-        for joint, d, e, own in zip(names, *errors, noise, strict=True):
-            rows.append((frames, joint, *_slope(d, e, part["take"], own)))
+        for joint, d, e, variance in zip(names, *errors, noise, strict=True):
+            rows.append((frames, joint, *_slope(d, e, part["take"], variance)))
     return pd.DataFrame(rows, columns=["frames", "joint", "slope", "standard_error"])
 
 

@@ -157,13 +157,13 @@ def _correct_labels(
         label, sample = linear_sum_assignment(np.minimum(square, most))
         close = square[label, sample] <= most
         label, sample = label[close], sample[close]
-        own = sample < labels
+        labelled = sample < labels
         markers[k] = np.nan
         markers[k, label] = positions[k, sample]
         q[[k]], residual[[k]], *_ = points.solve(markers[[k]], expected)
-        moved["relabelled"] += int((own & (sample != label)).sum())
-        moved["adopted"] += int((~own).sum())
-        moved["rejected"] += int(there[k, :labels].sum()) - int(own.sum())
+        moved["relabelled"] += int((labelled & (sample != label)).sum())
+        moved["adopted"] += int((~labelled).sum())
+        moved["rejected"] += int(there[k, :labels].sum()) - int(labelled.sum())
     return markers, moved
 
 

@@ -149,14 +149,14 @@ def points_in_space(robot: Robot, mocap: Mocap) -> MarkedArm:
     """
     key = "dataset.mocap.markers"
     chain, chains = chain_of(robot), link_chains(robot, mocap.markers, key)
-    if empty := [link for link, own in mocap.markers.items() if not own]:
+    if empty := [link for link, points in mocap.markers.items() if not points]:
         raise ConfigError(f"{empty[0]} needs markers with the position x, y, z", key=key)
     posture = None if mocap.posture is None else np.array(mocap.posture)
     if posture is not None and len(posture) != len(chain.lower):
         message = f"{len(posture)} angles for an arm of {len(chain.lower)} joints"
         raise ConfigError(message, key="dataset.mocap.posture")
-    owner = np.repeat(np.arange(len(chains)), [len(own) for own in mocap.markers.values()])
-    places = np.array([place for own in mocap.markers.values() for place in own.values()])
+    owner = np.repeat(np.arange(len(chains)), [len(points) for points in mocap.markers.values()])
+    places = np.array([place for points in mocap.markers.values() for place in points.values()])
     limits = np.asarray(chain.sliding, bool), chain.lower, chain.upper
     joints = tuple(robot.joints)
     return MarkedArm([*chains.values()], *limits, owner, places, mocap.gate, posture, joints)
@@ -185,8 +185,8 @@ def points_in_plane(arm: Arm, template: np.ndarray, gate: float) -> MarkedArm:
     none, limits = np.zeros(links, dtype=bool), (chain.lower, chain.upper, chain.max_speed)
     for j in range(links):
         to_link = np.array([*placements, np.append(ends[j], np.zeros(3))])
-        own = (each[: j + 1] for each in (none, *limits))
-        chains.append(SerialChain(SPACE, 1.0, to_link, *own))
+        parts = (each[: j + 1] for each in (none, *limits))
+        chains.append(SerialChain(SPACE, 1.0, to_link, *parts))
         if j + 1 < links:
             step = frames[j].T @ [chain.links[j, 0], 0.0, chain.links[j, 1]]
             placements.append(np.append(frames[j].T @ frames[j + 1], step))

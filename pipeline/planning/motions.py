@@ -102,23 +102,23 @@ def cheapest_paths(
     chain, counts = problem.chain, np.array([len(q) for q in grid])
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
     q = np.concatenate([grid[s] for s in stage])
-    each = cost(q, np.repeat(problem.steps, counts[stage], axis=0))
-    own = np.where(np.arange(counts.max()) < counts[:, None], 0.0, np.inf)
-    poses = np.zeros((*own.shape, len(chain.lower)))
+    costs = cost(q, np.repeat(problem.steps, counts[stage], axis=0))
+    at_pose = np.where(np.arange(counts.max()) < counts[:, None], 0.0, np.inf)
+    poses = np.zeros((*at_pose.shape, len(chain.lower)))
     nominal, wide = np.zeros_like(poses[1:]), np.diff(steps)
     for s, solutions in enumerate(grid):
         poses[s, : len(solutions)] = solutions
         if s + 1 < len(steps):
             v = chain.displacement(problem.path[steps[s]], problem.path[steps[s + 1]])
             nominal[s, : len(solutions)] = np.matvec(chain.inverse_jacobian(solutions), v)
-    for s, part in zip(stage, np.split(each, np.cumsum(counts[stage])[:-1]), strict=True):
-        own[s, : len(part)] += part
+    for s, part in zip(stage, np.split(costs, np.cumsum(counts[stage])[:-1]), strict=True):
+        at_pose[s, : len(part)] += part
     reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
-    before, total = search_stages(poses, counts, own, nominal, reach, weight, problem.turning)
+    before, total = search_stages(poses, counts, at_pose, nominal, reach, weight, problem.turning)
     if (lost := ~np.isfinite(total).any(axis=1)).any():
         first = int(lost.argmax())
         why = "at every pose of the path the model has no covariance or a singular one"
-        if np.isfinite(own[first]).any():
+        if np.isfinite(at_pose[first]).any():
             why = "no pose can be reached within the joints' speed limits; give the path more time"
         after = int(steps[first - 1]) if first else None
         raise InfeasibleError(why, step=int(steps[first]), after=after)
@@ -155,8 +155,8 @@ def _refined_motion(problem: Problem, cost: Cost, way: ndarray, steps: ndarray) 
         joints = refine(problem, cost, joints)
     if failure := problem.failure(joints):
         raise failure
-    each, clearance = cost(joints[:-1], problem.steps), chain.least_singular_value(joints)
-    return Planned(joints, each, problem.objective(each, joints), clearance)
+    costs, clearance = cost(joints[:-1], problem.steps), chain.least_singular_value(joints)
+    return Planned(joints, costs, problem.objective(costs, joints), clearance)
 
 
 def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
@@ -174,7 +174,7 @@ def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
         near = joints[:, None] + width * offsets[:, None] * normal
         q, kept = settle(chain, near.reshape(len(targets), -1), targets, CURVE_STEPS)
         kept &= chain.within_limits(q) & problem.clear(q)
-        tube = [q[own][kept[own]] for own in np.arange(len(q)).reshape(-1, TUBE)]
+        tube = [q[places][kept[places]] for places in np.arange(len(q)).reshape(-1, TUBE)]
         width, earlier = width / 2, least
         try:
             (way, value), *_ = cheapest_paths(problem, cost, every, tube)

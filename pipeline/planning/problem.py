@@ -59,10 +59,10 @@ class Problem:
         """(M, n) J⁺v_k in rad at the poses ``q`` (M, n)."""
         return np.matvec(self.chain.inverse_jacobian(q), self.steps)
 
-    def objective(self, each: ndarray, joints: ndarray) -> float:
+    def objective(self, costs: ndarray, joints: ndarray) -> float:
         """Σ cost + smoothness·Σ‖w_k‖² of ``joints`` (M+1, n), w_k a step's null-space part."""
         w = np.diff(joints, axis=0) - self.nominal(joints[:-1])
-        return float(each.sum() + self.smoothness * np.sum(w**2))
+        return float(costs.sum() + self.smoothness * np.sum(w**2))
 
     @property
     def reach(self) -> ndarray:

@@ -94,12 +94,12 @@ class Laboratory:
         cls, settings: SimpleNamespace, recorded: Recorded, kinect_noise: pd.DataFrame
     ) -> "Laboratory":
         """Return the laboratory of the run's dataset with the recorded noise of the instruments."""
-        own, joints = settings.dataset.laboratory, tuple(recorded.joints)
+        options, joints = settings.dataset.laboratory, tuple(recorded.joints)
         noise = kinect_noise[kinect_noise["take"] == "none"]
-        share = noise["t"].to_numpy() / own["trajectory"].duration
+        share = noise["t"].to_numpy() / options["trajectory"].duration
         law = NoiseLaw(share, values(noise, "b"), matrices(noise, "r", joints))
         none, window = np.zeros((len(joints), len(joints))), settings.articulation.noise_window
-        parts = (own["dynamics"], own["trajectory"], own["clock"])
+        parts = (options["dynamics"], options["trajectory"], options["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
         takes = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
         at_rest = steps(alone, np.stack([take.poses for take in takes])).measurement

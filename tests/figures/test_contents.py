@@ -81,7 +81,7 @@ def tables() -> dict[str, pd.DataFrame]:
         ),
         "sigma_b_weights": points.assign(model="wishart", ratio=np.geomspace(1e-5, 0.1, 6)),
         "noise_quantiles": each(
-            ["noise"], model=["joint_step", "joint_error"], joint=JOINTS, normal=np.arange(-3, 4.0)
+            ["noise"], model=list(motion.LAWS), joint=JOINTS, normal=np.arange(-3, 4.0)
         ),
         "takes": pd.concat(takes, ignore_index=True),
         "wrench_errors": each(["error"], agents=[3, 10], system=range(40)).assign(
@@ -135,6 +135,7 @@ def test_a_figure_has_units_a_complete_legend_all_glyphs_and_the_same_bytes(
     entries = [text.get_text() for each in legends for text in each.get_texts()]
     assert len(entries) == len({*entries})
     labels = [line.get_label() for axes in shown for line in axes.lines]
+    assert all(len(line.get_xdata()) for axes in shown for line in axes.lines)
     assert {label for label in labels if not label.startswith("_")} <= {*entries}
     assert 10 < len(FIGURES[name].title) < 110 and len(FIGURES[name].caption) > 100
 

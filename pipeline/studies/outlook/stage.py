@@ -204,11 +204,11 @@ def error_rows(
         model, due = matrix_model(fresh), wrench_covariance(fresh)
         estimates, shift = averaged_sigma_s(drawn), model.mean() - wrench_mean(fresh)
         for part, block in PARTS.items():
-            own, row = due[:, block, block], {"part": part, "agents": m}
+            parametric, row = due[:, block, block], {"part": part, "agents": m}
             for error, (form, distance) in ERRORS.items():
                 modelled = model.covariance(estimates[form].mean)[:, block, block]
-                row[error] = distance(modelled, own).mean()
-            std = np.sqrt(np.trace(own, axis1=-2, axis2=-1))
+                row[error] = distance(modelled, parametric).mean()
+            std = np.sqrt(np.trace(parametric, axis1=-2, axis2=-1))
             row["shift"] = np.mean(np.linalg.norm(shift[:, block], axis=-1) / std)
             rows.append(row)
     return pd.DataFrame(rows)
@@ -217,9 +217,9 @@ def error_rows(
 def slope_rows(errors: pd.DataFrame) -> pd.DataFrame:
     """Return the table ``towing_slopes``: slopes of log error over log m, Student's interval."""
     rows = []
-    for part, own in errors.groupby("part", sort=False):
+    for part, rows_of_part in errors.groupby("part", sort=False):
         for error in ERRORS:
-            means = np.log(own.pivot(index="agents", columns="repeat", values=error))
+            means = np.log(rows_of_part.pivot(index="agents", columns="repeat", values=error))
             slopes = np.polyfit(np.log(means.index.to_numpy(float)), means.to_numpy(), 1)[0]
             rows.append((part, error, *paired_difference(slopes, np.zeros_like(slopes))[:3]))
     return pd.DataFrame(rows, columns=["part", "error", "slope", "low", "high"])

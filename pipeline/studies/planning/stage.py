@@ -140,10 +140,10 @@ def plan_motion(bench: Bench, model: MotionModel, options: SimpleNamespace) -> n
     """
     cost, path = uncertainty(model, bench.chain, "trace"), bench.recorded
     problem = problem_of(bench, options, 0.0)
-    each = cost(path[:-1], problem.steps)
-    if np.ptp(each) == 0:
+    costs = cost(path[:-1], problem.steps)
+    if np.ptp(costs) == 0:
         raise ModelDomainError("the covariance is the same at every step, so all motions are equal")
-    weight = options.smoothness * each.sum() / np.sum(np.diff(path, axis=0) ** 2)
+    weight = options.smoothness * costs.sum() / np.sum(np.diff(path, axis=0) ** 2)
     return least_uncertain(replace(problem, smoothness=float(weight)), cost).joints
 
 

@@ -61,10 +61,10 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     pairs = iter(trials(settings, "recovery: data sets", recover, data, **common))
     rows = []
     for case in cases:
-        own = list(islice(pairs, options.datasets))
+        recovered = list(islice(pairs, options.datasets))
         rows += [
             {"model": case.model, "estimator": name, "parameter": parameter}
-            | recovery_row(parameter, truth, [pair[name] for pair in own])
+            | recovery_row(parameter, truth, [pair[name] for pair in recovered])
             for name in case.estimators
             for parameter, truth in case.truth.values.items()
         ]

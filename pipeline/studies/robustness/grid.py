@@ -55,7 +55,7 @@ def decision_cases(
     for factor in (0.1, 0.3, 3.0):
         count = max(1, round(factor * base.filter.particles))
         filters.append(("particles", f"{count}", {"particles": count}))
-    cases += [(d, x, replace(base, filter=replace(base.filter, **own))) for d, x, own in filters]
+    cases += [(d, x, replace(base, filter=replace(base.filter, **new))) for d, x, new in filters]
     numbers = range(1, others + 1)
     cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in numbers]
     cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in numbers]

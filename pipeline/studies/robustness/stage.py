@@ -142,13 +142,16 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     decisions = changed[flipped & decided_here & ~chance]
     most = decisions.groupby("factor")["claim"].nunique().sort_values(ascending=False)
     steady, rows = [], []
-    for claim, own in changed.groupby("claim", sort=False):
-        if not own["changed"].any():
+    for claim, factors in changed.groupby("claim", sort=False):
+        if not factors["changed"].any():
             steady.append(claim)
             continue
-        cells = [f"{claim} †" if claim in lucky else claim, ", ".join(dict.fromkeys(own["base"]))]
+        cells = [
+            f"{claim} †" if claim in lucky else claim,
+            ", ".join(dict.fromkeys(factors["base"])),
+        ]
         for part in (decided_here, ~decided_here):
-            some = own[(part & ~chance)[own.index]]
+            some = factors[(part & ~chance)[factors.index]]
             cells.append(f"{some['changed'].sum()} of {len(some)}" if len(some) else MISSING)
         rows.append(cells)
     decision = "The decision that changes most is “{}”: {} claims. "

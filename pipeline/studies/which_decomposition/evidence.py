@@ -190,6 +190,7 @@ def unsquared_rows(drawn: np.ndarray, stated: Published, tolerances: Sequence[fl
     low, high = np.exp(np.quantile(other["difference"][pivoted], [0.05, 0.95]))
     rows = []
     for f in tolerances:
-        own, due = (densities(each, names, f)[pivoted].mean() for each in (other, squared))
-        rows.append({"tolerance": f, "likelihood": own / due, "low_ratio": low, "high_ratio": high})
+        wider, due = (densities(each, names, f)[pivoted].mean() for each in (other, squared))
+        row = {"tolerance": f, "likelihood": wider / due}
+        rows.append(row | {"low_ratio": low, "high_ratio": high})
     return pd.DataFrame(rows)

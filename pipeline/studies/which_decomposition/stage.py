@@ -124,8 +124,8 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         best.append(f"{words}: {value} ({low} to {high}, {NAMES[most['reading']]})")
     choices = []
     for size, part in integrated.groupby("size", sort=False):
-        own = rows_of_first(part, "prior").groupby("quantities")
-        first, last = (odds(own.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
+        sets = rows_of_first(part, "prior").groupby("quantities")
+        first, last = (odds(sets.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
         choices.append(f"{size} {first}, with all quantities {last}")
     by = widths.set_index(["reading", "prior"])
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
