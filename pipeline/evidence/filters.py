@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.filters import NONE, models_of
-from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.evidence.table import difference_row, evidence_row, evidence_table
 from pipeline.statistics.curves import following_tests
 from pipeline.statistics.scores import FOLLOWS, Filtered, bound_scores, filter_tables
 
@@ -38,41 +38,22 @@ def filter_evidence(
                 rows.append(evidence_row(FOLLOWS, own.correlation, **keys))
             rows.append(evidence_row("correlation_of_bound_limit", own.limit, **keys))
             rows.append(evidence_row("correlation_of_bound_power", own.power, **keys))
-    first, quantities = models_of(filters)[0], {}
+    bounds, scores = {}, {"log_score": {"quantity": "filter_log_score"}}
     for joint in joints:
         for quantity in (FOLLOWS, "relative_error_of_bound"):
-            quantities[f"{quantity}_{joint}"] = {"quantity": quantity, "joint": joint}
-    rows += _differences(tables["bound_comparison"], "quantity", quantities, first)
-    scores = {"log_score": {"quantity": "filter_log_score"}}
-    for joint in joints:
+            bounds[f"{quantity}_{joint}"] = {"quantity": quantity, "joint": joint}
         scores[f"rms_error_{joint}_rad"] = {"quantity": "rms_error_of_a_take", "joint": joint}
         scores[f"coverage_of_one_sigma_{joint}"] = {"quantity": "coverage", "joint": joint}
-    against = tables["filter_against_none"]
+    against, first = tables["filter_against_none"], models_of(filters)[0]
     for own in against[against["score"].isin(scores)].itertuples():
         rows.append(evidence_row(value=own.mean, **scores[own.score], model=own.model))
-    compared = {n: place for n, place in scores.items() if place["quantity"] != "coverage"}
-    rows += _differences(tables["filter_comparison"], "score", compared, first)
-    return (
-        evidence_table([*rows, *_differences(against, "score", compared, NONE)]),
-        against,
-        refusals,
-    )
-
-
-def _differences(
-    table: pd.DataFrame, column: str, places: Mapping[str, dict], rival: str
-) -> list[dict]:
-    """Return a row for each difference to ``rival`` in ``table``, by the name in ``column``."""
-    rows = table[table[column].isin(places) & (table["model"] != rival)].to_dict("records")
-    return [
-        evidence_row(
-            value=own["difference"],
-            low=own["low"],
-            high=own["high"],
-            standard_error=own["standard_error"],
-            model=own["model"],
-            rival=rival,
-            **places[own[column]],
-        )
-        for own in rows
-    ]
+    compared = {name: place for name, place in scores.items() if place["quantity"] != "coverage"}
+    for name, places, rival in (
+        ("bound_comparison", bounds, first),
+        ("filter_comparison", compared, first),
+        ("filter_against_none", compared, NONE),
+    ):
+        table = tables[name].rename(columns={"quantity": "score"})
+        for own in table[table["score"].isin(places) & (table["model"] != rival)].itertuples():
+            rows.append(difference_row(own=own, model=own.model, rival=rival, **places[own.score]))
+    return evidence_table(rows), against, refusals

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.evidence.case import Takes
-from pipeline.evidence.table import RECORDED, evidence_row, evidence_table
+from pipeline.evidence.table import RECORDED, difference_row, evidence_row, evidence_table
 from pipeline.models.closed_loop import ClosedLoopFit
 from pipeline.models.model import MotionModel
 from pipeline.models.prediction import modelled_noise
@@ -141,27 +141,21 @@ def _noise_rows(
             yield evidence_row("std_correlation", own.correlation, **keys)
             yield evidence_row("std_correlation_limit", own.limit, **keys)
             yield evidence_row("std_correlation_power", own.power, **keys)
-    seen: set[object] = set()
     for joint in training.joints:
         yield evidence_row("std_error", 1.0, model=NO_NOISE, joint=joint)
-    for own in spread_comparison(modelled, training.noise, training.joints).itertuples():
-        keys = {"model": own.model, "joint": own.joint}
-        if (own.model, own.joint) not in seen:
-            seen.add((own.model, own.joint))
-            yield evidence_row("std_error", own.error, **keys)
+    table = spread_comparison(modelled, training.noise, training.joints)
+    for own in table.drop_duplicates(["model", "joint"]).itertuples():
+        yield evidence_row("std_error", own.error, model=own.model, joint=own.joint)
+    for own in table.itertuples():
         rival = own.rival_joint if own.rival == own.model else own.rival
-        difference = (own.difference, own.low, own.high, own.standard_error)
-        yield evidence_row("std_error", *difference, **keys, rival=rival)
-    for model, joint, *difference in size_differences(modelled, training.noise, training.joints):
-        yield evidence_row("std", *difference, model=model, joint=joint, rival=RECORDED)
-    errors = {model: each.error for model, each in modelled.items()}
-    for own in mean_error_comparison(errors).itertuples():
-        if own.model not in seen:
-            seen.add(own.model)
-            yield evidence_row("mean_error_variation", own.std_over_time_rad, model=own.model)
-        difference = (own.difference, own.low, own.high, own.standard_error)
-        keys = {"model": own.model, "rival": own.rival}
-        yield evidence_row("mean_error_variation", *difference, **keys)
+        yield difference_row("std_error", own, model=own.model, joint=own.joint, rival=rival)
+    for model, joint, own in size_differences(modelled, training.noise, training.joints):
+        yield difference_row("std", own, model=model, joint=joint, rival=RECORDED)
+    table = mean_error_comparison({model: each.error for model, each in modelled.items()})
+    for own in table.drop_duplicates("model").itertuples():
+        yield evidence_row("mean_error_variation", own.std_over_time_rad, model=own.model)
+    for own in table.itertuples():
+        yield difference_row("mean_error_variation", own, model=own.model, rival=own.rival)
 
 
 def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
@@ -172,9 +166,8 @@ def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
             for name, each in outcomes.items()
             if steps in each.log_score
         }
-        for own in score_comparison(scored, next(iter(scored))).itertuples() if scored else ():
+        rival = next(iter(scored), "")
+        for own in score_comparison(scored, rival).itertuples():
             keys = {"model": own.model, "steps": steps}
             yield evidence_row("step_log_score", own.mean, **keys)
-            ends = (own.difference, own.low, own.high, own.standard_error)
-            rival = next(iter(scored))
-            yield evidence_row("step_log_score", *ends, **keys, rival=rival)
+            yield difference_row("step_log_score", own, **keys, rival=rival)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -49,6 +50,11 @@ def evidence_row(
     if keys:
         raise TypeError(f"the table of evidence has no column {', '.join(keys)}")
     return {KEYS[0]: quantity} | named | dict(numbers)
+
+
+def difference_row(quantity: str, own: NamedTuple, **keys: object) -> dict[str, object]:
+    """Return the row of a difference with its interval: the fields of ``Difference`` in ``own``."""
+    return evidence_row(quantity, own.difference, own.low, own.high, own.standard_error, **keys)
 
 
 def evidence_table(rows: Iterable[dict]) -> pd.DataFrame:

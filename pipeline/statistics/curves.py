@@ -228,14 +228,14 @@ def _at_total_variance(
 
 def size_differences(
     modelled: Mapping[str, ModelledNoise], noise: ndarray, joints: Sequence[str]
-) -> list[tuple]:
+) -> list[tuple[str, str, Difference]]:
     """Return model, joint, and the difference in rad of the modelled minus the recorded standard
     deviation, root mean square over time, with the interval of the jackknife over takes.
     """
     recorded = _variances(jackknife_counts(len(noise)), noise)
     size = np.sqrt(recorded.mean(axis=1))
     return [
-        (model, joint, *jackknife_difference(np.sqrt(own.mean(axis=1))[:, j] - size[:, j]))
+        (model, joint, jackknife_difference(np.sqrt(own.mean(axis=1))[:, j] - size[:, j]))
         for model, own in _at_total_variance(modelled, recorded).items()
         for j, joint in enumerate(joints)
     ]

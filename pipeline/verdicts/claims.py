@@ -113,7 +113,7 @@ class Claim:
     @property
     def numbers_joints(self) -> bool:
         """True if the claim numbers joints or is about the paper's own arm."""
-        return self.about == "specimen" or any(ref.joint_numbers for ref in self.references())
+        return self.about == "specimen" or any(ref.numbers_joints for ref in self.references())
 
     @property
     def standard_errors(self) -> list[Reference]:

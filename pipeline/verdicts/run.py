@@ -4,7 +4,7 @@ import hashlib
 import io
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, TypeVar
@@ -43,30 +43,16 @@ class ArmNames(NamedTuple):
         return self.joints if len(self.joints) == NUMBERED and self.task == PLANE else ()
 
     def named(self, text: str) -> str:
-        """Return ``text`` with the joint's name in place of each ``{joint N}``."""
+        """Return ``text`` with the joint's name in place of each ``{joint N}`` that the arm has."""
         names = {str(number): name for number, name in enumerate(self.numbered, 1)}
         return JOINT.sub(lambda place: names.get(place[1], place[0]), text)
-
-
-def fill_placeholders(text: str, case: Mapping[str, object]) -> str:
-    """Return ``text`` with the values of ``case``; raises ConfigError if it lacks a name."""
-
-    def value(place: re.Match) -> str:
-        if place[1] not in case:
-            message = f"unknown placeholder; the claim has {', '.join(case) or 'none'}"
-            raise ConfigError(message, key=place[1])
-        return str(case[place[1]])
-
-    return PLACEHOLDER.sub(value, text)
 
 
 @options(frozen=True)
 class Place:
     """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
-    columns equal ``rows``; raises ConfigError without key or column.
-
-    ``{joint 2}`` stands for the name of the second of the :attr:`ArmNames.numbered` joints, any
-    other ``{name}`` for the value of this name in a case.
+    columns equal ``rows``; raises ConfigError without key or column. ``{joint 2}`` stands for the
+    name of the second of the :attr:`ArmNames.numbered` joints.
     """
 
     file: str
@@ -79,37 +65,27 @@ class Place:
             message = f"{self.file}: needs a key, or a column and the rows of the number"
             raise ConfigError(message, key="key")
 
-    @property
-    def joint_numbers(self) -> list[int]:
-        """Numbers of the joints in ``{joint N}``."""
-        return [int(n) for text in vars(self).values() for n in JOINT.findall(str(text))]
-
     def look_up(self, evidence: Files, arm: ArmNames) -> float | None:
         """Return the number, None if it is missing; raises ConfigError if several rows fit."""
-        if any(number > len(arm.numbered) for number in self.joint_numbers):
-            return None
-        named, value = self._with(arm.named), None
-        content = evidence.get(self.file)
-        if self.key and isinstance(content, Mapping):
-            value = content.get(named.key)
-        elif isinstance(content, pd.DataFrame) and {named.column, *named.rows} <= {*content}:
-            for column, wanted in named.rows.items():
-                content = content[content[column] == wanted]
-            if len(content) > 1:
-                message = f"{len(content)} rows fit; name more columns"
-                raise ConfigError(message, file=self.file, rows=named.rows)
-            value = content[named.column].iloc[0] if len(content) else None
+        content, value = evidence.get(self.file, {}), None
+        if self.key:
+            value = content.get(arm.named(self.key))
+        elif {self.column, *self.rows} <= {*content}:
+            text = {name: arm.named(x) for name, x in self.rows.items() if isinstance(x, str)}
+            rows = self.rows | text
+            fits = content[(content[[*rows]] == pd.Series(rows)).all(axis=1)][self.column]
+            if len(fits) > 1:
+                message = f"{len(fits)} rows fit; name more columns"
+                raise ConfigError(message, file=self.file, rows=rows)
+            value = fits.iloc[0] if len(fits) else None
         return None if value is None or pd.isna(value) else float(value)
-
-    def _with(self, change: Callable[[str], str]) -> "Place":
-        rows = {c: change(v) if isinstance(v, str) else v for c, v in self.rows.items()}
-        return Place(change(self.file), change(self.key), rows, change(self.column))
 
 
 @options(frozen=True)
 class Reference:
     """Place of a number in the table ``evidence``: the ``column`` of the row with these keys;
-    raises ConfigError for an undeclared quantity. Placeholders are as in :class:`Place`.
+    raises ConfigError for an undeclared quantity. ``{joint 2}`` is as in :class:`Place`, any other
+    ``{name}`` stands for the value of this name in a case.
     """
 
     quantity: str
@@ -128,38 +104,37 @@ class Reference:
             raise ConfigError(message, key="quantity")
 
     @property
-    def joint_numbers(self) -> list[int]:
-        """Numbers of the joints in ``{joint N}``."""
-        return [int(n) for name in KEYS for n in JOINT.findall(getattr(self, name))]
+    def numbers_joints(self) -> bool:
+        """True if a key has a ``{joint N}``."""
+        return any(JOINT.search(getattr(self, name)) for name in KEYS)
 
     def in_case(self, case: Mapping[str, object]) -> "Reference":
         """Return this reference with the values of ``case``; ConfigError if it lacks a name."""
-        return self._with(lambda text: fill_placeholders(text, case))
+
+        def value(place: re.Match) -> str:
+            if place[1] not in case:
+                message = f"unknown placeholder; the claim has {', '.join(case) or 'none'}"
+                raise ConfigError(message, key=place[1])
+            return str(case[place[1]])
+
+        filled = {name: PLACEHOLDER.sub(value, getattr(self, name)) for name in KEYS[1:]}
+        return replace(self, **filled)
 
     def look_up(self, evidence: IndexedEvidence, arm: ArmNames) -> float | None:
         """Return the number, None if it is missing."""
-        if any(number > len(arm.numbered) for number in self.joint_numbers):
-            return None
-        named = self._with(arm.named)
-        row = evidence.get(tuple(getattr(named, name) for name in KEYS), {})
+        row = evidence.get(tuple(arm.named(getattr(self, name)) for name in KEYS), {})
         value = row.get(self.column)
         return None if value is None or pd.isna(value) else float(value)
-
-    def _with(self, change: Callable[[str], str]) -> "Reference":
-        return replace(self, **{name: change(getattr(self, name)) for name in KEYS[1:]})
 
 
 def index_evidence(table: pd.DataFrame) -> IndexedEvidence:
     """Return the rows of the table ``evidence`` by their keys; raises ContractError for two rows
     with equal keys.
     """
-    rows = {}
-    for row in table.to_dict("records"):
-        if (key := tuple(row[name] for name in KEYS)) in rows:
-            message = f"two rows of the evidence have equal keys: {', '.join(filter(None, key))}"
-            raise ContractError(message)
-        rows[key] = row
-    return rows
+    for twice in table.loc[table.duplicated([*KEYS]), [*KEYS]].to_numpy():
+        message = f"two rows of the evidence have equal keys: {', '.join(filter(None, twice))}"
+        raise ContractError(message)
+    return table.set_index([*KEYS]).to_dict("index")
 
 
 def parse_entries(structure: type[T], entries: object, kind: str, name: str = "id") -> list[T]:
