@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from pipeline.verdicts import decision as d
+from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import Decided
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import noise_levels
-from pipeline.verdicts.run import Run
+from pipeline.verdicts.run import Run, index_evidence
 from pipeline.verdicts.wording import TEXTS, interval, join_names, number, table
 
 TEXT = TEXTS["report"]
@@ -51,12 +52,21 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             printed = " / ".join(number(case.published) for case in cases)
             ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
             ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
-            others.append([name, printed, " / ".join(ours)])
+            others.append([name, printed, " / ".join(ours) + _errors(here, claim)])
     parts = ["No interval: fewer than ten takes." if few else "Brackets have 95 % intervals."]
     parts[0] += f" {noted}" * bool(noted)
     parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
+
+
+def _errors(here: Run, claim: Claim) -> str:
+    """Return the greatest of each of the errors that add in squares, if there are several."""
+    rows, errors = index_evidence(here.evidence), []
+    for error in claim.standard_errors if len(claim.standard_errors) > 1 else ():
+        found = [error.in_case(case).look_up(rows, here.arm) for case in claim.cases()]
+        errors.append(number(max(filter(None, found), default=float("nan")), 3))
+    return TEXT["errors"].format(*errors) if errors else ""
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:

@@ -61,7 +61,7 @@ def readme_with_results(text: str, here: Run, decided: Sequence[Decided]) -> str
         message = "the lines <!-- results --> and <!-- /results --> are missing; put them back"
         raise ContractError(message, file="README.md")
     lines = [TEXT["readme"].format(name=here.dataset, counts=_counts(here, decided))]
-    lines += [*estimates(here, decided), *scores.comparison(here)]
+    lines += [*estimates(here, decided), *scores.result(here)[:2]]
     return BLOCK.sub(lambda _: "\n".join([*lines, ""]), text)
 
 
@@ -191,7 +191,7 @@ def failures(here: Run, decided: Sequence[Decided]) -> str:
 def readings(runs: Sequence[Run]) -> str:
     """Return by run the claims whose verdict depends on the reading of "LU or QR" (Eq. LUDecom)."""
     rows, notes = [], []
-    for run in (run for run in runs if "readings" in run.tables):
+    for run in (run for run in runs if len(run.tables.get("readings", ()))):
         own = run.tables["readings"]
         ruled = own.pivot(index="claim", columns="reading", values="holds")
         ruled = ruled[own["reading"].unique()]  # the run's own first

@@ -51,15 +51,6 @@ def result(run: Run) -> list[str]:
     return sentences
 
 
-def comparison(run: Run) -> list[str]:
-    """Return the sentence on the paper's own comparison, and one on the highest log score."""
-    if "predictions" not in run.tables:
-        return []
-    best = plain_name(log_scores(run)["mean"].idxmax())
-    pairs = run.tables["prediction_pairs"].query("steps == @ALL")
-    return [*_against_additive(run, pairs), TEXT["highest"].format(run.dataset, best)]
-
-
 def _against_additive(run: Run, pairs: pd.DataFrame) -> list[str]:
     """Return a sentence on the matrix models' log scores against the additive model's (``pairs``),
     the paper's own comparison.

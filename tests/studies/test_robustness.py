@@ -59,7 +59,7 @@ def test_verdicts_are_those_of_the_law_that_is_true(common):
     for name, each in levels.items():
         rows = verdicts(Condition("motion", 3, each), **common)
         verdict[name] = rows.groupby("claim")["verdict"].first()
-    assert verdict["base"][claims[:2]].tolist() == ["holds", "holds"]
+    assert verdict["base"][claims[:2]].tolist() == ["no evidence", "holds"]
     assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
     # a model without noise stays within the limit of the mean error too: the rule has no power
     still = verdict["still"][["noise-is-dynamic", "mean-error"]].tolist()

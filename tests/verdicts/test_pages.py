@@ -66,7 +66,7 @@ CAPTIONS = {name: {"title": f"The {name}", "caption": "Red. Compare."} for name 
 
 
 def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_dataset(decided):
-    sources = {"Shown": [paper.Source("m.own", Path("m.py"), False)], "Photo": []}
+    sources = {"Shown": [paper.Source("m.own", Path("m.py"))], "Photo": []}
     parts = {"Figures": report_page.figures(RUNS[0], decided, CAPTIONS, FIGURES, sources)}
     page = report_page.report_page(RUNS[0], RUNS, decided, parts | {"Empty": "", "Ours": "x"})
     assert page.startswith("# Results: dataset youbot, scale paper\n")
@@ -244,3 +244,15 @@ def test_filters_with_a_higher_log_score_are_named_and_the_result_states_the_dif
         "mean's; the linear autoregressive filter's log score is 0.5 [0.4, 0.6] above the "
         "training mean's.",
     ]
+
+
+def test_the_errors_of_a_sum_of_errors_are_printed_apart():
+    parts = [{"quantity": n, "column": "standard_error"} for n in ("mean_of_sigma_s", "sigma_s")]
+    claim = STUDY | {"id": "sum", "rule": "standard_errors", "limit": 2.638, "published": 0.3}
+    claim |= {"value": {"quantity": "sigma_s"}, "standard_error": parts}
+    rows = [evidence_row("sigma_s", 0.25, standard_error=3e-8)]
+    rows.append(evidence_row("mean_of_sigma_s", 0.26, standard_error=0.02))
+    run = replace(RUNS[1], tables={"evidence": evidence_table(rows)})
+    text = published_and_ours(run, decide_each(parse_claims([claim]), [run], []))
+    expected = "| 0.25 [0.1972, 0.3028] (standard errors up to: sampling 0.02, which decides, and"
+    assert f"{expected} quadrature 3e-08) |" in text
