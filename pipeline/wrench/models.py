@@ -232,10 +232,6 @@ class MatrixModel:
         """Return S̲Σ_TS̲ᵀ (..., n, n), the covariance that the actuation alone causes."""
         return self.jacobian @ self.actuation_cov @ np.swapaxes(self.jacobian, -1, -2)
 
-    def mean(self) -> ndarray:
-        """Return E[W] = S̲T̲ (..., n)."""
-        return np.einsum("...nm,...m->...n", self.jacobian, self.actuation)
-
     def covariance(self, sigma_s: ndarray) -> ndarray:
         """Return Cov(W) = tr{(Σ_T + T̲T̲ᵀ)Ψ_S}·Σ_S + S̲Σ_TS̲ᵀ (..., n, n) for ``sigma_s`` Σ_S
         (..., n, n): Eqs. (TorqCov)–(CovWNonPar).

@@ -21,7 +21,7 @@ from pipeline.models.model import MotionModel, frobenius
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
-from pipeline.studies.frame import MISSING, Study, Tables, concatenate, interval, number
+from pipeline.studies.frame import Study, Tables, concatenate, interval, number
 from pipeline.verdicts.wording import table
 from pipeline.wrench.models import (
     Bounds,
@@ -29,7 +29,6 @@ from pipeline.wrench.models import (
     matrix_model,
     study_bounds,
     wrench_covariance,
-    wrench_mean,
 )
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
@@ -202,14 +201,12 @@ def error_rows(
             draw_systems(bounds, size, m, stream).in_units_of(lever(bounds)) for size in sizes
         )
         model, due = matrix_model(fresh), wrench_covariance(fresh)
-        estimates, shift = averaged_sigma_s(drawn), model.mean() - wrench_mean(fresh)
+        estimates = averaged_sigma_s(drawn)
         for part, block in PARTS.items():
             parametric, row = due[:, block, block], {"part": part, "agents": m}
             for error, (form, distance) in ERRORS.items():
                 modelled = model.covariance(estimates[form].mean)[:, block, block]
                 row[error] = distance(modelled, parametric).mean()
-            std = np.sqrt(np.trace(parametric, axis1=-2, axis2=-1))
-            row["shift"] = np.mean(np.linalg.norm(shift[:, block], axis=-1) / std)
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -229,19 +226,15 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     motion, errors = tables["hexapod"], tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
-    means = 100 * errors.groupby(["part", "agents"])[[*ERRORS, "shift"]].mean()
+    means = 100 * errors.groupby(["part", "agents"])[list(ERRORS)].mean()
     few, many = errors["agents"].min(), errors["agents"].max()
-    rows = [
-        (f"{row.error} of {row.part}, {ERRORS[row.error][0]} Σ_S", row.part, row.error, row)
-        for row in tables["towing_slopes"].itertuples()
-    ] + [(f"mean of {part}, over the standard deviation", part, "shift", None) for part in PARTS]
     cells = [
         [
-            name,
-            *(number(means.loc[(part, m), column]) for m in (few, many)),
-            MISSING if row is None else interval(row.slope, row.low, row.high),
+            f"{row.error} of {row.part}, {ERRORS[row.error][0]} Σ_S",
+            *(number(means.loc[(row.part, m), row.error]) for m in (few, many)),
+            interval(row.slope, row.low, row.high),
         ]
-        for name, part, column, row in rows
+        for row in tables["towing_slopes"].itertuples()
     ]
     header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
     return {
