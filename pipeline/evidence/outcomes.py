@@ -208,7 +208,7 @@ def case_evidence(
         if case.closed:
             measured = [camera.takes[take] for take in tested]
             known = (measured, recordings.rate, poses[0])
-            filters[names.MEMORY], _ = linear_filter(takes, truth, *known)
+            filters[names.MEMORY] = linear_filter(takes, truth, *known)
         for name, by_take in complete.items():
             error = np.stack([posterior.mean for posterior in by_take]) - truth
             covariance = np.stack([posterior.covariance for posterior in by_take])
@@ -221,13 +221,12 @@ def case_evidence(
 
 def linear_filter(
     takes: Takes, truth: np.ndarray, measured: Sequence[Measurements], rate: float, pose: np.ndarray
-) -> tuple[Filtered, int]:
-    """Return the autocorrelated filter of the test takes with poses ``truth`` (takes, M+1, n) rad,
-    and the number of axes without a spread of the training steps. ``pose`` (n, n) rad² is the
-    noise of a measured pose.
+) -> Filtered:
+    """Return the autocorrelated filter of the test takes with poses ``truth`` (takes, M+1, n) rad;
+    ``pose`` (n, n) rad² is the noise of a measured pose.
     """
-    means, covariances, without = autocorrelated_filter(takes.poses, pose, measured, 1 / rate)
-    return Filtered(means - truth, covariances, pose), without
+    means, covariances = autocorrelated_filter(takes.poses, pose, measured, 1 / rate)
+    return Filtered(means - truth, covariances, pose)
 
 
 def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:

@@ -93,7 +93,7 @@ def baseline_predictions(
     """
     mean, covariance = takes_moments(training)
     off = poses - mean
-    roots, _ = deviation_roots(training, measurement)
+    roots = deviation_roots(training, measurement)
     each = roots @ roots
     across = autocorrelation(training, measurement)[1] * (roots[1:] @ roots[:-1])
     gain = np.swapaxes(np.linalg.solve(each[:-1] + measurement, np.swapaxes(across, 1, 2)), 1, 2)
@@ -107,20 +107,24 @@ def baseline_predictions(
 
 def autocorrelated_filter(
     poses: ndarray, measurement: ndarray, takes: Sequence[Measurements], dt: float
-) -> tuple[ndarray, ndarray, int]:
-    """Return the result of :func:`linear_filter` with the law of the training takes, and the number
-    of axes, over all steps, along which S_k is set to zero. ``poses`` (takes, K, n) rad are the
-    training takes, ``measurement`` (n, n) rad² is the covariance of the measurement noise.
+) -> tuple[ndarray, ndarray]:
+    """Return the result of :func:`linear_filter` with the law of the training takes. ``poses``
+    (takes, K, n) rad are the training takes, ``measurement`` (n, n) rad² is the covariance of the
+    measurement noise.
     """
-    roots, without = deviation_roots(poses, measurement)
-    prior = path_covariance(roots, autocorrelation(poses, measurement))
-    return *linear_filter(poses.mean(axis=0), prior, takes, dt), without
+    roots = deviation_roots(poses, measurement)
+    apart = np.abs(np.subtract.outer(*[np.arange(len(roots))] * 2))
+    correlation = autocorrelation(poses, measurement)[apart]
+    prior = np.einsum("kia,lja,kl->kilj", roots, roots, correlation)  # Cov(e_k, e_l)
+    return linear_filter(poses.mean(axis=0), prior, takes, dt)
 
 
-def deviation_roots(poses: ndarray, measurement: ndarray) -> tuple[ndarray, int]:
-    """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), and the number of zeroed axes."""
-    left = [without_measurement(each, measurement) for each in takes_moments(poses)[1]]
-    return np.stack([root(each) for each, _ in left]), sum(without for _, without in left)
+def deviation_roots(poses: ndarray, measurement: ndarray) -> ndarray:
+    """Return S_k^½ (K, n, n) in rad of ``poses`` (takes, K, n), zero along axes without a variance
+    beyond the measurement's.
+    """
+    covariances = takes_moments(poses)[1]
+    return np.stack([root(without_measurement(each, measurement)[0]) for each in covariances])
 
 
 def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
@@ -133,10 +137,3 @@ def autocorrelation(poses: ndarray, measurement: ndarray) -> ndarray:
     noise = (takes - 1) * steps * np.trace(measurement)
     products = np.fft.irfft(np.maximum(power - noise, 0.0), 2 * steps)[:steps]
     return products / products[0] if products[0] > 0 else np.eye(1, steps)[0]
-
-
-def path_covariance(roots: ndarray, correlation: ndarray) -> ndarray:
-    """Return Cov(e_k, e_l) (K, n, K, n) in rad² of S_k^½ ``roots`` and r ``correlation``."""
-    steps = np.arange(len(correlation))
-    apart = correlation[np.abs(steps[:, None] - steps)]
-    return np.einsum("kia,lja,kl->kilj", roots, roots, apart)

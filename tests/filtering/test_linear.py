@@ -14,7 +14,6 @@ from pipeline.filtering.linear import (
     baseline_predictions,
     deviation_roots,
     linear_filter,
-    path_covariance,
 )
 from pipeline.filtering.measurement import Measurements
 
@@ -89,12 +88,10 @@ def poses() -> np.ndarray:
 
 
 def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
-    (roots, without), lags = deviation_roots(poses, NOISE), np.arange(1, 8)
+    roots, lags = deviation_roots(poses, NOISE), np.arange(1, 8)
     correlation = autocorrelation(poses, NOISE)
-    law = path_covariance(roots, correlation)
-    assert without == 0
     for k in (0, 50, 119):
-        np.testing.assert_allclose(law[k, :, k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9)
+        np.testing.assert_allclose(roots[k] @ roots[k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9)
     expected = KEEP**lags * (1 - lags / STEPS)
     np.testing.assert_allclose(correlation[lags], expected, atol=0.02)
     # control: the measurement taken for deviation
@@ -110,14 +107,14 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
         frames = [Measurements("take", DT * k, each, zero, covariance) for each in y]
         return autocorrelated_filter(poses, NOISE, frames, DT)
 
-    means, covariances, without = filtered(NOISE)
-    assert without == 0 and covariances.shape == (*true.shape, 2)
+    means, covariances = filtered(NOISE)
+    assert covariances.shape == (*true.shape, 2)
     error, variances = means - true, np.diagonal(covariances, axis1=2, axis2=3)
     assert np.mean(np.abs(error) <= np.sqrt(variances)) == pytest.approx(0.683, abs=0.02)
     assert np.mean(error**2) == pytest.approx(variances.mean(), rel=0.06)
     assert np.mean(error**2) < 0.4 * np.mean((poses.mean(axis=0) - true) ** 2)
     # control: frames of no information leave the training mean and covariance
-    blind, spread, _ = filtered(1e6 * NOISE)
+    blind, spread = filtered(1e6 * NOISE)
     np.testing.assert_allclose(blind[0], poses.mean(axis=0), atol=1e-3)
     np.testing.assert_allclose(spread[0, 50] + NOISE, np.cov(poses[:, 50].T), rtol=1e-3)
 
