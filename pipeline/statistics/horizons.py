@@ -8,6 +8,7 @@ import pandas as pd
 from pipeline.statistics.takes import Difference, jackknife_difference, paired_difference
 
 WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a horizon
+RIGHT = 1.5  # greatest factor by which the standard deviation of a calibrated law is wrong
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
 NUMBERS = ["score", "one_sigma", "two_sigma", "autocorrelation"]
@@ -59,14 +60,16 @@ def pooled_interval(scores: pd.DataFrame, name: str) -> Difference:
     return jackknife_difference(np.array(values)) if several else Difference(values[0])
 
 
-def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
-    """Return what makes ``model`` unsound: joint, horizon, and the σ or the coverage."""
+def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[str]:
+    """Return what makes ``model`` unsound: joint, horizon, and the coverage, or the σ that is wrong
+    by more than ``factor``.
+    """
     own = pooled(scores[scores["model"] == model], ["joint", "horizon"]).query("count >= @FEW")
     faults = []
     for (joint, horizon), row in own.iterrows():
-        if not 1 / WRONG <= row["ratio"] <= WRONG:
+        if not 1 / factor <= row["ratio"] <= factor:
             found = f"predicted σ of {joint} at {horizon} is {row['ratio']:.2g} times the measured"
-            faults.append(f"{found} (required: {1 / WRONG:g} to {WRONG:g})")
+            faults.append(f"{found} (required: {1 / factor:.2g} to {factor:g})")
         if row["two_sigma"] < COVERED:
             found = f"{row['two_sigma']:.2g} of the errors of {joint} at {horizon} are within 2σ"
             faults.append(f"{found} (required: {COVERED:g})")
@@ -76,23 +79,28 @@ def faults_of(scores: pd.DataFrame, model: str) -> list[str]:
 def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     """Return the law that the rule chooses by the commanded samples of ``scores``, or None, and the
     reason. Laws are listed from the simplest. A law replaces a simpler one if the interval of its
-    margin is above zero; an unsound law (:func:`faults_of`) is not chosen.
+    margin is above zero, or if it alone is calibrated (σ wrong by at most RIGHT) and the interval
+    is not below zero. An unsound law (:func:`faults_of`) is not chosen.
     """
     moving = scores[scores["samples"] == "commanded"]
     if moving.empty:
         return None, "no joint was commanded to move"
-    best, why, refused = None, "", []
+    best, why, refused, calibrated = None, "", [], False
     for model in dict.fromkeys(moving["model"]):
         if faults := faults_of(moving, model):
             refused.append(f"{model}: {faults[0]}, {len(faults)} fault(s)")
             continue
+        own = not faults_of(moving, model, RIGHT)
         if best is None:
-            best, why = model, "the simplest sound law"
+            best, why, calibrated = model, "the simplest sound law", own
             continue
         mean, low, high = margins(moving, model, best)
-        if low > 0:
+        if low > 0 or (own and not calibrated and high >= 0):
             why = f"{mean:.3g} [{low:.3g}, {high:.3g}] nats a sample above {best}"
-            best = model
+            if not low > 0:
+                wrong = faults_of(moving, best, RIGHT)[0]
+                why = f"it is calibrated, and {best} not: {wrong}; score {why}"
+            best, calibrated = model, own
     if best is None:
         return None, "; ".join(refused)
     return best, why

@@ -106,6 +106,30 @@ def test_the_recommended_law_is_among_the_best_on_fresh_motions_in_nine_of_ten_p
     assert sum(each <= LIMIT for each in lost) < 9
 
 
+@pytest.mark.parametrize(
+    ("gain", "ratio", "expected"),
+    [
+        (0.3, 1.0, "rich"),  # a margin above zero
+        (0.0, 1.0, "simple"),  # none, and both are calibrated
+        (0.0, 1.8, "rich"),  # none, and the simpler σ is 1.8 times the measured
+        (-0.3, 1.8, "simple"),  # below zero
+        (-0.3, 2.2, "rich"),  # below zero, but the simpler law is unsound
+    ],
+)
+def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
+    rng, rows = np.random.default_rng(3), []
+    for model, mean, sigma in (("simple", 0.0, ratio), ("rich", gain, 1.0)):
+        for motion in range(8):
+            row = {"model": model, "motion": motion, "block": 1, "joint": "a", "count": 100}
+            row |= {"horizon": "0.5 s", "samples": "commanded", "predicted_rad": sigma}
+            row |= {"measured_rad": 1.0, "one_sigma": 0.7, "two_sigma": 0.95}
+            noise = (
+                0.1 * rng.standard_normal() if model == "rich" and gain else 0.01 * (-1) ** motion
+            )
+            rows.append(row | {"autocorrelation": 0.0, "score": mean + noise})
+    assert chosen_law(pd.DataFrame(rows))[0] == expected
+
+
 @pytest.mark.slow
 def test_a_law_without_memory_is_recognised_and_one_with_memory_too():
     rng, options = np.random.default_rng(11), model_options(LAWS)

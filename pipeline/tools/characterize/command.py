@@ -123,6 +123,8 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     """
     logs = folder_logs(folder, assigned)
     if not logs.movements:
+        for name, reason in logs.unused.items():
+            print(f"characterize: not used as a joint log: {name}: {reason}")
         return None
     for words, names in logs.suggested.items():
         print(f"characterize: ! {', '.join(names)}: {words}; --set changes it")
