@@ -43,6 +43,13 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(tmp_path, monkeypatch
         tool_call("characterize", [str(logs), "--model", "wishart"])()
 
 
+def test_a_folder_without_a_usable_log_names_the_reason(tmp_path):
+    table = np.arange(400).reshape(100, 4) / 100
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t,q_1,q_2,q_3", comments="")
+    with pytest.raises(ConfigError, match=r"can be used: a\.csv: no log of joints.* --urdf FILE"):
+        tool_call("characterize", [str(tmp_path)])()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["ur5", "lwr4", "kr300"])
 def test_the_logs_of_a_real_arm_take_one_command(robot, tmp_path, monkeypatch, capsys):

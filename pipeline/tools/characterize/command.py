@@ -123,8 +123,13 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     """
     logs = folder_logs(folder, assigned)
     if not logs.movements:
-        for name, reason in logs.unused.items():
-            print(f"characterize: not used as a joint log: {name}: {reason}")
+        reasons = [f"{name}: {reason}" for name, reason in logs.unused.items()]
+        if "robot.urdf" not in assigned and not [*folder.rglob("*.urdf")]:
+            found = "; ".join(reasons) or "there is no table or log in it"
+            message = f"no joint log in the folder can be used: {found}. Other recordings need"
+            raise ConfigError(f"{message} --urdf FILE", file=folder)
+        for reason in reasons:
+            print(f"characterize: not used as a joint log: {reason}")
         return None
     for words, names in logs.suggested.items():
         print(f"characterize: ! {', '.join(names)}: {words}; --set changes it")
