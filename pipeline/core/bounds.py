@@ -45,7 +45,7 @@ class Reading:
     memory_mib: Bound = 2048  # of a call in a separate process, in addition to the program's
 
 
-_in_force: ContextVar[Reading] = ContextVar("reading", default=Reading())
+_in_force: ContextVar[Reading] = ContextVar("reading", default=Reading())  # noqa: B039 (frozen)
 
 
 def bounds() -> Reading:

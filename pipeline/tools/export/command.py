@@ -157,7 +157,6 @@ def exported_record(model: str, settings: Any) -> dict[str, Any]:
             "units": UNITS,
             "rate_per_s": motion.rate,
             "closed_loop_share": 0.0,
-            "covariance_of_estimates": None,
             "pose_covariance_rad2": None,
             "arm": chain_record(chain),
         }
@@ -188,16 +187,14 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
 def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
     """Return the fitted part of the record (from the stage fit, or a new fit) and its sources."""
     name = model.removesuffix(CLOSED)
-    closed_form, not_known, covariance, sources = model != name, [], None, SOURCES
+    closed_form, not_known, sources = model != name, [], SOURCES
     file = FIT / name / (FOLDER if closed_form else "") / "parameters.json"
     if name in settings.models and file.is_file():
-        parameters, metrics, sources = _read(file), _read(FIT / name / "fit.json"), [*SOURCES, file]
-        names = [key for key in metrics if key.startswith("closed_loop_")]
-        if not closed_form:
-            covariance = _read(FIT / name / "covariance.json")
-            ends = ("", "_standard_error", "_interval_low", "_interval_high")
-            names = [f"{key}{end}" for key in covariance["estimates"] for end in ends]
-        estimates = {key: metrics[key] for key in names if key in metrics}
+        parameters, estimates, sources = (
+            _read(file),
+            _read(FIT / name / "fit.json"),
+            [*SOURCES, file],
+        )
     else:
         options = config.model_options([name])[name]
         fit = kinds.estimate(recorded, options)
@@ -215,7 +212,7 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
         level = estimates["closed_loop_noise_level" if closed_form else "noise_level"]
         shared = {key: v for key, v in parameters.items() if key == SHARE}
         parameters = {"kind": parameters["kind"], "level": level} | shared
-        covariance, found = None, "u at the end of its search"
+        found = "u at the end of its search"
         required = "a greatest likelihood or least error at a finite u"
         not_known = [{"parameter": "alpha and u apart", "found": found, "required": required}]
     if share > 0:  # ranges apply to the commands after the closed-loop correction
@@ -224,9 +221,7 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
         recorded = replace(recorded, v=v, noise=noise)
     return {
         "parameters": parameters,
-        "estimates": estimates,
         "not_known": not_known,
-        "covariance_of_estimates": covariance,
         "closed_loop_share": share,
         "ranges": _ranges(fitted_ranges(recorded, settings.dataset.motion.rate)),
     }, sources
