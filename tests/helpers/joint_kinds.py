@@ -193,6 +193,9 @@ KINDS = [
         "[line 352]", RADIANS, at="log.csv", stops=True),
     kind("33", log([], lambda t, q, target: (t, q, target + 1e10 * (t == t[200])[:, None])),
         "target_q_0 (target) is 1e+10 rad", "[line 202]", RADIANS, stops=True),
+    kind("31", log(["date", "epoch_ms", *numbered("actual_q", "target_q")], lambda t, *q:
+        (dates(t, "2023-05-06T07:08:{:09.6f}Z"), 1e5 + 1e3 * t, *q)), "they step by 8;",
+        "suggested is ms", TRACKED, RADIANS, never=(NO_CLOCK,)),
     kind("31", log(["frame", *numbered("actual_q", "target_q")], lambda t, *q: (np.arange(400.0),
         *q)), "table of numbers", NO_CLOCK, NULL, RADIANS),
     kind("33", log([], damaged(2 * np.pi + 0.3, (150, 2))), "actual_q_2", "jumps by 6.583 rad",
@@ -225,7 +228,8 @@ KINDS = [
         *(f"action.{j}{end}" for j in each)]), "follow ", TRACKED,
         never=("not stated: a log of joints",)) for each, end in ((UR, ".pos"), (range(6), ""))),
     *(kind("empty", text("log.csv", content), "no samples", stops=stops) for content,
-        stops in (("time,Fx,Fy,Fz,Tx,Ty,Tz\n", False), ("time [s];Fx [N];Fy [N];Fz [N]\n", False),
+        stops in (("time,Fx,Fy,Fz,Tx,Ty,Tz\n", False), ("t,Fx,Fy\ns,N,N\n", False),
+        ("time [s];Fx [N];Fy [N];Fz [N]\n", False),
         ('"Force X (N)","Force Y (N)","Force Z (N)","Frequency = 100"\n', True),
         ("RDT Sample Rate: 100\nStatus (hex), RDT Sequence, F/T Sequence, Fx, Fy, Fz\n", True))),
 ]  # fmt: skip

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from c3d_files import c3d, points
-from depth_files import SMALL, encoded
+from depth_files import CALIBRATIONS, SMALL, encoded
 from kinds import kind
 from motive_files import START, frame_row, random_take, rows_file
 from ros_bags import Message, write_bag
@@ -280,6 +280,7 @@ DATED = ("125 Hz", "dataset.joint_log.angle_unit")
 UNITS = [
     kind("41", camera(distortion=[0] * 5), "width 640; height 480; fx 525.5", at="camera.json"),
     kind("41", camera(coeffs=[0] * 5), "fx 525.5"),
+    kind("41", texts({"c.xml": CALIBRATIONS["opencv.xml"].replace("\n", "")}), "fx 525.5"),
     kind("41", camera(lens_dist=[0] * 5), "no distortion; the file has", "D, d, with zeros",
         never=("no camera matrix",), stops=True),
     kind("42", lambda folder: TABLE.assign(time=STAMPS).to_parquet(folder / "log.parquet"), *DATED,

@@ -38,7 +38,7 @@ COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # possible numbers of coefficients in OpenC
 DECIMAL = re.compile(r"[-+]?(\d+\.\d*|\.\d+|0|[1-9]\d*|\d+(?=[eE]))([eE][-+]?\d+)?")
 # matches calibrations in other forms too, for which the reader's error names the keys
 CALIBRATED = re.compile(
-    rf'(?:^|[{{,])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION, "ppx"))})'
+    rf'(?:^|[{{,>])[^\S\n]*["<]?(?:{"|".join((*MATRIX, *DISTORTION, "ppx"))})'
     r'\b"?\s*[:>\s]|"Intrinsics"|^\s+intrinsics: \[',
     re.MULTILINE,
 )
@@ -164,8 +164,8 @@ def _values(file: Path) -> tuple[Mapping, bool]:
     try:
         if is_json:
             documents = [json.loads(whole, parse_float=str, parse_int=str)]
-        elif body.lstrip().startswith("<"):
-            documents = [{one.tag: _element(one) for one in ElementTree.fromstring(body)}]
+        elif whole.lstrip().startswith("<"):
+            documents = [{one.tag: _element(one) for one in ElementTree.fromstring(whole)}]
         else:
             # OpenCV's first line is not valid YAML
             body = re.sub(r"^%YAML:1\.0.*\n", "", body)

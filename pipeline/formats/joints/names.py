@@ -16,7 +16,7 @@ def _words(*lines: str) -> frozenset[str]:
     return frozenset(" ".join(lines).split())
 
 
-TIME = _words("t time times timestamp timestamps stamp stamps secs seconds xvalue")
+TIME = _words("t time times timestamp timestamps stamp stamps secs seconds xvalue epoch")
 POSITION = _words("q position positions pos angle angles theta th")
 VELOCITY = _words("dq qdot velocity velocities vel speed speeds omega w qp")
 OTHER = _words(

@@ -133,7 +133,9 @@ def describe_file(file: Path) -> Finding:
             finding.format, advice = known
             raise RecordingError(f"{finding.format} is not read: {advice}")
         else:
-            labels = len(head.lines) == 1 and max(map(head.lines[0].count, ",;\t")) > 1
+            # at most a line of labels and a line of units, of as many cells
+            marks = {max(map(line.count, ",;\t")) for line in head.lines}
+            labels = len(head.lines) < 3 and len(marks) == 1 and min(marks) > 1
             reason = NO_SAMPLES if labels else NO_TABLE
             finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else reason
     except OSError as error:
