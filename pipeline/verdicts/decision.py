@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, Claim
+from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, ORDERS, Claim
 from pipeline.verdicts.rules import RULES, decide_cases
 from pipeline.verdicts.run import ArmNames, IndexedEvidence, Reference, Run, index_evidence
 from pipeline.verdicts.wording import interval, number
@@ -153,8 +153,9 @@ def _rule_table(
     r["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
     if not claim.standard_errors:
         r["standard_error"] = numbers(replace(ends, column="standard_error") if plain else None)
-    if claim.difference is None:
-        r["difference"] = r.value if claim.rule == "equivalent" else r.value - r.than
+    if claim.difference is None:  # of other rules, ``than`` is a number of the rule
+        r["difference"] = r.value - r.than if claim.rule in ORDERS else np.nan
+        r["difference"] = r.value if claim.rule == "equivalent" else r.difference
     for key in ("published", "tolerance", "limit", "margin"):
         r[key] = np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
     r["yardstick"] = r.published.fillna(r.limit)
@@ -166,10 +167,10 @@ def case_text(case: Case) -> str:
     if case.value is None:
         return f"{case.case} –".strip()
     text = f"{case.case}: {number(case.value)}" if case.case else number(case.value)
-    if case.than is not None:
-        text += f" against {number(case.than)}"
+    compared = case.difference is not None and case.than is not None
+    text += f" against {number(case.than)}" if compared else ""
     if case.low is not None and case.high is not None:
-        prefix = "difference " if case.than is not None else ""
+        prefix = "difference " if compared else ""
         text += f" ({prefix}{interval(case.low, case.high)})"
     if case.threshold is not None:
         text += f" (limit {number(case.threshold)})"

@@ -302,3 +302,15 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
     ]
     assert table["value"].tolist() == [0.01, 0.02, 0.01, 1.0, 1.0]
     assert table["holds"].tolist() == [True, False, True, True, True]
+
+
+def test_a_number_of_a_rule_is_not_printed_as_a_value_compared_with():
+    changes = {"each": {}, "value": metric("wishart") | {"rival": "a"}, "than": metric("than")}
+    numbers = {"numbers": {"than": 0.2, "low": -0.2, "high": 0.1, "limit": 0.5}}
+    (case,) = verdict(
+        **changes, **numbers, rule="varies", limit=None, threshold=metric("limit")
+    ).cases
+    assert d.case_text(case) == "-0.1 ([-0.2, 0.1]) (limit 0.5) ✗"
+    order = {"difference": changes["value"], "margin": 0.01}
+    (case,) = verdict(**changes, **numbers, **order, rule="less", limit=None).cases
+    assert d.case_text(case) == "-0.1 against 0.2 (difference [-0.2, 0.1])"
