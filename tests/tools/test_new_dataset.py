@@ -325,15 +325,12 @@ def test_motions_through_a_singular_pose_or_made_once_are_offered_last(monkeypat
         FoundMotion(np.zeros(2), np.ones(2), number, None, places, [], least)
         for number, (places, least) in enumerate([(twice, 1e-3), (twice[:1], 1.0), (twice, 0.9)])
     ]
-    monkeypatch.setattr(command, "find_motions", lambda *_: offered)
-    for name in ("JointLogSection", "validated"):
-        monkeypatch.setattr(command, name, lambda *_, **__: SimpleNamespace(movements=""))
-    monkeypatch.setattr(command, "named_takes", lambda *_, **__: {"run": None})
-    urdfs = []
-    monkeypatch.setattr(command, "read_logged_movement", lambda *read: urdfs.append(read[4]))
-    values = {"joint_log": {}, "robot": {"urdf": "a"}, "motion": {"rate": 1}, "recordings": ""}
-    assert [motion.steps for motion in command.motions_in_logs(values)] == [2, 0, 1]
-    assert urdfs == ["a"]  # which tells joints that slide
+    dataset = SimpleNamespace(robot=None, motion=SimpleNamespace(rate=1.0))
+    for name, result in (("find_motions", offered), ("validated", dataset), ("read_movements", {})):
+        monkeypatch.setattr(command, name, lambda *_, result=result: result)
+    values = {"robot": {"joints": ["a", "b"]}, "motion": {"rate": 1}, "name": "", "recordings": ""}
+    found = command.motions_in_logs(values | {"joint_log": {}})
+    assert [motion.steps for motion in found] == [2, 0, 1]
 
 
 def test_nothing_is_overwritten(root, logs):

@@ -19,13 +19,12 @@ from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import OPEN, get_filled, unfilled_keys
 from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
-from pipeline.core.options.dataset import JointLogSection, Robot
+from pipeline.core.options.dataset import Dataset
 from pipeline.core.typed_yaml import parse_yaml
 from pipeline.core.validation import validated
-from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH
 from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
-from pipeline.recordings.movement import read_logged_movement
 from pipeline.tools.check.command import value_faults
 from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.finding import printable_path
@@ -288,19 +287,14 @@ def motions_in_logs(values: dict[str, Any]) -> list[FoundMotion]:
     """
     if "joint_log" not in values:
         raise ConfigError("the dataset has no joint_log, so that no motions can be found")
-    log = values["joint_log"] | {"start": [], "end": [], "rest": 0, "tolerance": 1.0}
-    rate = values["motion"]["rate"]
-    needed = {"joint_log": log, "robot": values["robot"], "motion": {"rate": rate}}
-    if keys := ", ".join(unfilled_keys(needed)):
+    ends, needed = [0.0] * len(values["robot"]["joints"]), ("name", "recordings", "robot")
+    log = values["joint_log"] | {"start": ends, "end": ends, "rest": 0, "tolerance": 1.0}
+    motion = {"rate": values["motion"]["rate"], "steps": 1}
+    known = {"joint_log": log, "motion": motion} | {key: values[key] for key in needed}
+    if keys := ", ".join(unfilled_keys(known)):
         raise ConfigError(f"to find the motions, first fill in {keys}")
-    options, folder = JointLogSection(**log), Path(values["recordings"])
-    places = named_takes(folder, options.movements, key="dataset.joint_log.movements")
-    urdf = values["robot"]["urdf"]
-    movements = {
-        name: read_logged_movement(name, place, options, float(rate), urdf)
-        for name, place in places.items()
-    }
-    offered = find_motions(movements, validated(Robot, values["robot"], "robot"), rate)
+    dataset = validated(Dataset, known, "dataset")
+    offered = find_motions(read_movements(dataset), dataset.robot, dataset.motion.rate)
     regular = NEARLY * max((motion.least_singular for motion in offered), default=0.0)
 
     def order(motion: FoundMotion) -> tuple[bool, int]:

@@ -24,10 +24,8 @@ TRACK, FILTER, ARTICULATE = Path("data/track"), Path("data/filter"), Path("data/
 DEPTH = Path("data/ingest/depth")
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-TO = f"output file (default {FOLDER}/DATASET_TAKE.rrd)"
 ARGUMENTS = {
     "take": {"nargs": "?", "metavar": "TAKE", "help": "name of a take (default the first test)"},
-    "--to": {"type": Path, "metavar": "FILE", "help": TO},
     "--open": {"action": "store_true", "help": "open the file in the viewer (default: no)"},
 }
 Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
@@ -41,8 +39,8 @@ class Track(NamedTuple):
     std: np.ndarray | None = None
 
 
-def run(take: str | None = None, to: Path | None = None, open: bool = False) -> None:
-    """Write the take to an .rrd file, and ``open`` it. Raises ConfigError for an unknown take."""
+def run(take: str | None = None, open: bool = False) -> None:
+    """Write data/view/DATASET_TAKE.rrd, and ``open`` it. Raises ConfigError for an unknown take."""
     rerun = _rerun()
     settings = config.sections("view", HERE / "reads.yaml")
     robot, joints = settings.dataset.robot, contracts.read("joints", TRACK)
@@ -60,7 +58,7 @@ def run(take: str | None = None, to: Path | None = None, open: bool = False) -> 
             if len(rows):
                 tracks[model] = Track(rows["t"].to_numpy(), values(rows, "m"), std)
     clouds = _clouds(name, robot) if settings.dataset.depth is not None else []
-    file = to or FOLDER / f"{settings.dataset.name}_{name}.rrd"
+    file = FOLDER / f"{settings.dataset.name}_{name}.rrd"
     file.parent.mkdir(parents=True, exist_ok=True)
     write_recording(rerun, file, name, robot, tracks, clouds)
     print(f"view: wrote {file}; `python -m pipeline view {name} --open` shows it")
