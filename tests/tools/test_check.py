@@ -148,3 +148,15 @@ def test_an_archive_states_its_traps_and_the_values_that_settle_them(root, tmp_p
     assert "joints: ??? # 3 joints; names of the logged joints" in proposed
     assert "suggested is {run_1: 0.8, run_2: 0.96}; the command differs from the" in proposed
     assert "rate: ??? # suggested is 125; 1/s" in (root / "conf/dataset/lab.yaml").read_text()
+
+
+def test_a_unit_in_an_arrays_name_is_no_question_and_a_joint_that_stands_still_is_named(tmp_path):
+    commanded, measured = (np.rad2deg(angles(TIME)) for _ in range(2))
+    measured[:, 2] = 0.0
+    for word in ("_deg", ""):
+        arrays = {f"actual_pos{word}": measured, f"target_pos{word}": commanded, "time": TIME}
+        np.savez(tmp_path / "run.npz", **arrays)
+        (finding,) = inspect(tmp_path)
+        assert ("angle_unit" in finding.suggested) == (word == "")
+        assert finding.facts["joints_that_stand_still"] == [3]
+        assert "tracking error 0 of the motion" in finding.facts["command"]
