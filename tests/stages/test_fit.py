@@ -65,6 +65,7 @@ def test_an_unbounded_bound_has_no_interval_and_along_its_ridge_the_level_stays(
     assert ridge["alpha"].iloc[-1] < 0.5 * ridge["alpha"].iloc[0]
 
 
+@pytest.mark.slow
 def test_noise_of_the_measurement_alone_gives_no_model_and_later_stages_leave_it_out(
     project, choose, capsys
 ):
@@ -130,6 +131,7 @@ def test_a_stated_noise_of_a_pose_is_twice_in_the_noise_of_a_step(project):
     assert training_steps(settings.robot, settings.motion).known_measurement is None
 
 
+@pytest.mark.slow
 def test_the_true_model_predicts_best_and_its_coverage_is_a_normal_ones(project, choose):
     choose(models=["gaussian", "gaussian_ml", "additive", "wishart"])
     predict.run()

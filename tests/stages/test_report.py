@@ -92,6 +92,7 @@ def test_every_link_of_the_report_leads_to_a_file_that_a_run_has():
     assert anchors and all(f'<a id="{anchor}">' in errata for anchor in anchors)
 
 
+@pytest.mark.slow
 def test_the_results_in_the_readme_are_those_of_the_papers_scale_and_equal_runs_give_equal_bytes():
     before, after = (ROOT / "README.md").read_text(), Path("README.md").read_text()
     assert "hold / fail" in BLOCK.search(after)[0]

@@ -54,6 +54,7 @@ def takes_of(std: np.ndarray, law: str, share: float, takes: int, rng, *repeats)
     return std * unit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("takes", [4, 50])
 @pytest.mark.parametrize("variation", [0.05, 0.4])
 @pytest.mark.parametrize(

@@ -78,6 +78,7 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
     assert compared == {"none", "memory"} | loops
 
 
+@pytest.mark.slow
 def test_the_wrench_has_verdicts_that_depend_on_the_seed(common):
     cables = common | {"claims": tuple(c for c in CLAIMS if c.id.startswith("wrench"))}
     first, other = (verdicts(Condition("wrench", seed), **cables) for seed in (1, 2))
