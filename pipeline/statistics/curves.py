@@ -118,7 +118,8 @@ def variation_limits(noise: ndarray, rng: Generator) -> ndarray:
         running = uniform_filter1d(of_joint.var(axis=0), max(len(phases) // WINDOWS, 1))
         for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
             drawn = _drawn_std(of_joint, scale, rng) * course
-            variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
+            with np.errstate(divide="ignore", invalid="ignore"):  # no noise at all: no limits
+                variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
             limits.append(np.exp(variations.mean() + end * variations.std(ddof=1)))
     return np.reshape(limits, (-1, 2))
 
@@ -135,7 +136,8 @@ def _drawn_std(
     all steps: the tails of ``noise`` (takes, M) over ``scale`` (M,), and its autocorrelation.
     """
     middle = noise.mean(axis=0) if centred else 0.0
-    pool = ((noise - middle) / scale).ravel()
+    rests = np.broadcast_to(scale, noise.shape) == 0  # without noise, as at rest by an encoder
+    pool = np.where(rests, 0.0, (noise - middle) / np.where(rests, 1.0, scale)).ravel()
     ordered = np.sort(_uncentred(pool, len(noise), rng) if centred else pool)
     ranks = (ndtr(_autoregression(noise, rng)) * len(ordered)).astype(np.intp)
     return _std(ordered[ranks], -1, centred)

@@ -139,6 +139,15 @@ def test_noise_that_varies_is_above_its_limits_and_constant_noise_of_many_takes_
     assert (constant < 0).all() and (varying > 0).all()
 
 
+def test_steps_without_noise_leave_limits_and_a_joint_without_noise_has_none():
+    rng = np.random.default_rng(4)
+    noise = takes_of(curve(0.1), "normal", 0.0, 4, rng)
+    noise[:, : STEPS // 3, 0] = noise[..., 1] = 0.0
+    limits = variation_limits(noise, rng)
+    assert np.isfinite(limits[0]).all() and limits[0, 0] < limits[0, 1]
+    assert np.isnan(limits[1]).all()
+
+
 RAMP = np.linspace(0.2, 2.0, STEPS)[:, None] * np.array([1.0, 0.5])
 FLAT = np.sqrt(np.mean(RAMP**2, axis=0)) * np.ones((STEPS, 2))
 MEASUREMENT = np.full(2, 0.01)
