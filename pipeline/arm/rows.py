@@ -23,7 +23,7 @@ class Rows(NamedTuple):
     joints: int  # (n) joint step
     singular: int  # 1 at a singular pose, else 0
     speed: int  # ‖v‖²
-    normal: int  # (2n or more) normal variates
+    normal: int  # (n + m) normal variates
     chi_square: int  # (2) χ² variates
     spare: int  # (m·n + m·m + 2m + 4) scratch
     size: int
@@ -38,7 +38,7 @@ def block_rows(n: int, m: int) -> Rows:
     joints = task + m
     singular = joints + n
     normal = singular + 2
-    chi_square = normal + 2 * n + m
+    chi_square = normal + n + m
     spare = chi_square + 2
     places = jacobian, lower, inverse, task, joints, singular, singular + 1, normal, chi_square
     return Rows(*places, spare, spare + m * n + m * m + 2 * m + 4)

@@ -2,7 +2,7 @@
 
 The laws use the task rows and joint rows of a block (:mod:`pipeline.arm.rows`); planar or serial
 kinematics fills the rows of J. NumPy draws the variates of a block: first the χ² variates pose by
-pose, then the normals set by set, within a set pose by pose.
+pose, then the normals pose by pose.
 
 A Wishart step is J₂⁺B⁻¹a = J⁺J₁B⁻¹a, a = J₁⁻¹v: the decompositions differ in the factor of the task
 step before and after B⁻¹ (Eqs. LUDecom, Thetaa). B⁻¹a = r·R·[z, z·T]ᵀ
@@ -84,8 +84,8 @@ def move(
     for start in range(0, poses, size):
         count = min(size, poses - start)
         for first in range(0, count, drawn):
-            last, variates = min(first + drawn, count), (law.degrees, law.sets, law.normals)
-            draw_variates(*variates, block, rows.chi_square, rows.normal, first, last, rng)
+            last, places = min(first + drawn, count), (rows.chi_square, rows.normal)
+            draw_variates(law.degrees, law.normals, block, *places, first, last, rng)
         for r in range(m):
             fill(block, rows.task + r, command[r], count)
         # numba compiles only one of the branches

@@ -33,8 +33,7 @@ class Law(NamedTuple):
 
     kind: int  # one of the constants above
     parameters: ndarray  # (K,) of the law
-    sets: int  # sets of normal variates a pose; all poses draw one set before the next
-    normals: int  # normal variates of a pose in a set
+    normals: int  # normal variates of a pose
     degrees: ndarray = np.empty(0)  # degrees of freedom of the χ² variates of a pose
 
 

@@ -6,10 +6,10 @@ from pipeline.core.compiled import inner
 
 
 @inner
-def draw_variates(degrees, sets, each, block, chi_square, normal, start, stop, rng):
+def draw_variates(degrees, normals, block, chi_square, normal, start, stop, rng):
     """Draw variates of the poses from ``start`` to ``stop`` of the ``block`` (rows, poses): χ² of
-    the ``degrees`` of freedom from row ``chi_square`` on, and normals in ``sets``·``each`` rows
-    from ``normal`` on. The ``each`` normals of one pose and set are drawn consecutively.
+    the ``degrees`` of freedom from row ``chi_square`` on, and ``normals`` a pose from row
+    ``normal`` on. The normals of one pose are drawn consecutively.
     """
     for k in range(len(degrees)):
         shape = 0.5 * degrees[k]
@@ -21,10 +21,9 @@ def draw_variates(degrees, sets, each, block, chi_square, normal, start, stop, r
         else:
             for i in range(start, stop):
                 block[chi_square + k, i] = 2.0 * rng.standard_gamma(shape)
-    for first in range(0, sets * each, max(each, 1)):
-        for i in range(start, stop):
-            for j in range(first, first + each):
-                block[normal + j, i] = rng.standard_normal()
+    for i in range(start, stop):
+        for j in range(normals):
+            block[normal + j, i] = rng.standard_normal()
 
 
 @inner

@@ -93,18 +93,15 @@ POSES, BUFFER = 20_000, block_rows(7, 6)
 
 
 @pytest.mark.parametrize("degrees", [0.02, 1.0, 1.9999, 2.0, 2.0001, 3.7, 1e6])
-@pytest.mark.parametrize(("count", "sets", "each"), [(3, 1, 2), (POSES, 2, 7)])
-def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them_set_by_set(
-    degrees, count, sets, each
-):
+@pytest.mark.parametrize(("count", "each"), [(3, 2), (POSES, 7)])
+def test_chi_squares_are_numpys_and_so_are_the_normals_behind_them(degrees, count, each):
     one, other = np.random.default_rng(7), np.random.default_rng(7)
     block, freedom = np.full((BUFFER.size, POSES), np.nan), np.array([degrees, 5.0])
     first, then = BUFFER.chi_square, BUFFER.normal
-    from_python(draw_variates)(freedom, sets, each, block, first, then, 0, count, one)
+    from_python(draw_variates)(freedom, each, block, first, then, 0, count, one)
     assert np.isnan(block[:, count:]).all()
     for k, d in enumerate(freedom):
         np.testing.assert_array_equal(block[first + k, :count], other.chisquare(d, count))
-    for k in range(sets):
-        rows = block[then + k * each : then + (k + 1) * each, :count]
-        np.testing.assert_array_equal(rows, other.standard_normal((count, each)).T)
+    rows = block[then : then + each, :count]
+    np.testing.assert_array_equal(rows, other.standard_normal((count, each)).T)
     assert one.random() == other.random()

@@ -38,7 +38,7 @@ class AdditiveModel(NormalModel):
         if self.noise.shape != (n, n):
             message = f"the model's matrix must have a row for each of the {n} joints of this arm"
             raise ModelDomainError(f"{message}; run the stage fit for it", shape=self.noise.shape)
-        return Law(ADDITIVE_LAW, self._root.ravel(), sets=1, normals=n)
+        return Law(ADDITIVE_LAW, self._root.ravel(), normals=n)
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         return np.broadcast_to(self.noise, (*q.shape, q.shape[-1]))  # at singular poses too

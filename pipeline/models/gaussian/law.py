@@ -59,7 +59,7 @@ class GaussianModel(NormalModel):
             raise ModelDomainError(message, alpha=self.alpha, u=self.u)
 
     def law(self, chain: Chain) -> Law:
-        return Law(GAUSSIAN_LAW, np.array([self.alpha, self.u], float), 1, len(chain.lower))
+        return Law(GAUSSIAN_LAW, np.array([self.alpha, self.u], float), len(chain.lower))
 
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n, n) s‖v‖²·I in rad², zero beyond the bound."""

@@ -66,7 +66,7 @@ class WishartModel:
             left = np.array(self.decomposition.left)
             parameters = np.concatenate([parameters, left.ravel(), np.linalg.inv(left).ravel()])
         kind = WISHART_LAWS[self.decomposition.name]
-        return Law(kind, parameters, sets=1, normals=m - 1, degrees=np.array(degrees, dtype=float))
+        return Law(kind, parameters, m - 1, np.array(degrees, dtype=float))
 
     def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         """(..., n) q + d/(d−m−1)·J⁺v + the null-space step in rad; ModelDomainError for σ_B ≥ 1."""
