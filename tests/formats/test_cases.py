@@ -159,15 +159,20 @@ for name, (content, words) in UNUSUAL.items():
 for (number, name), words in PUBLIC.items():
     stops = any(stop in words for stop in STOPS)
     KINDS.append(kind(number, None, words, at=name, stops=stops))
-ROWS = [(one, public) for one in KINDS for public in (False, True)]
-ROWS = [(one, public) for one, public in ROWS if (one.public if public else one.make)]
+SLOW = ("06", "35")  # cases that take seconds
+ROWS = [
+    pytest.param(
+        *(one, public),
+        id=f"{'case' * public} {one.number} {one.says[0][:30]}".strip(),
+        marks=[pytest.mark.slow] if one.number in SLOW else [],
+    )
+    for one in KINDS
+    for public in (False, True)
+    if (one.public if public else one.make)
+]
 
 
-@pytest.mark.parametrize(
-    ("one", "public"),
-    ROWS,
-    ids=[f"{'case' * public} {one.number} {one.says[0][:30]}".strip() for one, public in ROWS],
-)
+@pytest.mark.parametrize(("one", "public"), ROWS)
 def test_a_file_is_read_or_refused_as_its_kind_says(tmp_path, one, public):
     folder = tmp_path
     if public:
