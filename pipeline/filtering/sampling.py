@@ -17,8 +17,9 @@ from pipeline.core.elementary import exponential, greatest, inner_product, total
 from pipeline.models.kernel import move
 
 VANISHED, KEPT, RESAMPLED = range(3)  # results of an update
+ROUNDING = 1e-9  # of P·w: tolerance for a whole number of copies
 # "none" is sequential importance sampling without resampling, in which the weights degenerate
-SCHEMES = ("systematic", "multinomial", "none")
+SCHEMES = ("systematic", "stratified", "residual", "multinomial", "none")
 
 
 @inner
@@ -59,6 +60,21 @@ def systematic(weights, chosen, scratch, rng):
 
 
 @inner
+def stratified(weights, chosen, scratch, rng):
+    """Draw one uniform in each of P strata of equal width (Kitagawa 1996)."""
+    points, below, count = scratch[0], scratch[1], len(weights)
+    for j in range(count):
+        points[j] = j + rng.random()
+    cumulate(weights, below)
+    for i in range(count):
+        place = count * below[i]
+        stratum = min(int(place), count - 1)
+        # all strata before this one, and this one if its point is below
+        below[i] = stratum + (points[stratum] < place)
+    repeat(below, chosen)
+
+
+@inner
 def independent(weights, chosen, points, cumulative, rng):
     """Fill ``chosen`` with sorted independent draws, probabilities ∝ ``weights`` (P,)."""
     count, arrival = len(chosen), 0.0
@@ -80,10 +96,30 @@ def independent(weights, chosen, points, cumulative, rng):
 
 
 @inner
+def residual(weights, chosen, scratch, rng):
+    """Keep ⌊P·w_i⌋ copies and draw the others under the remaining weights (Liu & Chen 1998)."""
+    count, kept = len(weights), 0
+    left = scratch[0][:count]
+    for i in range(count):
+        expected = count * weights[i]
+        certain = np.floor(expected + ROUNDING)
+        left[i] = expected - certain if expected > certain else 0.0
+        for _ in range(int(certain)):
+            chosen[kept] = i
+            kept += 1
+    if kept < count:
+        independent(left, chosen[kept:], scratch[1], left, rng)
+
+
+@inner
 def resample(scheme, weights, chosen, scratch, rng):
     """Fill ``chosen`` by SCHEMES[``scheme``]; multinomial: Gordon et al. (1993)."""
     if scheme == 0:
         systematic(weights, chosen, scratch, rng)
+    elif scheme == 1:
+        stratified(weights, chosen, scratch, rng)
+    elif scheme == 2:
+        residual(weights, chosen, scratch, rng)
     else:
         independent(weights, chosen, scratch[0], scratch[1], rng)
 

@@ -72,12 +72,30 @@ def systematic(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return inverse_cdf(weights, (np.arange(len(weights)) + rng.random()) / len(weights))
 
 
+def stratified(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    return inverse_cdf(weights, (np.arange(len(weights)) + rng.random(len(weights))) / len(weights))
+
+
 def multinomial(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return inverse_cdf(weights, sorted_uniforms(len(weights), rng))
 
 
+def residual(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    expected = len(weights) * weights
+    certain = np.floor(expected + 1e-9).astype(int)
+    kept = np.repeat(np.arange(len(weights)), certain)
+    if len(kept) == len(weights):
+        return kept
+    drawn = inverse_cdf(
+        np.maximum(expected - certain, 0.0), sorted_uniforms(len(weights) - len(kept), rng)
+    )
+    return np.concatenate([kept, drawn])
+
+
 PLAIN_SCHEMES = {
     "systematic": systematic,
+    "stratified": stratified,
+    "residual": residual,
     "multinomial": multinomial,
 }
 

@@ -114,7 +114,7 @@ def test_the_same_seed_gives_the_same_bytes_whatever_the_number_of_workers(copy)
 def test_an_edit_reruns_what_depends_on_it_and_going_back_restores_the_committed_bytes(copy):
     before, parameters = outputs(copy), copy / "params.yaml"
     sound = parameters.read_text()
-    set_parameters(copy, filter="multinomial")
+    set_parameters(copy, filter="stratified")
     plan = reruns(copy)
     assert ran(succeeds("dvc", "repro", cwd=copy)) == plan == {"readings"} | SHOWN | FILTERS
     # DVC's run cache holds all but what git does
@@ -179,7 +179,7 @@ def test_a_bad_parameter_stops_with_one_message_and_keeps_all_results(copy):
     before, sound = contents(copy / "data"), (copy / "params.yaml").read_text()
     own = {"dataset.txt": before["dataset.txt"]}  # output of the stage choose, which fails
     for parameters, names in (
-        ({"filter": "bootstrap"}, ("configure", "filter", "none, systematic")),
+        ({"filter": "bootstrap"}, ("configure", "filter", "stratified, systematic")),
         ({"dataset": "yuobot"}, ("choose", "dataset", "ur5", "youbot", "new-dataset")),
     ):
         (copy / "params.yaml").write_text(sound)
