@@ -20,7 +20,6 @@ from written_logs import seen
 
 from pipeline.arm.model import chain_of
 from pipeline.core.options.dataset import Robot
-from pipeline.formats.force.record import ForceLogOptions, read_force_table
 
 TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
@@ -197,15 +196,3 @@ def test_the_tip_is_where_forward_kinematics_puts_it_whatever_names_are_shared(
     x, z = lengths @ np.sin(np.cumsum(q)), 0.1 + lengths @ np.cos(np.cumsum(q))
     np.testing.assert_allclose(chain.pose(q[None, : len(joints)])[0, :3], [x, 0, z], atol=1e-12)
     assert "joints revolute (shoulder, elbow, wrist)" in seen(tmp_path / "r.urdf")
-
-
-def test_forces_of_the_cases_are_the_numbers_of_the_control(tmp_path):
-    columns = {"t": "time", **{f"f{a}": f"field.wrench.force.{a}" for a in "xyz"}}
-    options = ForceLogOptions(columns=columns, force_unit="N", time_unit="ns")
-    for name in ("wrench.csv", "wrench_empty_frame.csv"):
-        record = read_force_table(place_of("02", tmp_path) / name, options)
-        assert (len(record.time), record.rate) == (200, pytest.approx(100, rel=1e-4))
-    above, options = place_of("09", tmp_path), ForceLogOptions()
-    control = read_force_table(above / "control.csv", options)
-    for name in ("comma.csv", "tab.tsv", "semicolon.csv"):
-        np.testing.assert_array_equal(read_force_table(above / name, options).force, control.force)
