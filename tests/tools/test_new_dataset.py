@@ -293,6 +293,11 @@ def test_a_value_that_is_set_or_not_yet_written_can_be_set(root, logs):
     run("lab", *(word for each in given.split() for word in ("--set", each)))
     sheet, option = written()
     assert contains(sheet["joint_log"], {"time_unit": "ms", "clock": "rows"})
+    assert option["motion"]["rate"] == 100
+    run("late", "--from", logs, "--suggested", "--set", "joint_log.time_unit=ms")
+    assert written("late")[1]["motion"]["rate"] == 1e5
+    with pytest.raises(ConfigError, match="'s', 'ms', 'us' or 'ns', got 'minutes'"):
+        run("lab", "--set", "joint_log.time_unit=minutes")
     assert option["limits"] == {"residual_rms": 0.01, "longest_gap": 5}
     with pytest.raises(ConfigError, match=r"motion.rate is 100: set motion.rate to \{key: value"):
         run("lab", "--set", "motion.rate.unit=Hz")

@@ -113,8 +113,8 @@ def _joint_count(take: Finding) -> int:
 
 def _read(name: str, path: Path, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:
     log = {k[len(SECTION) :]: v for k, v in values.items() if k.startswith(SECTION)} | UNSTATED
+    options = validated(JointLogSection, log | {"movements": path.name}, "joint_log")
     rate = values.get("motion.rate")
     if not isinstance(rate, int | float):
         raise ConfigError("the log states no times; --set motion.rate=HZ", key="motion.rate")
-    options = validated(JointLogSection, log | {"movements": path.name}, "joint_log")
     return read_logged_movement(name, path, options, float(rate)), float(rate)

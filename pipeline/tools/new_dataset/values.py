@@ -108,17 +108,13 @@ def entries(
 
 def _rate(takes: Sequence[Finding], logs: Sequence[Finding], unit: str | None) -> Entry:
     """Return the one rate of all recordings; a suggestion if no log states the unit of times."""
-    rates, paired = {take.rate for take in takes}, any("role" in one.facts for one in logs)
+    rates, with_roles = {take.rate for take in takes}, any("role" in log.facts for log in logs)
     for log in logs:
         suggested, step = log.suggested.get("time_unit"), log.facts.get("step_of_time")
+        second = TIME_UNITS.get(str(unit or suggested))
         if log.rate:
-            known = unit and suggested
-            rates.add(log.rate * (TIME_UNITS[suggested] / TIME_UNITS[unit] if known else 1.0))
-        elif (
-            step
-            and (second := TIME_UNITS.get(unit or suggested))
-            and paired <= ("role" in log.facts)
-        ):
+            rates.add(log.rate * (TIME_UNITS[suggested] / second if suggested and second else 1))
+        elif step and second and ("role" in log.facts or not with_roles):
             rates.add(1 / (step * second))
     stated = {f"{rate:.4g}" for rate in rates if rate}
     certain = not any("time_unit" in log.suggested for log in logs)
