@@ -2,19 +2,13 @@
 
 import numpy as np
 
+from pipeline.models.exported import JointAxes
 from pipeline.models.joint_error.law import GROWTH, INPUTS, JointErrorModel
 from pipeline.models.runs import JointRun
 
 RATE, JOINTS = 100.0, ("a", "b")
 # φ, ψ, χ: a fast part of 3 samples and a slow one; b persists with a little pull
 MEMORY = np.array([[1.2, -0.45, 0.2], [0.9, 0.0, 0.05]])
-
-
-class JointSpace:
-    """An arm whose command is the joint step."""
-
-    def nominal_step(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        return v + np.zeros_like(q)
 
 
 def known_law(**changes) -> JointErrorModel:
@@ -65,7 +59,7 @@ def runs_of_law(
         q = np.tile(command[0], (repeats, 1))
         memory, path = law.first_memory(q, command[0], rng), [q]
         for step in steps:
-            q, memory = law.advance(JointSpace(), q, step, memory, rng)
+            q, memory = law.advance(JointAxes(JOINTS), q, step, memory, rng)
             path.append(q)
         for take, measured in enumerate(np.stack(path, axis=1)):
             name, motion = f"{number}.{take}", str(number)

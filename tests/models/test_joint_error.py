@@ -7,13 +7,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from error_runs import JOINTS, MEMORY, RATE, JointSpace, known_law, runs_of_law, sweep
-from scipy.stats import norm, t
+from error_runs import JOINTS, MEMORY, RATE, known_law, runs_of_law, sweep
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.exported import JointAxes
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import score_runs
-from pipeline.models.joint_error.law import Outlook, build, drive
+from pipeline.models.joint_error.law import JointErrorModel, Outlook, build, drive
 from pipeline.models.joint_error.likelihood import CALIBRATION, composite_loss
 from pipeline.models.joint_error.samples import counted, settled
 
@@ -31,14 +33,14 @@ def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
     q = np.tile(command[0], (draws, 1))
     memory, path = law.first_memory(q, command[0], rng), [q]
     for k in range(known):
-        q, memory = law.advance(JointSpace(), q, command[k + 1] - command[k], memory, rng)
+        q, memory = law.advance(JointAxes(JOINTS), q, command[k + 1] - command[k], memory, rng)
         q[:], memory[:] = q[:1], memory[:1]  # one past
         path.append(q[0])
     drift = np.split(memory, 8, axis=-1)[-1]
     drift[:] = rng.standard_normal(drift.shape)  # which the errors do not show
     errors = np.stack([path[0][0], *path[1:]]) - command[: known + 1]
     for k in range(known, known + steps):
-        q, memory = law.advance(JointSpace(), q, command[k + 1] - command[k], memory, rng)
+        q, memory = law.advance(JointAxes(JOINTS), q, command[k + 1] - command[k], memory, rng)
     drawn = q - command[known + steps]
     mean, covariance = law.predict(errors, command, steps)
     std = np.sqrt(np.diag(covariance))
@@ -89,12 +91,12 @@ def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
             off = (error[steps:] - outlook.mean)[own - steps, j]
             variance, degrees = outlook.variance[own - steps, j], law.degrees[j]
             scale = np.sqrt(variance * (1.0 if np.isinf(degrees) else 1 - 2 / degrees) + least)
-            density = norm.logpdf if np.isinf(degrees) else partial(t.logpdf, df=degrees)
+            density = norm.logpdf if np.isinf(degrees) else partial(student.logpdf, df=degrees)
             expected -= np.mean(density(off / scale) - np.log(scale))
             sizes = variance.mean() + least, np.mean(off**2) + least
             expected += CALIBRATION * np.log(sizes[0] / sizes[1]) ** 2
         parameters = law.memory[j], law.scale[j], law.drift[j], law.degrees[j]
-        data = past[:, j, 0], past[:, j], inputs.growth[:, j], np.array(horizons)
+        data = past[:, j, 0], past[:, j], inputs.growth[:, j].copy(), np.array(horizons)
         counts = np.array([len(own) for own in ends])
         loss = composite_loss(
             *parameters, law.keep, law.persistence, *data, np.concatenate(ends), counts, least
@@ -124,6 +126,27 @@ def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
     rows, _ = score_runs(white, runs_of_law(law, rng))
     ratio = [r["predicted_rad"] / r["measured_rad"] for r in rows if r["horizon"] == "0.5 s"]
     assert max(ratio) > 1.5
+
+
+@pytest.mark.slow
+def test_the_intervals_of_a_bootstrap_over_runs_hold_the_known_memory():
+    def memory(law: JointErrorModel) -> np.ndarray:
+        """Impulse response (6, 2) after 1, 2, 3, 5, 10 and 20 samples."""
+        return law.response(50)[1][[1, 2, 3, 5, 10, 20]]
+
+    law, rng, sets, refits = known_law(), np.random.default_rng(9), 4, 12
+    inside, white = [], []
+    for _ in range(sets):
+        runs = runs_of_law(law, rng)
+        fitted = memory(fit_joint_error(runs, tails=False))
+        drawn = rng.integers(0, len(runs), (refits, len(runs)))
+        each = [memory(fit_joint_error([runs[i] for i in own], tails=False)) for own in drawn]
+        reach = student.ppf(0.975, refits - 1) * np.std(each, axis=0, ddof=1)
+        inside.append(np.abs(fitted - memory(law)) <= reach)
+        white.append(np.abs(fitted - 1.0) <= reach)  # control: an error that persists
+    # 48 correlated intervals of .95, of as many as 8 independent joints: 2 of them may miss
+    assert np.mean(inside) >= 0.8
+    assert np.mean(white) < 0.5
 
 
 def test_samples_after_a_jump_of_the_commanded_speed_do_not_count():

@@ -39,6 +39,8 @@ def test_a_folder_of_logs_alone_becomes_a_card_and_a_model(tmp_path, monkeypatch
     model = load("data/export/bench_joint_step.json", period=0.008)
     std = np.sqrt(np.diag(model.law.covariance_of_joint_step(np.full(6, 5e-3))))
     np.testing.assert_allclose(std, np.sqrt(2) * 5e-5, rtol=0.2)
+    with pytest.raises(ConfigError, match="pose_noise must be a number > 0 in rad, got 'some'"):
+        tool_call("characterize", [str(logs), "--set", "motion.pose_noise=some"])()
     with pytest.raises(ConfigError, match="model wishart needs a Jacobian: give --urdf"):
         tool_call("characterize", [str(logs), "--model", "wishart"])()
 

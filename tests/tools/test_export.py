@@ -172,17 +172,6 @@ def test_a_wishart_model_whose_step_has_no_covariance_is_not_exported(chain):
         command.require_known("wishart", parameters | {"sigma_b": 0.82}, recorded)
 
 
-def test_a_scaled_model_needs_every_joint_to_move_a_tenth_of_the_fastest_one():
-    def recorded(share: float) -> SimpleNamespace:
-        step = np.array([[[0.01, -0.01 * share]]])
-        chain = SimpleNamespace(task=("x", "z"), nominal_step=lambda q, v: step)
-        return SimpleNamespace(chain=chain, q=None, v=None, joints=("a", "b"))
-
-    command.require_known("scaled", {"kind": "scaled"}, recorded(0.11))
-    with pytest.raises(ModelDomainError, match=r"speed of b \(at most 0\.0009 rad a step\)"):
-        command.require_known("scaled", {"kind": "scaled"}, recorded(0.09))
-
-
 PAGE = (ROOT / "pipeline/tools/export/README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 

@@ -21,7 +21,7 @@ from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import get_filled
 from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, PipelineError
-from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.typed_yaml import parse_yaml, read_yaml
 from pipeline.figures.motion import noise_quantiles
 from pipeline.figures.style import save
 from pipeline.models.joint_error.fit import FAMILY
@@ -77,7 +77,8 @@ def run(
     if logged and not urdf:
         # the report of a dataset that exists is not overwritten
         name += "_logs" * datasheet.path_of(name).exists()
-        card, place = _card_of_runs(name, scale, logged), folder
+        tables, place = _tables_of_runs(logged), folder
+        card = Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
         exported = model or recommended(card.tables)[0]
         record = exported and _record_of_runs(exported, logged, name)
     else:
@@ -87,16 +88,8 @@ def run(
             tables, metrics = _results(settings, logged)
             models = {key: options.kind for key, options in settings.models.items()}
             robot = settings.dataset.robot
-            card = Run(
-                name,
-                scale,
-                False,
-                list(robot.joints),
-                list(chain_of(robot).task),
-                models,
-                metrics,
-                tables,
-            )
+            joints, task = list(robot.joints), list(chain_of(robot).task)
+            card = Run(name, scale, False, joints, task, models, metrics, tables)
             exported = model or recommended(tables)[0]
             record = exported and (
                 _record_of_runs(exported, logged, name)
@@ -133,7 +126,11 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
         return None
     for words, names in logs.suggested.items():
         print(f"characterize: ! {', '.join(names)}: {words}; --set changes it")
-    found = joint_runs(logs.movements, logs.rate, pose_noise=_number(assigned, "motion.pose_noise"))
+    stated = parse_yaml(assigned.get("motion.pose_noise", "null"))
+    if stated is not None and not (isinstance(stated, int | float) and stated > 0):
+        message = f"motion.pose_noise must be a number > 0 in rad, got {stated!r}"
+        raise ConfigError(message, key="--set")
+    found = joint_runs(logs.movements, logs.rate, pose_noise=stated)
     for run in found.runs:
         rows = f"{len(run.command)} samples of motion {run.motion}"
         lags = f"{1e3 * run.lag.min():.2f} to {1e3 * run.lag.max():.2f} ms taken out"
@@ -148,20 +145,15 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     return RunsOfLogs(found.runs, unused)
 
 
-def _card_of_runs(name: str, scale: str, logged: RunsOfLogs) -> Run:
+def _tables_of_runs(logged: RunsOfLogs) -> dict[str, pd.DataFrame]:
     """Return the tables of the joint error laws, which need no URDF."""
-    tables = joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
-    return Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
+    return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
 
 
 def _record_of_runs(model: str, logged: RunsOfLogs, name: str) -> dict[str, Any]:
     if model not in FAMILY:
         raise ConfigError(f"the model {model} needs a Jacobian: give --urdf FILE", key="--model")
     return error_record(model, config.model_options([model])[model], logged.runs, name)
-
-
-def _number(assigned: dict[str, str], key: str) -> float | None:
-    return float(assigned[key]) if key in assigned else None
 
 
 def _write_dataset(
@@ -236,7 +228,7 @@ def _results(
         if logged is None:
             raise
         print(f"characterize: only joint error laws; the motion cannot be analysed: {error}")
-        return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused), {}
+        return _tables_of_runs(logged), {}
     names = [file.stem for file in predict.OUT.glob("*.parquet")]
     tables = {name: contracts.read(name, predict.OUT) for name in names}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))
