@@ -65,7 +65,7 @@ bench: $(READY) $(PEERS)/.ready
 	python tests/benchmarks/equal_bytes.py .bench/levels
 	python tests/benchmarks/summary.py
 
-# A million particles, ten thousand takes, and a Dask cluster that loses a worker.
+# A million particles, ten thousand takes, and a Dask cluster, also with a killed worker, against local processes. Run it on an idle machine.
 bench-scale: $(READY)
 	python tests/benchmarks/growth.py --scale
 	python tests/benchmarks/summary.py

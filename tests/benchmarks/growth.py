@@ -142,22 +142,32 @@ def many_takes(count: int) -> dict[str, float]:
     return {"takes": count, "seconds": seconds, "peak_bytes": memory}
 
 
-def lost_worker(trials: int) -> dict[str, int]:
-    """Number of the ``trials`` that have the same bytes in one process and on a cluster of which a
-    worker is killed while they run.
+def cluster_runs(trials: int) -> dict[str, object]:
+    """Wall clock in s of the ``trials`` in WORKERS processes, on a cluster of as many workers, and
+    on the cluster when a worker is killed meanwhile; number of trials with equal bytes in each.
     """
     function = partial(posterior_hash, motion=take(STEPS), particles=20_000)
     alone = list(run_trials(function, range(trials), compute=Compute(1), label="posteriors"))
+    equal, seconds = [], {}
+
+    def measure(name: str, compute: Compute, killed: int | None = None) -> None:
+        begin = time.perf_counter()
+        results = run_trials(function, range(trials), compute=compute, label=f"posteriors, {name}")
+        across = [next(results)]
+        if killed is not None:
+            os.kill(killed, signal.SIGKILL)
+        across += results
+        seconds[name] = time.perf_counter() - begin
+        equal.append(sum(one == other for one, other in zip(alone, across, strict=True)))
+
+    measure("processes", Compute(WORKERS))
     cluster = LocalCluster(WORKERS, threads_per_worker=1, dashboard_address=None)
     with cluster, Client(cluster) as client:
         processes = list(client.run(os.getpid).values())
         there = Compute(dask=Dask(address=cluster.scheduler_address))
-        results = run_trials(function, range(trials), compute=there, label="posteriors")
-        across = [next(results)]
-        os.kill(processes[0], signal.SIGKILL)
-        across += list(results)
-    equal = sum(one == other for one, other in zip(alone, across, strict=True))
-    return {"trials": trials, "equal_bytes": equal, "workers": WORKERS}
+        measure("all workers", there)
+        measure("one killed", there, processes[0])
+    return {"trials": trials, "equal_bytes": min(equal), "workers": WORKERS, "seconds": seconds}
 
 
 def measure_scale(particles: int = 1_000_000, takes: int = 10_000, trials: int = 200) -> None:
@@ -165,12 +175,14 @@ def measure_scale(particles: int = 1_000_000, takes: int = 10_000, trials: int =
     many_takes(1)  # loads compiled code, which the processes below inherit
     few, many = (in_a_process(many_takes, count) for count in (takes // 10, takes))
     measured = {"machine": machine(), "particles": many_particles(particles)}
-    measured |= {"takes": {"few": few, "many": many}, "cluster": lost_worker(trials)}
+    measured |= {"takes": {"few": few, "many": many}, "cluster": cluster_runs(trials)}
     write_results("scale", measured)
 
 
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--scale"]:
-        measure_scale(*map(int, sys.argv[2:]))
+        import growth  # worker processes find its functions by this name
+
+        growth.measure_scale(*map(int, sys.argv[2:]))
     else:
         measure_growth()

@@ -14,6 +14,7 @@ import pandas as pd  # isort: skip
 from equal_bytes import CONTROL, OTHER
 
 VECTORISED = 1.3  # least ratio of the kernel's time without vectorised loops to its own
+SLOWER = 1.3  # greatest ratio of a cluster's time to the time of as many local processes
 SAME_QUALITY = 0.01  # greatest relative difference of a quality that counts as none
 STARTS = {  # what, and its limit in s
     "imports_seconds": ("imports of models and filter, numba included", 1.0),
@@ -123,7 +124,14 @@ def growth(file: Path) -> str:
 
 def scale(particles: dict, takes: dict, cluster: dict, **_: object) -> str:
     """Runs at scale."""
-    few, many = takes["few"], takes["many"]
+    few, many, seconds = takes["few"], takes["many"], cluster.get("seconds", {})
+    ratios = {name: each / seconds["processes"] for name, each in seconds.items()}
+    times = "".join(
+        f" {ratio:.2f} times as long as local processes with {name} (≤ {SLOWER}: "
+        f"{verdict(ratio <= SLOWER)})."
+        for name, ratio in ratios.items()
+        if name != "processes"
+    )
     return (
         f"**{particles['many']:,} particles**: {duration(particles['seconds_many'])} a particle "
         f"and step, {duration(particles['seconds_few'])} of {particles['few']:,}; "
@@ -133,7 +141,7 @@ def scale(particles: dict, takes: dict, cluster: dict, **_: object) -> str:
         f"{few['takes']:,} takes {duration(few['seconds'])} and {few['peak_bytes'] / 1e6:.0f} MB."
         f"\n\n**A Dask cluster** of {cluster['workers']} workers, one killed: "
         f"{cluster['equal_bytes']} of {cluster['trials']} posteriors have the bytes of a single "
-        "process."
+        f"process.{times}"
     )
 
 
