@@ -14,11 +14,6 @@ STILL = 0.1  # share of the greatest joint speed below which a joint counts as s
 FEW_TAKES = 10  # number of takes below which no interval from resampled takes is printed
 
 
-def recommended(tables: Mapping[str, pd.DataFrame]) -> tuple[str | None, str]:
-    """Return the law for another motion, or None, and the reason, by the rule on the card."""
-    return chosen_law(tables["joint_scores"])
-
-
 def answer(run: Run) -> str:
     """Return the first paragraphs of the card: model, its predictions at three horizons, motions,
     recordings that were not used, parameters and limits.
@@ -26,7 +21,7 @@ def answer(run: Run) -> str:
     t = run.tables
     if "joint_scores" not in t:
         return CARD["not_held_out"]
-    model, why = recommended(t)
+    model, why = chosen_law(t["joint_scores"])
     counted = f"{t['motions']['takes'].sum()} runs of {len(t['motions'])} motion(s)"
     unused = t["unused_recordings"][["recording", "reason"]].to_numpy()
     left = f"Not used: {'; '.join(f'{name} ({reason})' for name, reason in unused)}."
@@ -121,7 +116,7 @@ def held_out(run: Run) -> str:
 def by_joint(run: Run, samples: str) -> str:
     """Return σ, coverage and score of the richest law by joint and horizon, of ``samples``."""
     scores = run.tables["joint_scores"]
-    model = recommended(run.tables)[0] or scores["model"].iloc[-1]
+    model = chosen_law(scores)[0] or scores["model"].iloc[-1]
     own = pooled(
         scores[(scores["model"] == model) & (scores["samples"] == samples)], ["joint", "horizon"]
     )

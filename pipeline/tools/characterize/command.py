@@ -29,6 +29,7 @@ from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.recordings import quality
 from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
+from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import (
     EXPORTS,
@@ -39,7 +40,7 @@ from pipeline.tools.export.command import (
 )
 from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
-from pipeline.verdicts.model_card import answer, model_card, recommended
+from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
@@ -79,7 +80,7 @@ def run(
         name += "_logs" * datasheet.path_of(name).exists()
         tables, place = _tables_of_runs(logged), folder
         card = Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
-        exported = model or recommended(card.tables)[0]
+        exported = model or chosen_law(card.tables["joint_scores"])[0]
         record = exported and _record_of_runs(exported, logged, name)
     else:
         _write_dataset(name, folder, assigned, **options)
@@ -90,7 +91,7 @@ def run(
             robot = settings.dataset.robot
             joints, task = list(robot.joints), list(chain_of(robot).task)
             card = Run(name, scale, False, joints, task, models, metrics, tables)
-            exported = model or recommended(tables)[0]
+            exported = model or chosen_law(tables["joint_scores"])[0]
             record = exported and (
                 _record_of_runs(exported, logged, name)
                 if logged and exported in FAMILY
