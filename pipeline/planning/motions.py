@@ -17,6 +17,7 @@ REFINED_PATHS = 3  # greatest number of paths through the grid that are refined
 LEAST_DISTANCE = 0.5  # rad, least distance between the ends of refined paths
 TUBE = 11  # poses at each step of a refinement
 WIDEST, NARROWEST = 0.05, 1e-5  # rad, greatest displacement in a tube
+MOST_ROUNDS = 300  # of a refinement; 15 to 40 are usual
 GAIN = 1e-3  # least relative improvement after which the tube keeps its width
 
 
@@ -169,7 +170,9 @@ def refine(problem: Problem, cost: Cost, joints: ndarray) -> ndarray:
     """
     chain, every, width, least = problem.chain, np.arange(len(joints)), WIDEST, np.inf
     targets = np.repeat(problem.path, TUBE, axis=0)
-    while width > NARROWEST:
+    for _ in range(MOST_ROUNDS):
+        if width <= NARROWEST:
+            break
         normal, offsets = np.linalg.svd(chain.jacobian(joints))[2][:, -1:], np.linspace(-1, 1, TUBE)
         near = joints[:, None] + width * offsets[:, None] * normal
         q, kept = settle(chain, near.reshape(len(targets), -1), targets, CURVE_STEPS)

@@ -12,6 +12,7 @@ from planning_arms import LAWS, chain, joint_path, law_cost, path_problem
 from pipeline.core.errors import ConfigError, ModelDomainError
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model
+from pipeline.planning import motions
 from pipeline.planning.motions import (
     best_conditioned,
     cheapest_paths,
@@ -59,7 +60,7 @@ def test_on_a_small_grid_the_optimum_is_that_of_trying_every_motion(law, smoothn
     [*(("trace", law) for law in LAWS if law != "additive"), ("log_det", "qr_transposed")],
 )
 def test_under_every_model_a_motion_is_refined_beyond_its_grid_and_keeps_everything(
-    law, objective_
+    law, objective_, monkeypatch
 ):
     problem = path_problem("planar", 48, margin=0.05)
     cost = law_cost(law, problem.chain, objective_)
@@ -69,6 +70,13 @@ def test_under_every_model_a_motion_is_refined_beyond_its_grid_and_keeps_everyth
     assert planned.objective == pytest.approx(value(problem, cost, planned.joints))
     driven = value(problem, cost, joint_path("planar", 48))
     assert planned.objective < driven
+    # the motion through the grid's best poses is worse
+    monkeypatch.setattr(motions, "refine", lambda problem, cost, joints: joints)
+    try:
+        gain = least_uncertain(problem, cost, 100).objective - planned.objective
+        assert gain > 1e-5 * abs(planned.objective)
+    except InfeasibleError:
+        pass
     # no motion near by is better: nudged along the self-motion it costs as much or more
     tangent = np.linalg.svd(problem.chain.jacobian(planned.joints))[2][:, -1]
     tangent *= np.sign(tangent @ tangent[0])[:, None]
