@@ -14,9 +14,10 @@ TURN = 2 * np.pi  # rad
 ALIKE = 0.1  # rad, greatest distance on the circle at which two angles count as equal
 MOST_TURNS = 4  # turns, greatest angle of an arm's joint; greater angles have another unit
 BESIDE = 5  # rows before and after a jump that show the speed, and in which a spike ends
-SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows
+SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows, behind another axis
 FASTEST = 3.0  # greatest speed during a jump over the speed beside it
 TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump
+SPIKE, SHARPER = 0.2, 20.0  # least step to a single damaged row: rad, and over the steps beside it
 
 
 def unwrap(
@@ -39,9 +40,10 @@ def unwrap(
     """
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
-    if not turns.any():
-        return angles, 0
     motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
+    spikes = _spikes(motion)
+    if not turns.any() and not spikes.any():
+        return angles, 0
     reach, speed = min(BESIDE, len(steps) - 1), np.abs(motion) / seconds
     around = np.pad(np.stack([speed, np.where(turns, 0.0, speed)]), SIDES * reach, mode="reflect")
     jumping, others = sliding_window_view(around, 2 * reach + 1, axis=1)
@@ -52,7 +54,7 @@ def unwrap(
     returns = (later == -turns[..., None]).any(axis=-1)
     outside = np.ptp(angles, axis=0) > TURN * np.abs(turns) + TURN_NOISE
     unlike = (np.abs(motion) > allowed) | (np.abs(turns) > MOST_TURNS) | (returns & outside)
-    if (wrong := (turns != 0) & unlike).any():
+    if (wrong := ((turns != 0) & unlike) | spikes).any():
         row, joint = np.argwhere(wrong)[0].tolist()
         name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
         raise RecordingError(
@@ -64,6 +66,19 @@ def unwrap(
         )
     removed = np.cumsum(turns, axis=0)
     return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int((turns != 0).sum())
+
+
+def _spikes(motion: np.ndarray) -> np.ndarray:
+    """Return the mask (N − 1, joints) of steps to a single row far from the rows beside it."""
+    spikes, size = np.zeros(motion.shape, dtype=bool), np.abs(motion)
+    if len(motion) < 2 * BESIDE:
+        return spikes
+    beside = np.pad(size, SIDES[1:] * BESIDE)
+    around = sliding_window_view(beside, 2 * BESIDE + 2, axis=0)  # of the steps k and k + 1
+    usual = np.sort(around, axis=-1)[..., -3]  # the greatest but for the two of a spike
+    there = np.minimum(size[:-1], size[1:]) > np.maximum(SPIKE, SHARPER * usual)
+    spikes[:-1] = there & (motion[:-1] * motion[1:] < 0)
+    return spikes
 
 
 def turns_apart(a: np.ndarray, b: np.ndarray, circular: np.ndarray | bool = True) -> np.ndarray:

@@ -22,7 +22,8 @@ from pipeline.recordings.repetitions import Excursion, excursions
 
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # units of quality rows that are no counts
 CLOCK_TOLERANCE = 0.1  # greatest deviation of an even row, in steps
-JITTER = 0.5  # greatest deviation of a row in steps; beyond, rows are missing or too close
+JITTER = 0.5  # greatest deviation of a step; beyond, and if it lasts, rows are missing or too close
+LASTING = 41  # rows of the medians before and after a deviation that lasts
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
@@ -85,8 +86,9 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
         return 0
     off, mean, key = np.abs(steps * rate - 1), (time[-1] - time[0]) / len(steps), None
     another = abs(mean * rate - 1) > RATE_TOLERANCE
-    if off.max() > JITTER and not (another and np.median(off) > JITTER):
-        row = int(np.argmax(off > JITTER))
+    beyond = (off > JITTER) & _lasts(time * rate)
+    if beyond.any() and not (another and np.median(off) > JITTER):
+        row = int(np.argmax(beyond))
         found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from the start"
         cause = "samples are missing" if steps[row] * rate > 1 else "rows are too close"
     elif another:
@@ -96,6 +98,18 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
         return int((off > CLOCK_TOLERANCE).sum())
     message = f"the time step of the log is {found}, not 1/{rate:g} s: {cause}"
     raise RecordingError(message, file=file, key=key)
+
+
+def _lasts(steps: np.ndarray) -> np.ndarray:
+    """Return the mask (N − 1,) of rows about which the clock ``steps`` (N,) is shifted for good. A
+    loaded computer's clock is late, and then on time again.
+    """
+    from scipy.ndimage import median_filter
+
+    shift = median_filter(steps - np.arange(len(steps)), LASTING, mode="nearest")
+    rows, half = np.arange(len(steps) - 1), LASTING // 2
+    after, before = np.minimum(rows + half + 1, len(rows)), np.maximum(rows - half, 0)
+    return np.abs(shift[after] - shift[before]) > JITTER
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:

@@ -101,6 +101,33 @@ def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path
     assert errors[right] < 1e-7 and errors[wrong] > 4e-4
 
 
+def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
+    late = 0.005 * np.arange(400)
+    late[50::23] += 0.004  # s, of steps of 5 ms
+    files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
+    rows = jittered(400).signals["actual"]
+    for times, words in ((late, "of [0-9]+ rows are uneven"), (np.delete(late, 60), "are missing")):
+        np.savez(tmp_path / "log.npz", times=times, q=rows[: len(times)])
+        with pytest.raises(RecordingError, match=words):
+            movement.read_movement(files, 200.0)
+    np.savez(tmp_path / "log.npz", times=late, q=rows)
+    signals, _ = movement.read_movement(files, 200.0, "rows")
+    np.testing.assert_array_equal(signals["actual"], rows)
+
+
+@pytest.mark.parametrize("row", [1, 50, 398])
+def test_a_single_row_with_a_lost_sign_is_named_by_its_line(row):
+    time, lines = 0.01 * np.arange(400), np.arange(400) + 2
+    angles = np.stack([1.1 + 0.3 * np.sin(time), np.cos(2 * time)], axis=1)
+    assert unwrap(angles, time)[1] == 0
+    angles[row, 0] *= -1
+    with pytest.raises(
+        RecordingError, match=r"joint 1 .* neither a motion nor whole turns"
+    ) as found:
+        unwrap(angles, time, lines=lines)
+    assert found.value.evidence["line"] == row + 2
+
+
 TURNING = np.linspace(2.9, 3.5, 60)[:, None] * [1.0, 0.1]  # rad; the first joint passes π
 WRAP = {
     "to ±π": lambda q: (q + np.pi) % (2 * np.pi) - np.pi,
