@@ -13,7 +13,8 @@ from pipeline.models.runs import JointRun
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 
 NORM = "norm of the inverse Jacobian"
-COLUMNS = ["quantity", "exponent", "low", "high", "power", "windows", "groups", "spread", "needed"]
+NUMBERS = dict.fromkeys(["exponent", "low", "high", "power"], float)
+NUMBERS |= {"windows": int, "groups": int, "spread": float, "needed": float}
 
 
 def pose_table(
@@ -21,7 +22,7 @@ def pose_table(
 ) -> pd.DataFrame:
     """Return the table ``pose_effect``: the exponent of ‖J⁺‖ and of each model's standard deviation
     in the size of the joints' noise, after the joint speed, with its interval over motions. Runs of
-    one motion count as one. Steps at singular poses are left out.
+    one motion count as one. Steps at singular poses are left out. No row for too few windows.
     """
     motions: dict[str, dict[str, list]] = {}
     for run in runs:
@@ -46,4 +47,4 @@ def pose_table(
         if (found := pose_effect(windows_of(whole), rng)) is not None:
             exponent, *others = found
             rows.append((name, *exponent[:3], *others))
-    return pd.DataFrame(rows, columns=COLUMNS)
+    return pd.DataFrame(rows, columns=["quantity", *NUMBERS]).astype(NUMBERS)  # also without rows

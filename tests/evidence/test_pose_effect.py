@@ -4,10 +4,14 @@ that cannot tell says so.
 
 import numpy as np
 import pytest
+from planar_poses import chain
 
+from pipeline.evidence.pose import pose_table
+from pipeline.models.runs import JointRun
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 
+__all__ = ["chain"]
 MOTIONS, STEPS = 8, 400
 
 
@@ -56,3 +60,10 @@ def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_no
     found = pose_effect(windows_of([(noise, dq, x)]), rng)
     assert found.groups == 8 and found.exponent.low > 0
     assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
+
+
+def test_too_few_windows_give_a_table_of_numbers_without_rows(chain):
+    poses = np.array([0.3, 1.5, -0.4]) + 1e-3 * np.arange(30)[:, None]
+    run = JointRun("take", 100.0, poses, poses + 1e-5, tuple("abc"), *[np.zeros(3)] * 2, None, "1")
+    table = pose_table([run], chain, {}, np.random.default_rng(1))
+    assert table.empty and set(table.dtypes[1:].astype(str)) == {"float64", "int64"}
