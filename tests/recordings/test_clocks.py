@@ -1,12 +1,14 @@
 """Two records of one motion: the clock offset between them with an honest standard error; unit,
-order, sign and clock of a command, found whatever the others do.
+order, sign and clock of a command, found whatever the others do; uneven clocks of a log.
 """
 
 import numpy as np
 import pytest
 
+from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
-from pipeline.recordings import commands
+from pipeline.formats.joints.log import JointLog, LogOptions
+from pipeline.recordings import commands, movement
 from pipeline.recordings.commands import (
     Pairing,
     find_pairing,
@@ -205,3 +207,64 @@ def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
     assert tracking_errors(still + 0.01, still) == pytest.approx([0.1])
     moved = np.linspace(0, 2, 100)[:, None]
     assert tracking_errors(moved + 0.01, moved) == pytest.approx([0.01 / 2])
+
+
+def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> JointLog:
+    """A log at 200 Hz whose times jitter; ``sampled``: the angles are those of these times."""
+    even = np.arange(samples) * 0.005
+    times = even + np.random.default_rng(1).normal(0, jitter, samples)
+    t = (times if sampled else even)[:, None]
+    return JointLog(times, {"actual": np.sin(2 * t + np.arange(3))}, {})
+
+
+@pytest.mark.parametrize("sampled", [True, False])
+def test_a_jittered_clock_is_asked_about_and_the_angles_say_which_it_is(tmp_path, sampled):
+    log = jittered(sampled=sampled)
+    np.savez(tmp_path / "log.npz", times=log.time, q=log.signals["actual"])
+    files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
+    words = r"rows are uneven; the jitter is 0.2[0-9]+ ms"
+    with pytest.raises(RecordingError, match=words) as refused:
+        movement.read_movement(files, 200.0)
+    assert refused.value.evidence["key"] == "dataset.joint_log.clock"
+    smoother = movement.smoothness_by_rows(log.time, log.signals["actual"], 200.0)
+    assert smoother < 0.1 if sampled else smoother > 10
+    errors = {}
+    for clock in ("rows", "times"):
+        signals, counts = movement.read_movement(files, 200.0, clock)
+        begun = log.time[0] if clock == "times" else 0.0
+        grid = np.arange(len(signals["actual"]))[:, None] * 0.005 + begun
+        truth = np.sin(2 * grid + np.arange(3))
+        errors[clock] = np.abs(signals["actual"] - truth).max()
+        assert counts["clock_jitter"] == pytest.approx(2e-4 * np.sqrt(2), rel=0.1)
+        assert 0 < counts["uneven_rows"] < 400
+        assert counts.get("resampled_rows", 0) == (len(grid) if clock == "times" else 0)
+    right, wrong = ("times", "rows") if sampled else ("rows", "times")
+    # the jitter of 0.2 ms is up to 0.4 mrad a standard deviation at 2 rad/s
+    assert errors[right] < 1e-7 and errors[wrong] > 4e-4
+
+
+def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
+    late = 0.005 * np.arange(400)
+    late[50::23] += 0.004  # s, of steps of 5 ms
+    files = {tmp_path / "log.npz": LogOptions(joints=3, signals={"actual": None})}
+    rows = jittered(400).signals["actual"]
+    for times, words in ((late, "of [0-9]+ rows are uneven"), (np.delete(late, 60), "are missing")):
+        np.savez(tmp_path / "log.npz", times=times, q=rows[: len(times)])
+        with pytest.raises(RecordingError, match=words):
+            movement.read_movement(files, 200.0)
+    np.savez(tmp_path / "log.npz", times=late, q=rows)
+    signals, _ = movement.read_movement(files, 200.0, "rows")
+    np.testing.assert_array_equal(signals["actual"], rows)
+
+
+@pytest.mark.parametrize("row", [1, 50, 398])
+def test_a_single_row_with_a_lost_sign_is_named_by_its_line(row):
+    time, lines = 0.01 * np.arange(400), np.arange(400) + 2
+    angles = np.stack([1.1 + 0.3 * np.sin(time), np.cos(2 * time)], axis=1)
+    assert unwrap(angles, time)[1] == 0
+    angles[row, 0] *= -1
+    with pytest.raises(
+        RecordingError, match=r"joint 1 .* neither a motion nor whole turns"
+    ) as found:
+        unwrap(angles, time, lines=lines)
+    assert found.value.evidence["line"] == row + 2
