@@ -116,6 +116,7 @@ def variation_limits(noise: ndarray, rng: Generator) -> ndarray:
     course, limits = 1 + 2**0.5 * VARYING * np.sin(phases)[:, None], []
     for of_joint in np.moveaxis(noise, -1, 0):
         running = uniform_filter1d(of_joint.var(axis=0), max(len(phases) // WINDOWS, 1))
+        running = np.maximum(running, 0.0)  # a running sum rounds to less at rest
         for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
             drawn = _drawn_std(of_joint, scale, rng) * course
             with np.errstate(divide="ignore", invalid="ignore"):  # no noise at all: no limits
