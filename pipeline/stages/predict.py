@@ -26,6 +26,7 @@ from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 
 TRACK, FIT, OUT = Path("data/track"), Path("data/fit"), Path("data/predict")
+BESIDE = "joint_step_t"  # model without a random matrix, added to the models of the run
 CONTROL = "wishart_qr_transposed"  # added if the run has a Wishart model
 MATRIX_KINDS = ("gaussian", "wishart")
 Models = dict[str, Options]  # options by name, of the run's and the added models
@@ -40,8 +41,9 @@ def run() -> None:
             return
         recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
         options = settings.models
-        if any(own.kind == "wishart" for own in options.values()):
-            options = options | config.model_options({CONTROL} - options.keys())
+        control = any(own.kind == "wishart" for own in options.values())
+        added = {BESIDE, *[CONTROL] * control} - options.keys()
+        options = options | config.model_options(sorted(added))
         ranges = fitted_ranges(recorded, settings.dataset.motion.rate)
         tables = {"ranges": ranges} | _joint_tables(settings, recorded, options)
         for name, table in (tables | _predictions(settings, recorded, options)).items():
