@@ -151,19 +151,13 @@ def test_compiled_code_is_loaded_until_a_constant_in_another_file_is_edited(pack
 def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
     tmp_path, monkeypatch
 ):
-    decorators = {"compiled", "inner", "inlined"}
-    needed, waiting = (
-        set(),
-        [
-            module
-            for module in MODULES
-            if any(
-                decorators
-                & {getattr(each, "id", None) for each in getattr(node, "decorator_list", [])}
-                for node in tree(module).body
-            )
-        ],
-    )
+    needed, waiting = set(), []
+    for module in MODULES:
+        decorators = [
+            one for node in tree(module).body for one in getattr(node, "decorator_list", [])
+        ]
+        if {"compiled", "inner", "inlined"} & {getattr(one, "id", None) for one in decorators}:
+            waiting.append(module)
     assert len(waiting) > 10
     while waiting:
         needed.add(module := waiting.pop())

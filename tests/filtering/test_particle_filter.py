@@ -37,16 +37,15 @@ MODELS = {
 }
 RNG = np.random.default_rng
 PATH_START, PARTICLES = np.array([1.1, -1.6, 1.8]), 3 * WIDTH + 77
-
-
-@pytest.fixture(scope="module")
-def arm() -> PlanarChain:
-    """Links askew and senses mixed, the limits so near that some particles leave them."""
-    links = np.array([[0.01, 0.155], [-0.02, 0.135], [0.03, 0.17]])
-    lower = PATH_START - np.array([0.2, 0.35, 0.3])
-    upper = PATH_START + np.array([0.27, 0.3, 0.4])
-    signs = np.array([1.0, -1.0, 1.0])
-    return PlanarChain(np.array([0.05, -0.1]), links, signs, lower, upper, np.ones(3))
+# links askew and senses mixed, the limits so near that some particles leave them
+ARM = PlanarChain(
+    np.array([0.05, -0.1]),
+    np.array([[0.01, 0.155], [-0.02, 0.135], [0.03, 0.17]]),
+    np.array([1.0, -1.0, 1.0]),
+    PATH_START - np.array([0.2, 0.35, 0.3]),
+    PATH_START + np.array([0.27, 0.3, 0.4]),
+    np.ones(3),
+)
 
 
 def scene(arm: PlanarChain, steps: int = 60) -> tuple[np.ndarray, Start, Measurements]:
@@ -100,9 +99,9 @@ def both(model, arm, options: Filter, share: float = 0.0) -> tuple[Posterior, Po
 
 @pytest.mark.parametrize("share, band", [(0.0, 1e-12), (0.4, 1e-11)], ids=["open", "closed"])
 @pytest.mark.parametrize("kind", MODELS)
-def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band, arm):
+def test_the_compiled_filter_is_the_plain_one_for_every_model(kind, share, band):
     """The poses' own rounding enters the commands of a closed loop."""
-    compiled, plain = both(MODELS[kind], arm, filter_options(PARTICLES), share)
+    compiled, plain = both(MODELS[kind], ARM, filter_options(PARTICLES), share)
     assert greatest_difference(compiled, plain) < band
     # the scene has everything in it
     assert plain.resampled.any() and plain.measured.sum() > 15 and plain.left_out == 2
@@ -123,24 +122,24 @@ class Sampled:
 
 @pytest.mark.parametrize("share", [0.0, 0.4], ids=["open", "closed"])
 @pytest.mark.parametrize("kind", ["additive", "wishart qr"])
-def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share, arm):
+def test_a_law_without_compiled_code_is_filtered_by_its_samples(kind, share):
     sampled, compiled = (
-        on_the_scene(particle_filter, law, arm, filter_options(PARTICLES), share, RNG(5))
+        on_the_scene(particle_filter, law, ARM, filter_options(PARTICLES), share, RNG(5))
         for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
     assert greatest_difference(sampled, compiled) < 1e-11 and compiled.resampled.any()
     q, v = np.tile(PATH_START, (4, 1)), np.full(3, 1e-3)
     one, other = (
-        draw_steps(law, arm, q, v, RNG(3))[0] for law in (Sampled(MODELS[kind]), MODELS[kind])
+        draw_steps(law, ARM, q, v, RNG(3))[0] for law in (Sampled(MODELS[kind]), MODELS[kind])
     )
     np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("threshold", [0.0, 0.3, 0.9])
-def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold, arm):
+def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold):
     options = filter_options(PARTICLES, scheme, threshold)
-    compiled, plain = both(MODELS["wishart pivoted_lu"], arm, options)
+    compiled, plain = both(MODELS["wishart pivoted_lu"], ARM, options)
     assert greatest_difference(compiled, plain) < 1e-12
     due = (plain.ess < threshold * PARTICLES) & (scheme != "none")
     assert np.array_equal(plain.resampled, due) and due.any() == (
@@ -149,21 +148,21 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
 
 
 @pytest.mark.parametrize("particles", [1, 2, WIDTH - 1, WIDTH, WIDTH + 1])
-def test_blocks_of_any_filling_are_filtered(particles, arm):
-    roomy = replace(arm, lower=arm.lower - 2.0, upper=arm.upper + 2.0)
+def test_blocks_of_any_filling_are_filtered(particles):
+    roomy = replace(ARM, lower=ARM.lower - 2.0, upper=ARM.upper + 2.0)
     compiled, plain = both(MODELS["wishart pivoted_lu"], roomy, filter_options(particles))
     assert greatest_difference(compiled, plain) < 1e-12
 
 
-def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(arm):
-    compiled, plain = both(MODELS["additive"], arm, filter_options(PARTICLES))
-    off, _ = both(AdditiveModel((1 + 1e-9) * COVARIANCE), arm, filter_options(PARTICLES))
+def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed():
+    compiled, plain = both(MODELS["additive"], ARM, filter_options(PARTICLES))
+    off, _ = both(AdditiveModel((1 + 1e-9) * COVARIANCE), ARM, filter_options(PARTICLES))
     assert greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
     for options, share in (
         (filter_options(PARTICLES, threshold=0.6), 0.0),
         (filter_options(), 0.4),
     ):
-        other, _ = both(MODELS["additive"], arm, options, share)
+        other, _ = both(MODELS["additive"], ARM, options, share)
         assert greatest_difference(other, plain) > 1e-3
 
 

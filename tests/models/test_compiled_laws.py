@@ -2,15 +2,12 @@
 draws and their moments on arms of any size, at rest and at singular poses.
 """
 
-import os
-import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from numpy_laws import plain_steps
 from printed_algorithms import READINGS, least_p_value
-from project_copy import ROOT, succeeds
 from random_arm import motion, random_arm
 from scipy import stats
 
@@ -146,39 +143,6 @@ def test_a_law_of_an_unknown_kind_is_refused(kind, chain, step):
     assert np.all(known != POSE)
     with pytest.raises(ModelDomainError, match="no law of this kind"):
         draw_steps(OfKind(0.05, 30.0, kind), chain, POSE, step, RNG())
-
-
-RENUMBERED = """
-import sys
-import numpy as np
-from pipeline.models import model
-names = [name for name in vars(model) if name.endswith("_LAW")]
-for name, kind in zip(names, map(int, sys.argv[1:]), strict=True):
-    for key, old in model.WISHART_LAWS.items():
-        if old == getattr(model, name):
-            model.WISHART_LAWS[key] = ("new", kind)
-    setattr(model, name, kind)
-model.WISHART_LAWS.update({key: kind for key, (_, kind) in model.WISHART_LAWS.items()})
-from pipeline.models.draws import draw_steps
-from test_compiled_laws import ARMS, MODELS, POSE
-from pipeline.arm.chain import PlanarChain
-links, signs = ARMS["the arm's"]
-arm = PlanarChain(np.zeros(2), links, np.array(signs), *np.full((3, 3), 9.0))
-v = np.array([0.004, -0.003, 0.03])
-for law in MODELS.values():
-    print(draw_steps(law, arm, POSE[None], v, np.random.default_rng(3)))
-"""
-
-
-@pytest.mark.slow
-def test_the_numbers_of_the_kinds_carry_no_meaning():
-    def draws(*kinds: int) -> str:
-        places = [str(ROOT), *(str(ROOT / "tests" / name) for name in ("helpers", "models"))]
-        environment = {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(places)}
-        program = sys.executable, "-c", RENUMBERED, *map(str, kinds)
-        return succeeds(*program, cwd=ROOT, **environment)
-
-    assert draws(*range(6)) == draws(40, -3, 7, 12, 5, 1)
 
 
 @every_model

@@ -29,15 +29,22 @@ MEASUREMENT = np.diag([0.6, 1.5, 1.7]) * 1e-6
 TAKES, REST = 60, 20
 
 
-def recorded(chain, poses, step, model, *, takes=TAKES, measured=MEASUREMENT, seed=1) -> Recorded:
+def recorded(chain, poses, step, model, *, takes=TAKES, measured=MEASUREMENT) -> Recorded:
     """Takes of a rest and of a motion through ``poses``, each step drawn from the ``model``."""
-    rng = np.random.default_rng(seed)
     v = np.concatenate([np.zeros((REST, 3)), np.tile(step, (40, 1))])
-    q = np.tile(poses[: len(v)], (takes, 1, 1))
-    drawn, _ = draw_steps(model, chain, q, v, rng)
-    noise = drawn - q - chain.nominal_step(q, v)
-    noise += rng.multivariate_normal(np.zeros(3), measured, noise.shape[:2])
-    return Recorded(chain, q, v, noise, ("a", "b", "c"))
+    own = recorded_on(chain, poses[: len(v)], v, measured, model, takes)
+    return replace(own, known_measurement=None)
+
+
+def recorded_on(arm, q, v, measured, model, takes: int) -> Recorded:
+    """Takes of steps that begin at the poses ``q`` and are drawn from the ``model``, each measured
+    with noise of the covariance ``measured``.
+    """
+    rng, poses = np.random.default_rng(1), np.tile(q, (takes, 1, 1))
+    noise = draw_steps(model, arm, poses, v, rng)[0] - poses - arm.nominal_step(poses, v)
+    noise += rng.multivariate_normal(np.zeros(q.shape[1]), measured, noise.shape[:2])
+    joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
+    return Recorded(arm, poses, v, noise, joints, measured)
 
 
 def wishart(estimator: str, name: str = "pivoted_lu", **options) -> Wishart:
@@ -169,22 +176,15 @@ every_arm = pytest.mark.parametrize(
 
 
 def scene(n: int, m: int):
-    """Arm, a motion of it, and the covariance of noise of a tenth of the steps' size."""
+    """Arm, a motion of it, the covariance of noise of a tenth of the steps' size, and the
+    covariance of a measurement with a hundredth of it.
+    """
     arm = random_arm(n, m)
     q, v = motion(arm, STEPS, REST)
     step = np.sqrt(np.mean(np.diff(q[REST:], axis=0) ** 2))
     root = np.eye(n) + 0.5 * np.random.default_rng(1).standard_normal((n, n)) / np.sqrt(n)
-    return arm, q[:-1], v, (0.1 * step) ** 2 * root @ root.T
-
-
-def recorded_on(arm, q, v, covariance, model) -> Recorded:
-    """Takes of steps that begin at the poses ``q``, measured with a hundredth of the noise."""
-    rng, measurement = np.random.default_rng(1), 1e-2 * np.diag(np.diag(covariance))
-    poses = np.tile(q, (COUNT, 1, 1))
-    noise = draw_steps(model, arm, poses, v, rng)[0] - q - arm.nominal_step(q, v)
-    noise += rng.multivariate_normal(np.zeros(q.shape[1]), measurement, noise.shape[:2])
-    joints = tuple(f"joint_{j}" for j in range(q.shape[1]))
-    return Recorded(arm, poses, v, noise, joints, measurement)
+    covariance = (0.1 * step) ** 2 * root @ root.T
+    return (arm, q[:-1], v), covariance, 1e-2 * np.diag(np.diag(covariance))
 
 
 # prefix of the compared estimates, band of their sampling error, factor on the control's noise
@@ -209,15 +209,16 @@ def test_known_parameters_come_back_on_any_arm_and_others_do_not(n, m, given, na
     """Variances and standard deviations by their relative error, covariances by the error of the
     correlation. Control: a model whose noise is larger by a factor.
     """
-    (kind, option, value), case = given, scene(n, m)
+    (kind, option, value), (at, covariance, measured) = given, scene(n, m)
     choice = {option: value} | ({"estimator": "likelihood"} if kind == "wishart" else {})
     options = kinds.options_type(kind)(kind, **choice)
-    (truth,) = kinds.truths(recorded_on(*case, AdditiveModel(case[-1])), options, [0.25])
-    model, at = build_model(truth.parameters), case[:3]
+    data = recorded_on(*at, measured, AdditiveModel(covariance), COUNT)
+    (truth,) = kinds.truths(data, options, [0.25])
+    model = build_model(truth.parameters)
     variance = np.trace(model.covariance(*at), axis1=-2, axis2=-1).mean()
 
     def error(model) -> float:
-        found = estimate(recorded_on(*case, model), options).estimates
+        found = estimate(recorded_on(*at, measured, model, COUNT), options).estimates
         errors = []
         for name, known in truth.values.items():
             own = name.startswith("sigma_omega") and name[12] != name[13]

@@ -15,7 +15,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.exported import JointAxes
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import score_runs
-from pipeline.models.joint_error.law import JointErrorModel, Outlook, build, drive
+from pipeline.models.joint_error.law import Outlook, build, drive
 from pipeline.models.joint_error.likelihood import CALIBRATION, composite_loss
 from pipeline.models.joint_error.samples import counted, settled
 
@@ -126,27 +126,6 @@ def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():
     rows, _ = score_runs(white, runs_of_law(law, rng))
     ratio = [r["predicted_rad"] / r["measured_rad"] for r in rows if r["horizon"] == "0.5 s"]
     assert max(ratio) > 1.5
-
-
-@pytest.mark.slow
-def test_the_intervals_of_a_bootstrap_over_runs_hold_the_known_memory():
-    def memory(law: JointErrorModel) -> np.ndarray:
-        """Impulse response (6, 2) after 1, 2, 3, 5, 10 and 20 samples."""
-        return law.response(50)[1][[1, 2, 3, 5, 10, 20]]
-
-    law, rng, sets, refits = known_law(), np.random.default_rng(9), 4, 12
-    inside, white = [], []
-    for _ in range(sets):
-        runs = runs_of_law(law, rng)
-        fitted = memory(fit_joint_error(runs, tails=False))
-        drawn = rng.integers(0, len(runs), (refits, len(runs)))
-        each = [memory(fit_joint_error([runs[i] for i in own], tails=False)) for own in drawn]
-        reach = student.ppf(0.975, refits - 1) * np.std(each, axis=0, ddof=1)
-        inside.append(np.abs(fitted - memory(law)) <= reach)
-        white.append(np.abs(fitted - 1.0) <= reach)  # control: an error that persists
-    # 48 correlated intervals of .95, of as many as 8 independent joints: 2 of them may miss
-    assert np.mean(inside) >= 0.8
-    assert np.mean(white) < 0.5
 
 
 def test_samples_after_a_jump_of_the_commanded_speed_do_not_count():

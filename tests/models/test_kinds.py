@@ -79,18 +79,3 @@ def test_it_warns_once_by_name_beyond_what_was_fitted_and_not_within(tmp_path, c
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.covariance(bent, task_step=v * 5)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("{", "Expecting property name"),
-        ('{"kind": "additive"}', "format must be 'motion model 2', got None"),
-        ('{"format": "motion model 0"}', "motion model 0"),
-    ],
-)
-def test_another_file_is_refused_by_its_name(tmp_path, text, words):
-    (tmp_path / "other.json").write_text(text)
-    with pytest.raises(ContractError, match=words) as refused:
-        load(tmp_path / "other.json")
-    assert refused.value.evidence["file"] == tmp_path / "other.json"

@@ -21,10 +21,7 @@ from pipeline.models.steps import mean_covariance
 SIGMA = 1e-5 * np.array([[3.0, -2.0, 1.0], [-2.0, 4.0, -1.5], [1.0, -1.5, 9.0]])
 NONE = np.zeros((3, 3))
 MEASUREMENT = np.array([[0.6, -0.6, 0.0], [-0.6, 1.5, -0.9], [0.0, -0.9, 1.7]]) * 1e-6
-MODELS = {
-    "additive": build({"noise_covariance": SIGMA}),
-    "gaussian": GaussianModel(0.1, 40.0),
-}
+MODELS = {"additive": build({"noise_covariance": SIGMA}), "gaussian": GaussianModel(0.1, 40.0)}
 FLAT = {
     "additive": AdditiveModel(1e-5 * np.outer([1.0, -1.0, 2.0], [1.0, -1.0, 2.0])),
     "gaussian": GaussianModel(0.1, 14.5),  # below the norm of poses with a bent elbow

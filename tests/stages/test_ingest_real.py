@@ -14,10 +14,8 @@ from planar_poses import load_arm
 from pipeline.configuration import datasheet
 from pipeline.core import contracts
 from pipeline.core.columns import members, values
-from pipeline.core.errors import RecordingError
 from pipeline.recordings.repetitions import excursions
 from pipeline.stages import ingest, track
-from pipeline.tools.inspect.command import inspect
 
 
 def recordings(dataset: str) -> Path:
@@ -122,35 +120,6 @@ def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_proj
 
 
 TAKES = [f"measurements_{file}_{number}" for file in (1, 2) for number in (1, 2)]
-
-
-@pytest.mark.parametrize("number", [1, 2])
-def test_inspect_finds_what_the_datasheet_settles(lwr4, number):
-    name = f"measurements_{number}"
-    (finding,) = inspect(lwr4 / f"{name}.npz")
-    stated = OmegaConf.load(datasheet.path_of("lwr4")).joint_log
-    settings = finding.suggested
-    assert settings.pop("rest") == "0" and settings.pop("clock") == stated.clock
-    assert {key: float(settings[key]) for key in ("target_factor", "target_delay")} == {
-        "target_factor": stated.target_factor,
-        "target_delay": stated.target_delay[name],
-    }
-    assert not finding.stops and finding.facts["joints"] == len(stated.joints)
-
-
-@pytest.mark.parametrize(
-    ("unsettled", "words"),
-    [
-        ({"clock": None}, "rows are uneven"),
-        ({"target_factor": 1.0}, "do not agree.*target_factor: 57.29577951308232"),
-        ({"target_delay": 0.0}, "do not agree.*target_delay: 1.405"),
-    ],
-)
-def test_each_trap_is_refused_where_no_option_settles_it(lwr4, log_project, unsettled, words):
-    log_project("lwr4", lwr4, joint_log=unsettled)
-    with pytest.raises(RecordingError, match=words):
-        ingest.run("motion")
-    assert not list(Path("data/ingest").iterdir())
 
 
 def test_the_logs_of_seven_joints_go_from_raw_files_to_process_noise(lwr4, log_project):

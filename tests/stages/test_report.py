@@ -134,12 +134,7 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
     [
         (CLAIMS, "rule: less", "rule: fewer", "rule"),
         (CLAIMS, "claims:", "claims: 3 #", "claims"),
-        (
-            CLAIMS,
-            "model: wishart",
-            "model: wishrat",
-            "'wishrat'; did you mean wishart",
-        ),
+        (CLAIMS, "model: wishart", "model: wishrat", "'wishrat'; did you mean wishart"),
         (CLAIMS, "estimator: paper", "estimator: papers", "'papers'; did you mean paper"),
         (CLAIMS, 'entry: ["11"', 'entry: ["1l"', "the entry '1l'"),
         (YOUBOT.with_name("ur5.json"), "", "{}", r"ur5\.json"),

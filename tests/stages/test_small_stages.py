@@ -18,12 +18,12 @@ from pipeline.core.errors import ConfigError
 from pipeline.evidence.case import Camera, Choices, Recordings, recorded_takes
 from pipeline.evidence.motion import NOISE, PAPERS
 from pipeline.evidence.outcomes import evaluate
-from pipeline.evidence.table import KEYS, NUMBERS, evidence_row, evidence_table
+from pipeline.evidence.table import KEYS, NUMBERS
 from pipeline.filtering.measurement import measured_takes
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.stages import articulate, choose, figures, filter, fit, publish, score, wrench
 from pipeline.verdicts.readings import claim_verdicts, read_claims
-from pipeline.verdicts.run import ArmNames, read_run
+from pipeline.verdicts.run import ArmNames
 
 THREE = ["additive", "wishart", "gaussian"]
 
@@ -80,15 +80,6 @@ def test_a_case_with_the_choices_of_the_run_has_the_runs_evidence_and_verdicts(
     places = ["quantity", "model"]
     means = [t.set_index(places).loc["greatest_mean_error", "value"] for t in (run, drawn)]
     assert not np.allclose(*means)
-
-
-def test_keys_of_the_evidence_are_words_also_where_all_of_them_look_like_numbers(project, choose):
-    """Read back from a CSV, the entry 12 would be 12.0, which no claim names."""
-    choose(overrides={"dataset": {"force": None}}, models=["additive"])
-    rows = evidence_table([evidence_row("sigma_omega", 1e-5, model="additive", entry="12")])
-    written = score._run(config.sections("score"), {}, {"evidence": rows}).to_json()
-    Path("run.json").write_text(written)
-    assert read_run(Path("run.json")).evidence["entry"].tolist() == ["12"]
 
 
 def test_the_chosen_dataset_is_written_and_an_unknown_one_is_refused_by_key(project):

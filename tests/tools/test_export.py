@@ -132,12 +132,9 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
 EDITS = {  # name of the edit → text replaced, new text, and the key and value of the message
     "rate": ('"rate_per_s": 100.0', '"rate_per_s": -5.0', r"rate_per_s .*> 0, got -5"),
     "text": ('"rate_per_s": 100.0', '"rate_per_s": "fast"', r"rate_per_s .*got 'fast'"),
-    "share": (
-        '"closed_loop_share": 0.0',
-        '"closed_loop_share": 1e9',
-        "share must .*got 1000",
-    ),
+    "share": ('"closed_loop_share": 0.0', '"closed_loop_share": 1e9', "share must .*got 1000"),
     "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite, got NaN"),
+    "json": ('{"format"', '["format"', "delimiter"),
     "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
     "cut": ('"closed_loop_share": 0.0', '"share": 0.0', "no key 'closed_loop_share'"),
     "kind": ('"kind": "gaussian"', '"kind": "laplace"', "laplace"),

@@ -55,15 +55,7 @@ def test_the_printed_scale_and_bound_mean_a_third_of_the_noise_level(norm):
     assert 3.364**2 / 3 == pytest.approx(3 * here)
     assert levels["alpha_u"] == pytest.approx(18 * levels["alpha"]) and levels["alpha_u"] > 4.9
     assert levels["ratio"] == pytest.approx(3.364 / levels["published"])
-
-
-def test_the_noise_levels_of_the_simulated_recordings_are_those_of_the_theory():
-    """Rounded numbers of one run: ⟨‖J⁻¹‖²⟩ is 14.507² and L is 3.364 there."""
-    fitted = {"noise_level": 3.3643, "rms_norm_of_the_inverse_jacobian": 14.5073}
-    levels = noise_levels(fitted, {"alpha": 0.1, "u": 18.0})
-    expected = {"published": 1.07, "ratio": 3.16, "alpha": 0.316, "alpha_u": 5.68}
-    assert levels == pytest.approx(expected, rel=5e-3)
-    assert noise_levels(fitted, {"alpha": 0.1, "u": 14.0}) == {} == noise_levels({}, {"u": 18.0})
+    assert noise_levels({}, {"alpha": 0.1, "u": 18.0}) == {}
 
 
 def test_noise_of_the_published_size_breaks_the_speed_limit_of_the_joints():
