@@ -8,13 +8,7 @@ from space_arms import LWR4
 
 from pipeline.arm.model import chain_of
 from pipeline.core.errors import ModelDomainError
-from pipeline.filtering.linear import (
-    autocorrelated_filter,
-    autocorrelation,
-    baseline_predictions,
-    deviation_roots,
-    linear_filter,
-)
+from pipeline.filtering import linear
 from pipeline.filtering.measurement import Measurements
 
 DT = 0.01
@@ -54,16 +48,16 @@ def direct(path, prior, frames, response, k: int) -> tuple[np.ndarray, np.ndarra
 def test_every_step_has_the_moments_of_the_joint_law_given_the_frames_so_far(n):
     times = [-0.004, 0.0, 0.0125, 0.03, 0.031, 0.0475, 0.09, 0.2]
     path, prior, frames, response = drawn(10, n, times, seed=n)
-    (mean,), (covariance,) = linear_filter(path, prior, [frames], DT, response)
+    (mean,), (covariance,) = linear.linear_filter(path, prior, [frames], DT, response)
     for k in range(10):
         expected, spread = direct(path, prior, frames, response, k)
         np.testing.assert_allclose(mean[k], expected, rtol=1e-8)
         np.testing.assert_allclose(covariance[k], spread, rtol=1e-6, atol=1e-12)
     # control: measurements without the response
-    (other,), _ = linear_filter(path, prior, [frames], DT)
+    (other,), _ = linear.linear_filter(path, prior, [frames], DT)
     assert np.abs(other - mean)[1:].max() > 1e-3
     with pytest.raises(ModelDomainError, match="prior covariance"):
-        linear_filter(path, -prior, [frames], DT)
+        linear.linear_filter(path, -prior, [frames], DT)
 
 
 KEEP, STEPS = 0.8, 120
@@ -88,14 +82,14 @@ def poses() -> np.ndarray:
 
 
 def test_the_autocorrelated_law_is_the_one_that_takes_were_drawn_with(poses):
-    roots, lags = deviation_roots(poses, NOISE), np.arange(1, 8)
-    correlation = autocorrelation(poses, NOISE)
+    roots, lags = linear.deviation_roots(poses, NOISE), np.arange(1, 8)
+    correlation = linear.autocorrelation(poses, NOISE)
     for k in (0, 50, 119):
         np.testing.assert_allclose(roots[k] @ roots[k], np.cov(poses[:, k].T) - NOISE, rtol=1e-9)
     expected = KEEP**lags * (1 - lags / STEPS)
     np.testing.assert_allclose(correlation[lags], expected, atol=0.02)
     # control: the measurement taken for deviation
-    assert np.all(autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005)
+    assert np.all(linear.autocorrelation(poses, 0 * NOISE)[lags] < correlation[lags] - 0.005)
 
 
 def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_training_mean(poses):
@@ -105,7 +99,7 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
         y = true[:, k] + rng.multivariate_normal(np.zeros(2), noise, (len(true), len(k)))
         zero, covariance = np.zeros((len(k), 2)), np.tile(noise, (len(k), 1, 1))
         frames = [Measurements("take", DT * k, each, zero, covariance) for each in y]
-        return autocorrelated_filter(poses, NOISE, frames, DT)
+        return linear.autocorrelated_filter(poses, NOISE, frames, DT)
 
     means, covariances = filtered(NOISE)
     assert covariances.shape == (*true.shape, 2)
@@ -122,7 +116,7 @@ def test_the_autocorrelated_filter_is_calibrated_and_without_measurements_the_tr
 @pytest.mark.parametrize("keep", [0.0, 0.95])
 def test_baselines_predict_as_well_as_the_law_allows(keep):
     noise = 4e-6 * np.eye(2)
-    predicted = baseline_predictions(*(measured(300, s, noise, keep) for s in (1, 2)), noise)
+    predicted = linear.baseline_predictions(*(measured(300, s, noise, keep) for s in (1, 2)), noise)
     # variance less the part that the measured pose before tells
     gain = keep**2 * SPREAD @ np.linalg.solve(SPREAD + noise, SPREAD)
     for name, expected in (("none", SPREAD + noise), ("memory", SPREAD + noise - gain)):

@@ -14,18 +14,9 @@ from scipy.linalg import block_diag
 from pipeline.core.errors import ModelDomainError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Start, particle_filter
+from pipeline.models import closed_loop
 from pipeline.models.additive.fit import Options as Additive
 from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.closed_loop import (
-    ClosedLoopFit,
-    MeanPath,
-    StateSpace,
-    closed_loop_steps,
-    fit_closed_loop,
-    mean_path,
-    measured_poses,
-    take_log_likelihoods,
-)
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
@@ -56,15 +47,15 @@ SEVEN = {"still": (AdditiveModel(3e-5 * np.eye(7)), MODELS["additive"][1], 1)}  
 
 
 @pytest.fixture(scope="module")
-def path(chain) -> MeanPath:
+def path(chain) -> closed_loop.MeanPath:
     """Mean path of a motion from rest to rest, of a planar arm with its base off the origin."""
     share = np.clip((np.arange(STEPS + 1) - REST) / (STEPS - 2 * REST), 0.0, 1.0)
     progress = (1 - np.cos(np.pi * share)) / 2
     poses = [0.4, 1.7, -0.3] + progress[:, None] * np.array([0.5, 0.4, -0.6])
-    return MeanPath(replace(chain, origin=np.array([0.2, -0.1])), poses)
+    return closed_loop.MeanPath(replace(chain, origin=np.array([0.2, -0.1])), poses)
 
 
-def moved(path: MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
+def moved(path: closed_loop.MeanPath, commands: Commands, off: np.ndarray) -> np.ndarray:
     """(STEPS + 1, 3) deviation from the path of an arm without noise that starts at ``off``."""
     still, quiet = Start(path.poses[0] + off, np.zeros((3, 3))), AdditiveModel(np.zeros((3, 3)))
     run = commands, 0.01, still, UNSEEN, filter_options(1), np.random.default_rng(1)
@@ -90,8 +81,8 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
         q[:, k + 1] = q[:, k] + np.matvec(chain.inverse_jacobian(q[:, k]), v[k] + share * off)
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
-    np.testing.assert_allclose(measured_poses(recorded), q, atol=1e-15)
-    closed = closed_loop_steps(recorded, mean_path(recorded), share)
+    np.testing.assert_allclose(closed_loop.measured_poses(recorded), q, atol=1e-15)
+    closed = closed_loop.closed_loop_steps(recorded, closed_loop.mean_path(recorded), share)
     # the part common to all takes is the curvature of the mean path
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5 < 1e-4 < np.max(np.ptp(noise, axis=0))
     assert not closed.v[:, :5].any() and closed.v[:, 5:].all()
@@ -102,7 +93,7 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
     np.testing.assert_array_equal(closed.subset(takes).v, closed.v[takes])
 
 
-def takes_of(kind: str, path: MeanPath, share: float, seed: int) -> Recorded:
+def takes_of(kind: str, path: closed_loop.MeanPath, share: float, seed: int) -> Recorded:
     """Takes of a model in a loop with ``share`` κ, measured with noise and a constant of each take;
     the correction is computed by NumPy, not by the compiled loop.
     """
@@ -123,9 +114,9 @@ def takes_of(kind: str, path: MeanPath, share: float, seed: int) -> Recorded:
     return Recorded(chain, measured[:, :-1], path.v, noise, joints, known)
 
 
-def fitted(kind: str, recorded: Recorded) -> ClosedLoopFit:
+def fitted(kind: str, recorded: Recorded) -> closed_loop.ClosedLoopFit:
     options = (MODELS | SEVEN)[kind][1]
-    return fit_closed_loop(recorded, options, estimate(recorded, options))
+    return closed_loop.fit_closed_loop(recorded, options, estimate(recorded, options))
 
 
 def regressed(recorded: Recorded) -> float:
@@ -146,7 +137,7 @@ def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
     """
     if n > m:
         arm = random_arm(n, m)
-        path = MeanPath(arm, motion(arm, STEPS, REST, size=0.08)[0])
+        path = closed_loop.MeanPath(arm, motion(arm, STEPS, REST, size=0.08)[0])
     fit = fitted(kind, takes_of(kind, path, 0.4, seed=1))
     assert abs(fit.share - 0.4) < 4.5 * fit.standard_error < 0.13
     assert 1 < fit.rounds < 10
@@ -189,7 +180,7 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
     drift = np.eye(n) + 0.1 * rng.standard_normal((steps, n, n))
     correction = np.eye(n) + 0.1 * rng.standard_normal((steps, n, n))
     noise, measured = np.stack([covariance(1.0) for _ in range(steps)]), covariance(0.5)
-    space = StateSpace(drift, correction, noise, measured, np.ones(steps, dtype=bool))
+    space = closed_loop.StateSpace(drift, correction, noise, measured, np.ones(steps, dtype=bool))
     deviation = 2 * rng.standard_normal((takes, steps + 1, n))
     deviation -= deviation.mean(axis=0)
     begin, _ = without_measurement(np.cov(deviation[:, 0].T), measured)
@@ -208,7 +199,7 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
         return -0.5 * squares - 0.5 * (takes - 1) / takes * np.linalg.slogdet(total)[1]
 
     shares = np.array([0.0, 0.3, 0.9])
-    likelihoods = take_log_likelihoods(space, deviation, shares)
+    likelihoods = closed_loop.take_log_likelihoods(space, deviation, shares)
     expected = np.stack([log_likelihoods(share) for share in shares])
     np.testing.assert_allclose(likelihoods, expected, rtol=1e-10)
 
@@ -216,11 +207,11 @@ def test_the_likelihood_is_that_of_the_whole_motion_as_one_normal_vector():
 def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_theirs():
     """The innovation y_1 − y_0 has the variance 1.99κ² − 0.2 + 0.02, negative at κ = 0.1."""
     one = np.ones((1, 1, 1))
-    space = StateSpace(one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool))
+    space = closed_loop.StateSpace(one, one, -0.2 * one, 0.01 * one[0], np.ones(1, dtype=bool))
     deviation, shares = np.array([1.0, -1.0])[:, None, None] * np.ones((2, 2, 1)), [1.0, 0.1]
     with np.errstate(all="raise"):
-        likelihoods = take_log_likelihoods(space, deviation, np.array(shares))
-        alone = take_log_likelihoods(space, deviation, np.array(shares[:1]))
+        likelihoods = closed_loop.take_log_likelihoods(space, deviation, np.array(shares))
+        alone = closed_loop.take_log_likelihoods(space, deviation, np.array(shares[:1]))
     assert np.all(np.isfinite(alone)) and np.array_equal(likelihoods[:1], alone)
     assert np.all(likelihoods[1] == -np.inf)
 
@@ -228,10 +219,10 @@ def test_a_share_without_a_covariance_has_no_likelihood_and_the_others_keep_thei
 def test_a_single_take_and_an_unknown_measurement_noise_are_refused(path):
     recorded, options = takes_of("additive", path, 0.4, seed=6), MODELS["additive"][1]
     with pytest.raises(ModelDomainError, match="needs two takes"):
-        fit_closed_loop(recorded.subset(np.array([3])), options, None)
+        closed_loop.fit_closed_loop(recorded.subset(np.array([3])), options, None)
     moving = np.any(recorded.v, axis=1)
     parts = {"q": recorded.q[:, moving], "noise": recorded.noise[:, moving]}
     never = replace(recorded, v=recorded.v[moving], known_measurement=None, **parts)
     known = Estimate({"kind": "additive", "noise_covariance": COVARIANCE.tolist()}, {}, {})
     with pytest.raises(ModelDomainError, match="never rests"):
-        fit_closed_loop(never, options, known)
+        closed_loop.fit_closed_loop(never, options, known)

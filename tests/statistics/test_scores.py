@@ -7,15 +7,7 @@ import pytest
 from scipy.stats import chi2, kstest, multivariate_normal
 
 from pipeline.core.filters import MEMORY, NONE, closed, models_of
-from pipeline.statistics.scores import (
-    Filtered,
-    filter_tables,
-    nees,
-    normal_log_score,
-    posterior_scores,
-    score_comparison,
-    training_mean,
-)
+from pipeline.statistics import scores
 from pipeline.statistics.takes import paired_difference
 
 COVARIANCE = np.array([[2.0, -0.9, 0.1], [-0.9, 1.5, 0.4], [0.1, 0.4, 0.8]])
@@ -28,18 +20,18 @@ def test_the_normal_log_score_is_the_log_density():
     stacked = COVARIANCE * np.arange(1.0, 21)[:, None, None]
     pairs = zip(errors, stacked, strict=True)
     expected = [multivariate_normal(np.zeros(3), c).logpdf(e) for e, c in pairs]
-    np.testing.assert_allclose(normal_log_score(errors, stacked), expected, rtol=1e-12)
+    np.testing.assert_allclose(scores.normal_log_score(errors, stacked), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
 def test_the_log_score_prefers_the_true_law_and_the_nees_is_chi_squared_under_it_alone(scale):
     rng = np.random.default_rng(5)
     outcome = rng.standard_normal((2000, 3)) @ np.linalg.cholesky(COVARIANCE).T
-    log = (normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
+    log = (scores.normal_log_score(outcome, s**2 * COVARIANCE) for s in (scale, 1))
     assert paired_difference(*log).high < 0
     law = chi2(3).cdf
-    assert kstest(nees(outcome, COVARIANCE), law).pvalue > 1e-3
-    assert kstest(nees(outcome, scale**2 * COVARIANCE), law).pvalue < 1e-9
+    assert kstest(scores.nees(outcome, COVARIANCE), law).pvalue > 1e-3
+    assert kstest(scores.nees(outcome, scale**2 * COVARIANCE), law).pvalue < 1e-9
 
 
 def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_does_not():
@@ -47,7 +39,7 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
     error = std * np.random.default_rng(1).normal(size=(TAKES, STEPS, 2))
     covariance = np.tile(np.diag(std**2), (TAKES, STEPS, 1, 1))
     (honest, one), (narrow, two) = (
-        posterior_scores(error, c * covariance, JOINTS) for c in (1, 0.25)
+        scores.posterior_scores(error, c * covariance, JOINTS) for c in (1, 0.25)
     )
     assert one is two is None
     for joint, rms in zip(JOINTS, std, strict=True):
@@ -55,15 +47,15 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
         assert honest[f"coverage_of_one_sigma_{joint}"].mean() == pytest.approx(0.683, abs=0.02)
         assert narrow[f"coverage_of_one_sigma_{joint}"].mean() < 0.42
     assert honest["nees"].mean() == pytest.approx(len(JOINTS), rel=0.05)
-    table = score_comparison({"honest": honest, "narrow": narrow}, "honest").set_index(
+    table = scores.score_comparison({"honest": honest, "narrow": narrow}, "honest").set_index(
         ["model", "score"]
     )
     assert table.loc[("narrow", "log_score"), "high"] < 0
 
 
-def filtered(error: np.ndarray, bound: np.ndarray) -> Filtered:
+def filtered(error: np.ndarray, bound: np.ndarray) -> scores.Filtered:
     covariance = bound[..., None] ** 2 * np.eye(bound.shape[-1])
-    return Filtered(error, covariance, np.zeros(covariance.shape[-2:]))
+    return scores.Filtered(error, covariance, np.zeros(covariance.shape[-2:]))
 
 
 @pytest.fixture
@@ -77,7 +69,7 @@ def takes() -> tuple[np.ndarray, np.ndarray]:
 
 def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(takes):
     training, measured = takes
-    none = training_mean(training, measured)
+    none = scores.training_mean(training, measured)
     np.testing.assert_allclose(none.error, training.mean(axis=0) - measured)
     np.testing.assert_allclose(none.covariance[7, 30], np.cov(training[:, 30].T))
     assert np.mean(np.abs(none.error) <= none.bound) == pytest.approx(0.683, abs=0.02)
@@ -86,12 +78,12 @@ def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(
 
 def test_filters_are_held_against_the_first_model_and_against_none(takes):
     training, measured = takes
-    none, rng = training_mean(training, measured), np.random.default_rng(2)
+    none, rng = scores.training_mean(training, measured), np.random.default_rng(2)
     pose = 1e-4 * np.eye(2)
-    worse = Filtered(2 * none.error, 4 * none.covariance, pose)
-    better = Filtered(0.5 * none.error, 0.25 * none.covariance, 0 * pose)
+    worse = scores.Filtered(2 * none.error, 4 * none.covariance, pose)
+    better = scores.Filtered(0.5 * none.error, 0.25 * none.covariance, 0 * pose)
     filters = {NONE: none, MEMORY: better, "lag": worse, "drift": worse, closed("lag"): better}
-    tables, refusals = filter_tables(filters, JOINTS, rng)
+    tables, refusals = scores.filter_tables(filters, JOINTS, rng)
     assert refusals == [] and models_of(filters) == ["lag", "drift"]
     against = tables["filter_against_none"].set_index(["model", "score"])
     assert against.loc[("lag", "log_score"), "high"] < 0
@@ -111,7 +103,7 @@ def test_a_bound_that_follows_the_error_is_told_from_one_that_does_not():
     bound = {"constant": 1.3 + 0.01 * rng.random(shape), "following": np.tile(width, (40, 1, 1))}
     filters = {name: filtered(error[name], bound[name]) for name in error}
     filters[NONE] = filters["constant"]
-    tables, _ = filter_tables(filters, JOINTS, rng)
+    tables, _ = scores.filter_tables(filters, JOINTS, rng)
     rows = tables["bound_comparison"].set_index(["model", "quantity"])
     assert rows.loc[("following", "correlation_of_bound_with_error_knee"), "low"] > 0.5
     assert rows.loc[("following", "relative_error_of_bound_knee"), "high"] < 0

@@ -14,17 +14,7 @@ from pipeline.core.options.analysis import Wrench
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.evidence.case import KINDS, Choices
 from pipeline.models.kinds import options_type
-from pipeline.studies.robustness import stage
-from pipeline.studies.robustness.grid import (
-    CHANCE,
-    Condition,
-    cameras,
-    conditions,
-    decision_cases,
-    motion_evidence,
-    verdicts,
-    without_camera,
-)
+from pipeline.studies.robustness import grid, stage
 from pipeline.studies.robustness.stage import changes
 from pipeline.verdicts.claims import parse_claims
 
@@ -57,7 +47,7 @@ def test_verdicts_are_those_of_the_law_that_is_true(common):
     claims = ["gaussian-predicts-better", "noise-is-dynamic", "wishart-predicts-worse"]
     levels, verdict = {"base": (), "additive": ADDITIVE, "still": (("disturbances", 0.0),)}, {}
     for name, each in levels.items():
-        rows = verdicts(Condition("motion", 3, each), **common)
+        rows = grid.verdicts(grid.Condition("motion", 3, each), **common)
         verdict[name] = rows.groupby("claim")["verdict"].first()
     assert verdict["base"][claims[:2]].tolist() == ["no evidence", "holds"]
     assert verdict["additive"][claims].tolist() == ["fails", "fails", "holds"]
@@ -68,11 +58,11 @@ def test_verdicts_are_those_of_the_law_that_is_true(common):
 
 @pytest.mark.slow
 def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_the_mean(common):
-    straight = Condition("motion", 3, (("trajectory", "straight"),))
+    straight = grid.Condition("motion", 3, (("trajectory", "straight"),))
     of_motion = {name: common[name] for name in ("laboratory", "case", "options")}
-    assert motion_evidence(straight, **of_motion).empty
-    assert set(verdicts(straight, **common)["verdict"]) == {"no evidence"}
-    evidence = motion_evidence(Condition("motion", 3), **of_motion)
+    assert grid.motion_evidence(straight, **of_motion).empty
+    assert set(grid.verdicts(straight, **common)["verdict"]) == {"no evidence"}
+    evidence = grid.motion_evidence(grid.Condition("motion", 3), **of_motion)
     loops = {*KINDS, *(f"{kind}_closed" for kind in KINDS)}
     compared = set(evidence.query("quantity == 'filter_log_score'")["model"])
     assert compared == {"none", "memory"} | loops
@@ -81,23 +71,23 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
 @pytest.mark.slow
 def test_the_wrench_has_verdicts_that_depend_on_the_seed(common):
     cables = common | {"claims": tuple(c for c in CLAIMS if c.id.startswith("wrench"))}
-    first, other = (verdicts(Condition("wrench", seed), **cables) for seed in (1, 2))
+    first, other = (grid.verdicts(grid.Condition("wrench", seed), **cables) for seed in (1, 2))
     falls = first.loc[first["claim"] == "wrench-mean-error-falls", "verdict"]
     assert set(falls) == {"holds"} and not first.equals(other)
 
 
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     factors = {"sway_std": [0.0, 2.0], "clearance": [2.0], "particles": [0.1]}
-    small = conditions(factors, [1, 2], "motion")
+    small = grid.conditions(factors, [1, 2], "motion")
     assert len(small) == 2 * (1 + 4) and all(len(each.levels) <= 1 for each in small)
-    large = conditions(factors, [1], "motion", ["sway_std", "clearance"])
+    large = grid.conditions(factors, [1], "motion", ["sway_std", "clearance"])
     combined = [(("sway_std", x), ("clearance", 2.0)) for x in (0.0, 2.0)]
     assert [each.levels for each in large[5:]] == combined and len(set(large)) == len(large)
 
 
 def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
     base = replace(CASE, models={kind: MODELS[kind] for kind in KINDS}, closed=False)
-    cases = decision_cases(base, laboratory.chain.task, ("a", "b", "c"), 2)
+    cases = grid.decision_cases(base, laboratory.chain.task, ("a", "b", "c"), 2)
     assert cases[0] == ("", "", base) and all(case != base for _, _, case in cases[1:])
     by_place = {(factor, level): case for factor, level, case in cases[1:]}
     levels = {level for factor, level in by_place if factor == "clock"}
@@ -106,8 +96,8 @@ def test_every_decision_changes_the_case_and_names_what_it_changes(laboratory):
     assert control.decomposition == "qr_transposed"
     assert by_place["particles", "6"].filter.particles == 6
     free = by_place["realisations", "free running"]
-    assert free == replace(base, mode="free_running") and without_camera(free, base)
-    assert not any(without_camera(by_place["clock", x], base) for x in levels)
+    assert free == replace(base, mode="free_running") and grid.without_camera(free, base)
+    assert not any(grid.without_camera(by_place["clock", x], base) for x in levels)
 
 
 def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens_the_noise():
@@ -122,7 +112,7 @@ def test_a_clock_that_is_off_alike_goes_into_the_bias_and_one_that_is_not_widens
         return pd.DataFrame(place | spread("q", "abc", q))
 
     angles, joints = moved(0.3, 15, 0.03, 1e-3), moved(0.0, 101, 0.01, 0.0)
-    seen_by = cameras(angles, joints, offsets, (0.03, 0.01), 1)
+    seen_by = grid.cameras(angles, joints, offsets, (0.03, 0.01), 1)
     noise = {x: camera.noise[camera.noise["take"] == "none"] for x, camera in seen_by.items()}
     mean, variance = ["b:a", "b:b", "b:c"], ["r:a:a", "r:b:b", "r:c:c"]
     late = noise["a frame late"][mean] - noise["aligned"][mean]
@@ -139,14 +129,14 @@ HOLDS = {  # base, another decision, another seed
 
 
 def test_changes_tell_decisions_from_chance_and_count_other_seeds_as_chance():
-    levels = {"factor": ["", "floor", CHANCE], "level": ["", "0.1", "draws 1"]}
+    levels = {"factor": ["", "floor", grid.CHANCE], "level": ["", "0.1", "draws 1"]}
     parts = [pd.DataFrame({"claim": name, "holds": own} | levels) for name, own in HOLDS.items()]
     table = pd.concat(parts).assign(grid="decisions", fails=lambda rows: 1 - rows["holds"])
     both = {"grid": "motion", "factor": "", "level": "", "claim": "steady", "holds": 1, "fails": 1}
     table = pd.concat([table, pd.DataFrame([both])]).assign(about="method")
     changed = changes(table).set_index(["grid", "claim", "factor"])["changed"].sort_index()
-    assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", CHANCE]
-    assert changed["decisions", "lucky", CHANCE] and not changed["decisions", "lucky", "floor"]
-    assert not changed["decisions", "steady"].any() and changed["motion", "steady", CHANCE]
+    assert changed["decisions", "turns", "floor"] and not changed["decisions", "turns", grid.CHANCE]
+    assert changed["decisions", "lucky", grid.CHANCE] and not changed["decisions", "lucky", "floor"]
+    assert not changed["decisions", "steady"].any() and changed["motion", "steady", grid.CHANCE]
     facts = stage.facts({"robustness": table}, options_of("robustness"))
     assert (facts["decisions"], facts["lucky"], facts["names"]) == (1, 2, "none")

@@ -21,16 +21,6 @@ from pipeline.models.model import Commands
 from pipeline.recordings.runs import joint_runs
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
-from pipeline.tools.assess.command import (
-    LEVEL,
-    Innovations,
-    TakeVerdict,
-    assessment,
-    innovations_of,
-    judge,
-    new_takes,
-    run_folder,
-)
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export.command import error_record, exported_record
 
@@ -55,7 +45,7 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     def square(pose: np.ndarray) -> float:
         """Mean normalised square for the noise ``pose``."""
         model.record["pose_covariance_rad2"] = pose.tolist()
-        found = innovations_of(model, Commands(v, targets[:-1], share), poses)
+        found = command.innovations_of(model, Commands(v, targets[:-1], share), poses)
         white = np.linalg.solve(found.covariance, found.error[..., None])[..., 0]
         return float(np.vecdot(found.error, white).mean())
 
@@ -64,26 +54,26 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     assert square(np.eye(3) * 1e-12) > 3.5  # control: the measured poses are not exact
 
 
-def innovations(seed: int, takes: int = 51) -> Innovations:
+def innovations(seed: int, takes: int = 51) -> command.Innovations:
     """Of heavy-tailed steps, whose scale differs from take to take, and which are predicted normal;
     the evidence is then far from normal.
     """
     rng = np.random.default_rng(seed)
     error = rng.gamma(4, 1 / 4, (takes, 1, 1)) * rng.standard_t(4, (takes, 100, 3))
-    return Innovations(error, np.broadcast_to(np.eye(3), (takes, 100, 3, 3)))
+    return command.Innovations(error, np.broadcast_to(np.eye(3), (takes, 100, 3, 3)))
 
 
-def verdict(drawn: Innovations) -> TakeVerdict:
+def verdict(drawn: command.Innovations) -> command.TakeVerdict:
     """On the last of the takes, compared with all before it."""
     others = np.arange(len(drawn.error)) < len(drawn.error) - 1
-    return judge(drawn, len(drawn.error) - 1, others, JOINTS, 100.0)
+    return command.judge(drawn, len(drawn.error) - 1, others, JOINTS, 100.0)
 
 
 def test_a_take_of_the_same_kind_is_called_another_as_seldom_as_the_level_says():
     called = [not verdict(innovations(seed)).behaves for seed in range(150)]
     # at most LEVEL: 7.5 of 150 on average, and not beyond five standard deviations of that
     assert 0 < sum(called) < 7.5 + 5 * np.sqrt(7.5)
-    assert verdict(innovations(0)).limit == LEVEL / 2
+    assert verdict(innovations(0)).limit == command.LEVEL / 2
     assert verdict(innovations(0, takes=5)).limit == 1 / 5
 
 
@@ -94,7 +84,7 @@ def test_a_push_is_found_in_its_joint_and_span(joint, first):
     drawn.error[-1, first : first + 8, joint] += 12.0
     pushed = verdict(drawn)
     assert not pushed.behaves and pushed.p_spans <= pushed.limit
-    text = assessment("new", "model.json", 0, pushed)
+    text = command.assessment("new", "model.json", 0, pushed)
     assert "new does NOT behave as the 50 takes it is compared with (model.json)." in text
     begins = f"{JOINTS[joint]} from {first / 100:.3g} to {(first + 10) / 100:.3g} s, less likely"
     assert f"largest difference: {begins}" in text
@@ -122,16 +112,16 @@ def logs(log_project, tmp_path) -> Path:
 def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
     settings = config.sections("assess", command.HERE / "reads.yaml")
     names, q = ingested()
-    takes = new_takes(logs / "move_1", settings.dataset, q.mean(axis=0))
+    takes = command.new_takes(logs / "move_1", settings.dataset, q.mean(axis=0))
     assert [*takes] == names
     np.testing.assert_array_equal(np.stack([*takes.values()]), q)
     write_movement(logs / "other", 1, offset=0.5)
     with pytest.raises(RecordingError, match="no repetition of the dataset's motion"):
-        new_takes(logs / "other", settings.dataset, q.mean(axis=0))
+        command.new_takes(logs / "other", settings.dataset, q.mean(axis=0))
     with pytest.raises(ConfigError, match="of the dataset other, which has no run here"):
-        run_folder("other", Path("other.json"))
+        command.run_folder("other", Path("other.json"))
     with pytest.raises(RecordingError, match="no such file"):
-        new_takes(logs / "absent", settings.dataset, q.mean(axis=0))
+        command.new_takes(logs / "absent", settings.dataset, q.mean(axis=0))
 
 
 def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stages(
