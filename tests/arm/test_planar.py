@@ -156,16 +156,12 @@ def test_pose_joints_and_jacobian_are_the_whole_robots_seen_in_the_plane(options
         np.testing.assert_allclose(arm.chain.points(q)[:, j], seen, atol=1e-12)
 
 
-def test_jacobians_inverses_and_steps_of_the_serial_chain_are_the_same(both):
+def test_steps_and_displacements_of_the_serial_chain_are_the_same(both):
     planar, serial = both
     for name in ("lower", "upper", "max_speed"):
         np.testing.assert_array_equal(*(getattr(chain, name) for chain in both))
     q, v = bent(planar, 100), np.random.default_rng(2).normal(size=3)
-    np.testing.assert_allclose(serial.jacobian(q), planar.jacobian(q)[:, ORDER], atol=1e-12)
-    inverse = planar.inverse_jacobian(q)
-    size = 1e-12 * np.abs(inverse).max()
-    np.testing.assert_allclose(serial.inverse_jacobian(q), inverse[..., ORDER], atol=size)
-    step = planar.nominal_step(q, v)
+    size, step = 1e-12 * np.abs(planar.inverse_jacobian(q)).max(), planar.nominal_step(q, v)
     np.testing.assert_allclose(serial.nominal_step(q, v[ORDER]), step, atol=size)
     assert not planar.null_step(q, v).any() and planar.null_step(q, v).shape == q.shape
     steps = np.random.default_rng(3).uniform(-1, 1, q.shape)  # up to half a turn

@@ -1,13 +1,14 @@
-"""The particle filter in plain NumPy, drawing from the same stream: an oracle."""
+"""The particle filter in plain NumPy, drawing from the same stream: an oracle. Indices alone are
+chosen by compiled code, whose counts have tests of their own.
+"""
 
 import numpy as np
+from compiled_calls import chosen_by
 from numpy_laws import plain_steps
 
 from pipeline.core.errors import DegenerateFilterError
 from pipeline.filtering.measurement import Measurements
 from pipeline.filtering.particle_filter import Posterior, initial_particles
-
-BELOW_ONE = np.nextafter(1.0, 0.0)
 
 
 def plain_filter(model, chain, commands, dt, start, measurements, options, rng) -> Posterior:
@@ -53,7 +54,7 @@ def plain_filter(model, chain, commands, dt, start, measurements, options, rng) 
         covariance[k] = (weights * (q - mean[k]).T) @ (q - mean[k])
         ess[k] = 1.0 / (weights @ weights)
         if options.scheme != "none" and ess[k] < options.threshold * count:
-            q = q[PLAIN_SCHEMES[options.scheme](weights, rng)]
+            q = q[chosen_by(options.scheme, weights, rng)]
             weights, log_weights = uniform, log_uniform
             resampled[k] = True
     return Posterior(
@@ -66,45 +67,3 @@ def log_likelihood(measurements: Measurements, frame: int, q: np.ndarray) -> np.
     whitening, log_norm = measurements.whitening
     white = (measurements.y[frame] - measurements.bias[frame] - q) @ whitening[frame].T
     return log_norm[frame] - 0.5 * np.vecdot(white, white)
-
-
-def systematic(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return inverse_cdf(weights, (np.arange(len(weights)) + rng.random()) / len(weights))
-
-
-def stratified(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return inverse_cdf(weights, (np.arange(len(weights)) + rng.random(len(weights))) / len(weights))
-
-
-def multinomial(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    return inverse_cdf(weights, sorted_uniforms(len(weights), rng))
-
-
-def residual(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    expected = len(weights) * weights
-    certain = np.floor(expected + 1e-9).astype(int)
-    kept = np.repeat(np.arange(len(weights)), certain)
-    if len(kept) == len(weights):
-        return kept
-    drawn = inverse_cdf(
-        np.maximum(expected - certain, 0.0), sorted_uniforms(len(weights) - len(kept), rng)
-    )
-    return np.concatenate([kept, drawn])
-
-
-PLAIN_SCHEMES = {
-    "systematic": systematic,
-    "stratified": stratified,
-    "residual": residual,
-    "multinomial": multinomial,
-}
-
-
-def inverse_cdf(weights: np.ndarray, points: np.ndarray) -> np.ndarray:
-    cumulative = np.cumsum(weights)
-    return np.searchsorted(cumulative / cumulative[-1], np.minimum(points, BELOW_ONE), side="right")
-
-
-def sorted_uniforms(count: int, rng: np.random.Generator) -> np.ndarray:
-    arrivals = np.cumsum(rng.standard_exponential(count + 1))
-    return arrivals[:-1] / arrivals[-1]

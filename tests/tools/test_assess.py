@@ -1,6 +1,6 @@
 """Innovations of takes of a known model are as large as predicted; takes of one kind are
-called different as seldom as is said; a push is found, in its joint and at its time, also in a new
-log, which is cut and brought in phase as the dataset's own were.
+called different as seldom as is said; a push is found, in its joint and at its time; a new log is
+cut and brought in phase as the dataset's own were.
 """
 
 import json
@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exported_models import PARAMETERS, write_model
-from joint_files import read_joint_log
-from joint_logs import FILES, MADE_UP, ingested, write_movement
-from written_logs import write_joint_log
+from joint_logs import MADE_UP, ingested, write_movement
 
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
@@ -22,7 +20,7 @@ from pipeline.recordings.runs import joint_runs
 from pipeline.stages import ingest, track
 from pipeline.tools.assess import command
 from pipeline.tools.characterize.logs import folder_logs
-from pipeline.tools.export.command import error_record, exported_record
+from pipeline.tools.export.command import error_record
 
 JOINTS, POSE = ["a", "b", "c"], np.diag([1.0, 2.0, 1.5]) * 1e-6
 
@@ -90,22 +88,14 @@ def test_a_push_is_found_in_its_joint_and_span(joint, first):
     assert f"largest difference: {begins}" in text
 
 
-MODEL = {"kind": "additive", "noise_covariance": (1e-9 * np.eye(3)).tolist()}
-COVARIANCE = {"estimates": [], "covariance": []}
-
-
 @pytest.fixture
 def logs(log_project, tmp_path) -> Path:
-    """The folder of a movement of nine repetitions that the stages have read, with a model."""
+    """The folder of a movement of nine repetitions that the stages have read."""
     write_movement(tmp_path / "logs/move_1", 17, noise=5e-5)
     motion = {"steps": 140, "pose_noise": 5e-5}
     log_project("ur5_planar", tmp_path / "logs", joint_log=MADE_UP, motion=motion)
     ingest.run("motion")
-    Path("data/ingest/depth").mkdir()
     track.run()
-    (folder := Path("data/fit/additive")).mkdir(parents=True)
-    for name, values in {"parameters": MODEL, "covariance": COVARIANCE, "fit": {}}.items():
-        (folder / f"{name}.json").write_text(json.dumps(values))
     return tmp_path / "logs"
 
 
@@ -120,6 +110,8 @@ def test_a_log_of_the_dataset_is_read_as_the_dataset_has_it(logs):
         command.new_takes(logs / "other", settings.dataset, q.mean(axis=0))
     with pytest.raises(ConfigError, match="of the dataset other, which has no run here"):
         command.run_folder("other", Path("other.json"))
+    with pytest.raises(ConfigError, match="none of ur5_planar in data/export"):
+        command.run(logs / "move_1")
     with pytest.raises(RecordingError, match="no such file"):
         command.new_takes(logs / "absent", settings.dataset, q.mean(axis=0))
 
@@ -150,23 +142,3 @@ def test_a_single_run_is_assessed_by_an_exported_error_law_without_a_run_of_stag
     Path("model.json").write_text(json.dumps(record))
     with pytest.raises(RecordingError, match="the log has no joint axis_0, axis_1"):
         command.run(tmp_path / "new", Path("model.json"))
-
-
-@pytest.mark.slow
-def test_a_pushed_repetition_is_named_and_the_usual_ones_behave(logs, capsys):
-    write_movement(logs / "new", 3, noise=5e-5, seed=5)
-    log = read_joint_log(logs / "new" / FILES[0], joints=6)
-    # the second way out, joint 3, in the middle of its motion
-    log.signals["actual"][60 + 320 + 40 : 60 + 320 + 60, 2] += 1e-3
-    write_joint_log(logs / "new" / FILES[0], log)
-    with pytest.raises(ConfigError, match="none of ur5_planar in data/export"):
-        command.run(logs / "new")
-    settings = config.sections("export", Path("pipeline/tools/export/reads.yaml"))
-    Path("data/export").mkdir()
-    text = json.dumps(exported_record("additive", settings))
-    Path("data/export/ur5_planar_additive.json").write_text(text)
-    command.run(logs / "new")
-    said = capsys.readouterr().out
-    heads = re.findall(r"(new_\d) (behaves|does NOT behave) as the 9 takes", said)
-    assert heads == [("new_1", "behaves"), ("new_2", "does NOT behave")]
-    assert "largest difference: joint_3 from" in said.partition("new_2 does NOT")[2]
