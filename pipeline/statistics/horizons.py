@@ -11,7 +11,8 @@ WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a h
 RIGHT = 1.5  # greatest factor by which the standard deviation of a calibrated law is wrong
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
-NUMBERS = ["score", "one_sigma", "two_sigma", "autocorrelation"]
+SHARES = ["one_sigma", "two_sigma"]
+NUMBERS = ["score", *SHARES, "autocorrelation"]
 
 
 def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
@@ -51,13 +52,20 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
 
 def pooled_interval(scores: pd.DataFrame, name: str) -> Difference:
     """Return the :func:`pooled` number ``name`` of ``scores``, with the interval of the jackknife
-    over the held-out motions or blocks.
+    over the held-out motions or blocks: of the logarithm of a ratio, and within 0 to 1 for a share.
     """
     parts = scores.groupby(["motion", "block"], sort=False).ngroup().to_numpy()
     left_out = [scores, *(scores[parts != part] for part in np.unique(parts))]
     values = [pooled(own.assign(all=""), ["all"])[name].iloc[0] for own in left_out if len(own)]
-    several = len(values) > 2
-    return jackknife_difference(np.array(values)) if several else Difference(values[0])
+    if len(values) < 3:
+        return Difference(values[0])
+    if name == "ratio":
+        found = jackknife_difference(np.log(values))
+        return Difference(values[0], float(np.exp(found.low)), float(np.exp(found.high)))
+    found = jackknife_difference(np.array(values))
+    if name in SHARES:
+        return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
+    return found
 
 
 def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[str]:

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 
 from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.statistics.horizons import pooled, pooled_interval
+from pipeline.statistics.takes import jackknife_difference
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice
@@ -116,6 +118,18 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
 )
 def test_a_law_replaces_a_simpler_one_if_it_is_sound_and_its_margin_is_above_zero(changes, law):
     assert f"(`{law}`)" in answer(logged(**changes)).splitlines()[0]
+
+
+def test_intervals_of_few_motions_are_of_the_possible_values():
+    scores = moved()["joint_scores"].query("model == 'joint_error' and samples == 'commanded'")
+    numbers = scores["motion"].astype(float)
+    wide = scores.assign(predicted_rad=3e-5 * numbers**2, two_sigma=1.06 - 0.06 * numbers)
+    wide["two_sigma"] = wide["two_sigma"].clip(upper=1.0)
+    ratio, share = (pooled_interval(wide, name) for name in ("ratio", "two_sigma"))
+    assert 0 < ratio.low < ratio.difference < ratio.high and 0 < share.low < share.high == 1
+    # control: the interval of the plain ratio would contain a negative one
+    each = [wide[wide["motion"] != n].pipe(pooled, ["model"])["ratio"].iloc[0] for n in "123"]
+    assert jackknife_difference(np.array([ratio.difference, *each])).low < 0
 
 
 def test_no_law_is_an_answer_with_its_reason():
