@@ -181,7 +181,6 @@ REFUSED = [  # URDF, options, words of the refusal
     (robot_text(*TWO), {"base": "l1"}, "robot.base: 'l1' moves with j1"),
     (robot_text(*TWO), {"locked": {"j1": 0.0}}, "j1 cannot be locked"),
     (robot_text(*TWO), {"locked": {"elbow": 0.0}}, "robot.locked: no joint 'elbow'"),
-    (robot_text(*TWO), {"plane": True}, "axes of j2 are not parallel to j1"),
     (robot_text(*TWO), {"urdf": "absent.urdf"}, "No such file or directory.; state its path"),
     # rows that the arm cannot move
     (robot_text(*TWO).replace("1 0 0", "0 0 1"), {"task": ["z", "x"]}, "cannot move z; remove"),

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from planar_poses import load_arm
+from planning_arms import PLANAR
 from recordings_of_law import JOINTS, ROOT, write_project
 
+from pipeline.arm.model import chain_of
 from pipeline.core import contracts
 from pipeline.core.columns import spread, triangle
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
@@ -33,9 +34,6 @@ def project(tmp_path, monkeypatch):
 @pytest.fixture(scope="session")
 def laboratory() -> Laboratory:
     """The youBot on a motion of 1.6 s, with a depth camera of a known law."""
-    joints = [f"arm_joint_{number}" for number in (2, 3, 4)]
-    held = {"arm_joint_1": 2.967, "arm_joint_5": 2.923}
-    chain = load_arm(ROOT / "pipeline/arm/youbot.urdf", joints, "arm_tool", held).chain
     law = NoiseLaw(
         np.array([0.0, 1.0]),
         np.array([[0.02, 0.0, 0.0], [0.0, 0.04, 0.0]]),
@@ -45,4 +43,4 @@ def laboratory() -> Laboratory:
     motion = TrajectoryOptions(**ends, duration=1.6, rest=0.1, ramp=0.2)
     noise = np.array([[3.0, -2.0, 0.0], [-2.0, 7.0, -3.0], [0.0, -3.0, 6.0]]) * 1e-8
     parts = (DynamicsOptions(), motion, ClockOptions())
-    return Laboratory(chain, ("a", "b", "c"), *parts, noise, law, 2)
+    return Laboratory(chain_of(PLANAR), ("a", "b", "c"), *parts, noise, law, 2)

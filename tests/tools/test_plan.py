@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
-from planning_arms import ARMS, LAWS, chain, joint_path
+from planning_arms import ARMS, LAWS, PLANAR, chain, joint_path
 from scipy.spatial.transform import Rotation
 from source_code import ROOT
 
@@ -18,7 +18,6 @@ from pipeline.__main__ import tool_call
 from pipeline.arm.model import arm_of
 from pipeline.configuration import config
 from pipeline.core.errors import PipelineError
-from pipeline.core.options.dataset import Robot
 from pipeline.formats.trajectory import read_trajectory
 from pipeline.tools.plan.command import read_path
 from pipeline.tools.view import command
@@ -117,18 +116,11 @@ def test_joints_in_any_order_stand_for_their_poses_and_others_are_refused(tmp_pa
         read_path(file, arm, robot)
 
 
-YOUBOT = Robot(
-    urdf=str(ROOT / "pipeline/arm/youbot.urdf"),
-    joints=["arm_joint_2", "arm_joint_3", "arm_joint_4"],
-    tool="arm_tool",
-    plane=True,
-    locked={"arm_joint_1": 2.9, "arm_joint_5": 2.9},
-)
 POSES = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
 
 
 def test_the_skeleton_of_a_planar_arm_is_its_closed_form():
-    arm, nodes = arm_of(YOUBOT), skeletons(YOUBOT, POSES)
+    arm, nodes = arm_of(PLANAR), skeletons(PLANAR, POSES)
     np.testing.assert_array_equal(nodes[:, 0], 0.0)
     plane = arm.to_plane(nodes[:, 1:])
     np.testing.assert_allclose(plane[..., 1], 0.0, atol=1e-12)
@@ -146,13 +138,13 @@ def test_the_file_holds_arm_cloud_and_angles_with_their_bounds(monkeypatch, tmp_
     t, file = 0.1 * np.arange(20), tmp_path / "take.rrd"
     tracks = {"measured": Track(t, POSES)}
     tracks["wishart"] = Track(t, POSES + 0.1, np.full_like(POSES, 0.2))
-    write_recording(rerun, file, "test 1", YOUBOT, tracks, [(0.5, np.ones((7, 3)))])
+    write_recording(rerun, file, "test 1", PLANAR, tracks, [(0.5, np.ones((7, 3)))])
     from rerun.chunk import RrdReader
 
     rows = Counter()
     for chunk in RrdReader(file).stream().to_chunks():
         rows[chunk.entity_path] += 0 if chunk.is_static else chunk.num_rows
     lines = ["measured/mean", *(f"wishart/{line}" for line in ("mean", "upper", "lower"))]
-    expected = {f"/angles/{joint}/{line}": 20 for joint in YOUBOT.joints for line in lines}
+    expected = {f"/angles/{joint}/{line}": 20 for joint in PLANAR.joints for line in lines}
     expected |= {"/scene/measured": 20, "/scene/wishart": 20, "/scene/cloud": 1}
     assert {path: rows[path] for path in expected} == expected

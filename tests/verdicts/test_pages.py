@@ -16,7 +16,7 @@ from pipeline.verdicts.estimates import published_and_ours
 from pipeline.verdicts.report_page import datasets_page, recordings_page
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import filter_verdict, filters, result, widths
-from pipeline.verdicts.wording import TEXTS, table
+from pipeline.verdicts.wording import TEXTS
 
 STATED = {key: f"the {key}" for key in ("where", "statement", "quantity", "reason")}
 STUDY = STATED | {"id": "study", "about": "method", "recording": "none", "rule": "below"}
@@ -176,20 +176,6 @@ def test_the_caption_of_the_stds_names_the_joints_that_a_matrix_model_misses():
     (text,) = widths(run)
     assert "2.25 times as wide as the recordings in a and 0.5 times in b; its" in text
     assert text.endswith("above the error of no noise, 1, in a.")
-
-
-@pytest.mark.parametrize(
-    ("name", "shown"),
-    [
-        ("a|b", r"a\|b"),
-        ("<img src=x>", "&lt;img src=x>"),
-        ("a\x1b[31m\nb", "a [31m b"),
-        ("c<br>d",) * 2,
-    ],
-)
-def test_a_name_from_a_recording_is_plain_text_in_a_table(name, shown):
-    header, _, row = table([name], [[name]]).splitlines()
-    assert header == row == f"| {shown} |"
 
 
 def test_counts_are_totals_and_no_mean_share_or_row_number_is_among_them():
