@@ -182,29 +182,16 @@ def test_every_other_reading_has_evidence_of_the_wishart_model_and_of_no_other(p
     assert readings.OUT.is_dir() and not contracts.exists("readings", readings.OUT)
 
 
-@pytest.fixture
-def known(known_project) -> tuple[Recorded, np.ndarray]:
-    """The recorded training takes, and the poses of the test takes."""
+def test_every_step_of_a_take_is_scored_by_the_density_of_its_law(known_project):
     _, chain, q, v = known_project
-    noise = process_noise(chain, q[:TAKES], v)
-    return Recorded(chain, q[:TAKES, :-1], v, noise, tuple(JOINTS)), q[TAKES:]
-
-
-def scored(known, model: str) -> dict[str, np.ndarray]:
-    """The scores (takes, M) of every test take."""
-    recorded, poses = known
-    takes = [score_steps(build_model(MODELS[model]), recorded, take)[0] for take in poses]
-    return {name: np.stack([take[name] for take in takes]) for name in takes[0]}
-
-
-def test_every_step_of_a_take_is_scored_by_the_density_of_its_law(known):
-    (recorded, poses), scores = known, scored(known, "gaussian")
+    noise, take = process_noise(chain, q[:TAKES], v), q[TAKES]
+    recorded = Recorded(chain, q[:TAKES, :-1], v, noise, tuple(JOINTS))
+    scores, _ = score_steps(build_model(MODELS["gaussian"]), recorded, take)
     for k in (0, REST + 29):
-        before, after = poses[0, k], poses[0, k + 1]
-        mean = before + np.linalg.solve(recorded.chain.jacobian(before), recorded.v[k])
-        alone = TRUE.covariance(recorded.chain, before, recorded.v[k])
-        law = multivariate_normal(mean, alone + recorded.measurement)
+        before, after = take[k], take[k + 1]
+        mean = before + np.linalg.solve(chain.jacobian(before), v[k])
+        law = multivariate_normal(mean, TRUE.covariance(chain, before, v[k]) + recorded.measurement)
         error = after - mean
-        assert scores["log_density"][0, k] == pytest.approx(law.logpdf(after))
-        assert scores["nees"][0, k] == pytest.approx(error @ np.linalg.solve(law.cov, error))
-        assert scores["z"][0, k, 1] == pytest.approx(error[1] / np.sqrt(law.cov[1, 1]))
+        assert scores["log_density"][k] == pytest.approx(law.logpdf(after))
+        assert scores["nees"][k] == pytest.approx(error @ np.linalg.solve(law.cov, error))
+        assert scores["z"][k, 1] == pytest.approx(error[1] / np.sqrt(law.cov[1, 1]))

@@ -1,5 +1,5 @@
 """From the raw logs of real arms of six and of seven joints to the tables and the process noise:
-traps are found, refused where they are not settled, and what is left is the arm's.
+what is left is the arm's.
 """
 
 from pathlib import Path
