@@ -12,6 +12,7 @@ import pipeline.core.environment  # noqa: F401 - before numpy: it fixes the arit
 
 import pandas as pd  # isort: skip
 import pytest
+from planar_poses import chain, poses, step  # noqa: F401 - fixtures
 from project_copy import GIT, SMOKE, copy_project, set_parameters, succeeds
 
 # a forked child that a damaged file crashes reports by its exit code, without a dump of its stack

@@ -4,14 +4,12 @@ that cannot tell says so.
 
 import numpy as np
 import pytest
-from planar_poses import chain
 
 from pipeline.evidence.pose import pose_table
 from pipeline.models.runs import JointRun
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 
-__all__ = ["chain"]
 MOTIONS, STEPS = 8, 400
 
 

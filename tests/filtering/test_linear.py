@@ -4,15 +4,12 @@ training takes alone.
 
 import numpy as np
 import pytest
-from space_arms import LWR4
 
-from pipeline.arm.model import chain_of
 from pipeline.core.errors import ModelDomainError
 from pipeline.filtering import linear
 from pipeline.filtering.measurement import Measurements
 
 DT = 0.01
-CHAIN = chain_of(LWR4)
 
 
 def drawn(grid: int, n: int, times: list[float], seed: int):

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from joint_logs import log_project
-from planar_poses import chain
 from written_logs import write_joint_log
 
 from pipeline.configuration import config, datasheet
 from pipeline.formats.joints.log import JointLog
 
-__all__ = ["chain", "log_project"]
+__all__ = ["log_project"]
 FROM = np.array([0.3, -1.2, 1.4, -1.0, -1.2, 0.2])  # rad
 TO = FROM + np.array([0.4, 0.3, -0.3, 0.2, 0.2, 0.5])  # rad
 

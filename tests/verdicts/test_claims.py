@@ -3,7 +3,6 @@ run is read as it was written; verdicts follow from claims, numbers and the kind
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,7 +16,6 @@ from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.run import ArmNames, Place, Reference, Run, read_run, read_runs
 from pipeline.verdicts.run import index_evidence as index
 
-ROOT = Path(__file__).parents[2]
 JOINTS = ("arm_joint_2", "arm_joint_3", "arm_joint_4")
 ARM = ArmNames(JOINTS, PLANE)
 ROWS = [("C1", "diagonal", 3, 1.0), ("C1", "full", 3, 2.0), ("C2", "diagonal", 5, 3.0)]

@@ -10,9 +10,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.wishart.decomposition import Decomposition, factors, split
 from pipeline.models.wishart.law import WishartModel
 
-JOINTS = ("shoulder", "elbow", "wrist")
 POSE = np.array([0.4, 1.7, -0.3])
-MEASUREMENT, SIGMA_B, TAKES = 1e-7 * np.eye(3), 0.25, 10  # of the recognised readings
 ROTATION = np.linalg.qr(np.random.default_rng(24).standard_normal((3, 3)))[0]
 
 

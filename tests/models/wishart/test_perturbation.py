@@ -18,7 +18,6 @@ from pipeline.models.wishart.perturbation import Perturbations, fit_perturbation
 
 FLOOR, WEIGHTS, ROOT = 0.2, (0.999, 0.001), np.sqrt(2)
 REST, MOVING = 10, 30  # steps without a command and steps with one
-QR = Decomposition("qr")
 
 
 def weights(ratio: float) -> tuple[float, float]:
