@@ -44,7 +44,6 @@ def urdf(link: str) -> str:
 
 
 PAIRED = {"time": TIME, "q": Q, "q_target": Q}
-STAMPS = pd.to_datetime(1.7e9 + TIME, unit="s")
 COLUMNS = pd.DataFrame({f"{n}_{j}": PAIRED[n][:, j] for n in ("q", "q_target") for j in (0, 1)})
 BOTH = "joints 2; signals actual, target"
 TRC, FRAMES = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\n100\n", "Frame,Sub Frame,X\n1,0,1\n"

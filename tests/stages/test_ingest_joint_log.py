@@ -133,21 +133,16 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path, 
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
 
 
-def push(folder: Path, way: int, size: float) -> None:
-    """Push joint 3 aside by ``size`` (rad) in the middle of the given way out (from 0)."""
-    log = read_joint_log(folder / FILES[0], joints=6)
-    first = 60 + 320 * way + 30
-    log.signals["actual"][first : first + 40, 2] += size * np.sin(np.linspace(0, np.pi, 40))
-    write_joint_log(folder / FILES[0], log)
-
-
 def test_a_disturbed_repetition_is_left_out_by_name_and_the_others_stay_as_they_were(
     read, tmp_path, capsys
 ):
     write_movement(tmp_path / "logs/move_1", 9, noise=5e-5)
     names, q = read(tmp_path / "logs")
     assert len(names) == 5 and quality("disturbed_from_row", "move_1") == 0
-    push(tmp_path / "logs/move_1", 2, 2e-3)
+    # joint 3 is pushed aside by 2 mrad in the middle of the third way out
+    log = read_joint_log(tmp_path / "logs/move_1" / FILES[0], joints=6)
+    log.signals["actual"][730:770, 2] += 2e-3 * np.sin(np.linspace(0, np.pi, 40))
+    write_joint_log(tmp_path / "logs/move_1" / FILES[0], log)
     result = read(tmp_path / "logs")
     assert result[0] == [name for name in names if name != "move_1_3"]
     np.testing.assert_array_equal(result[1], np.delete(q, 2, axis=0))

@@ -104,7 +104,6 @@ def test_a_line_of_settings_below_a_header_is_no_record(tmp_path, read):
 
 LABELLED = {"t": "time", "fx": "F1", "fy": "F2", "fz": "F3", "tx": "M1", "ty": "M2", "tz": "M3"}
 SI = ForceLogOptions(columns=LABELLED, force_unit="N", torque_unit="N-m", time_unit="s")
-BY_NUMBER = dataclasses.replace(SI, columns={axis: n for n, axis in enumerate(LABELLED)})
 HEADER = "time,F1,F2,F3,M1,M2,M3"
 POUND = 0.45359237 * 9.80665
 
