@@ -11,7 +11,6 @@ import pytest
 from sample_options import filter_options
 from scipy.stats import multivariate_normal
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.configuration import config
 from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import MEMORY, NONE
@@ -41,14 +40,11 @@ STD = np.array([2e-3, 3e-3, 4e-3])
 
 
 @pytest.fixture(scope="module")
-def takes() -> Takes:
+def takes(chain) -> Takes:
     """12 takes to fit to and 4 to test on; noise at every step, ten times as much while the robot
     moves.
     """
-    links = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]])
-    limits = (np.full(3, x) for x in (-3.0, 3.0, np.pi / 2))
-    chain, rng = PlanarChain(np.zeros(2), links, np.ones(3), *limits), np.random.default_rng(5)
-    v = np.zeros((STEPS, 3))
+    v, rng = np.zeros((STEPS, 3)), np.random.default_rng(5)
     v[REST:-REST] = [0.002, -0.001, 0.02]
     moving = np.any(v, axis=1)
     poses = np.empty((16, STEPS + 1, 3))

@@ -66,9 +66,7 @@ def test_every_compiled_law_is_its_formula_in_numpy(model, name):
         )
 
 
-def standardised(
-    drawn: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-) -> tuple[float, float]:
+def standardised(drawn: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> tuple:
     """Distances of the draws' mean, in standard errors, and of their covariance, in products of
     standard deviations.
     """
