@@ -50,19 +50,26 @@ def margins(scores: pd.DataFrame, model: str, rival: str) -> tuple[float, float,
     return paired_difference(each, np.zeros(len(each)))[:3]
 
 
-def pooled_interval(scores: pd.DataFrame, name: str) -> Difference:
-    """Return the :func:`pooled` number ``name`` of ``scores``, with the interval of the jackknife
-    over the held-out motions or blocks: of the logarithm of a ratio, and within 0 to 1 for a share.
+def left_out(scores: pd.DataFrame) -> pd.DataFrame:
+    """Return the :func:`pooled` numbers of ``scores`` as the first row, then without each of the
+    held-out motions or blocks.
     """
     parts = scores.groupby(["motion", "block"], sort=False).ngroup().to_numpy()
-    left_out = [scores, *(scores[parts != part] for part in np.unique(parts))]
-    values = [pooled(own.assign(all=""), ["all"])[name].iloc[0] for own in left_out if len(own)]
+    kept = [scores, *(scores[parts != part] for part in np.unique(parts))]
+    return pd.concat([pooled(own.assign(all=""), ["all"]) for own in kept if len(own)])
+
+
+def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
+    """Return the number ``name`` in the first of ``parts`` (:func:`left_out`), with the interval of
+    the jackknife: of the logarithm of a ratio, and within 0 to 1 for a share.
+    """
+    values = parts[name].to_numpy()
     if len(values) < 3:
         return Difference(values[0])
     if name == "ratio":
         found = jackknife_difference(np.log(values))
         return Difference(values[0], float(np.exp(found.low)), float(np.exp(found.high)))
-    found = jackknife_difference(np.array(values))
+    found = jackknife_difference(values)
     if name in SHARES:
         return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
     return found

@@ -100,19 +100,23 @@ def _decide_claim(
     if (unless := claim.unless) is not None:
         share = unless.value.look_up(evidence, arm)
         void = share is None or share > unless.limit  # a guard without a number is no evidence
-    holds = decide_cases(rule, r, known & (not void))
+    known = known & (not void)
+    holds = decide_cases(rule, r, known) if known.any() else [None] * len(known)
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
     half = quantile * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
-    rows = r.replace([np.inf, -np.inf], np.nan).astype(object)
-    rows = rows.where(rows.notna(), None).assign(holds=pd.Series(holds, dtype=object))
-    rows["case"] = [
+    plain = [
+        [float(x) if np.isfinite(x) else None for x in row]
+        for row in r[[*COMPARED, "published", "distance"]].to_numpy(dtype=float)
+    ]
+    names = [
         ", ".join(arm.named(v) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
         for case in named
     ]
-    cases = tuple(map(Case._make, rows[[*Case._fields]].itertuples(index=False)))
-    evident = not void and len(known) > 0 and known.all()
+    rows = zip(names, plain, holds, strict=True)
+    cases = tuple(Case(name, *row, held) for name, row, held in rows)
+    evident = len(known) > 0 and known.all()
     return Verdict(claim, _verdict_word(claim, recordings, evident, holds), cases)
 
 

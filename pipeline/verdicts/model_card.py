@@ -4,7 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
-from pipeline.statistics.horizons import chosen_law, faults_of, margins, pooled, pooled_interval
+from pipeline.statistics.horizons import (
+    chosen_law,
+    faults_of,
+    left_out,
+    margins,
+    pooled,
+    pooled_interval,
+)
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
 from pipeline.verdicts.wording import TEXTS, interval, number, page, plain_name, table
@@ -18,22 +25,31 @@ def answer(run: Run) -> str:
     """Return the first paragraphs of the card: model, its predictions at three horizons, motions,
     recordings that were not used, parameters and limits.
     """
-    t = run.tables
+    t, first = run.tables, first_line(run)
     if "joint_scores" not in t:
-        return CARD["not_held_out"]
-    model, why = chosen_law(t["joint_scores"])
+        return first
+    model, _ = chosen_law(t["joint_scores"])
     counted = f"{t['motions']['takes'].sum()} runs of {len(t['motions'])} motion(s)"
     unused = t["unused_recordings"][["recording", "reason"]].to_numpy()
     left = f"Not used: {'; '.join(f'{name} ({reason})' for name, reason in unused)}."
     recorded = f"Recorded: {counted}. {left if len(unused) else 'Every recording was used.'}"
     if model is None:
-        return f"**No model for another motion**: {why}.\n\n{recorded}"
+        return f"{first}\n\n{recorded}"
     known = t["joint_parameters"][t["joint_parameters"]["model"] == model]
-    parts = [f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."]
-    parts += [at_horizons(t["joint_scores"], model), recorded]
+    parts = [first, at_horizons(t["joint_scores"], model), recorded]
     parts += [CARD["one_motion"]] if len(t["motions"]) == 1 else []
     parts += [CARD["law"], _parameters_of_law(known), _limits(run)]
     return "\n\n".join([*parts, f"Export: `python -m pipeline export {model}`."])
+
+
+def first_line(run: Run) -> str:
+    """Return the first line of the card: the model for another motion, or none, and the reason."""
+    if "joint_scores" not in run.tables:
+        return CARD["not_held_out"]
+    model, why = chosen_law(run.tables["joint_scores"])
+    if model is None:
+        return f"**No model for another motion**: {why}."
+    return f"**Model for another motion: {plain_name(model)}** (`{model}`): {why}."
 
 
 def at_horizons(scores: pd.DataFrame, model: str) -> str:
@@ -43,9 +59,9 @@ def at_horizons(scores: pd.DataFrame, model: str) -> str:
     own, rows = scores[(scores["model"] == model) & (scores["samples"] == "commanded")], []
     joints = pooled(own, ["horizon", "joint"])
     for horizon, row in pooled(own, ["horizon"]).iterrows():
-        cells = [horizon]
+        cells, parts = [horizon], left_out(own[own["horizon"] == horizon])
         for name in ("ratio", "one_sigma", "two_sigma"):
-            value, low, high, _ = pooled_interval(own[own["horizon"] == horizon], name)
+            value, low, high, _ = pooled_interval(parts, name)
             ends = joints.loc[horizon][name].agg(["min", "max"])
             ends = f"joints {ends['min']:.2f} to {ends['max']:.2f}"
             between = "" if pd.isna(low) else f" [{low:.2f}, {high:.2f}]"
@@ -168,7 +184,7 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
         parts["Takes left out"] = f"{text}\n\n{rows}" if len(gone) else text
     parts["Export"] = CARD["export"]
     parts["Other datasets"] = "\n".join(
-        f"- {one.dataset}: {answer(one).splitlines()[0]}"
+        f"- {one.dataset}: {first_line(one)}"
         + (f" {choice(one)}" if "predictions" in one.tables else "")
         for one in others
         if one.joints
