@@ -33,7 +33,7 @@ def score_take(
         recorded = recorded.subset(np.delete(np.arange(len(recorded.q)), number))
         try:
             model = estimate(recorded, model).model
-        except ModelDomainError as error:
+        except (ModelDomainError, SingularJacobianError) as error:
             return {}, {"fit to the other takes": error.message}
     try:
         return score_steps(model, recorded, poses)

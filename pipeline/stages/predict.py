@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.configuration import config
 from pipeline.core import contracts, rng
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import ModelDomainError, RecordingError
+from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.evidence.pose import pose_table
 from pipeline.filtering.linear import baseline_predictions
@@ -111,7 +111,7 @@ def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
         for name, own in list(models.items()):
             try:
                 models[name] = fitted.get(name) or estimate(recorded, own).model
-            except ModelDomainError as error:
+            except (ModelDomainError, SingularJacobianError) as error:
                 del models[name]
                 print(f"predict: {name} is left out: {error.message}")
         together = baseline_predictions(training, q, pose).items()

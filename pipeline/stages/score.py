@@ -61,7 +61,8 @@ def run() -> None:
         tables = {name: table for _, own in scored.values() for name, table in own.items()}
         tables |= _read_all(READINGS) | _read_all(PREDICT)
         tables |= {name: wrench[name] for name in OF_WRENCH if name in wrench}
-        tables["raw_files"] = by_place(pd.concat(map(pd.read_csv, FILES.glob("*.csv"))))
+        if listed := [pd.read_csv(file) for file in sorted(FILES.glob("*.csv"))]:
+            tables["raw_files"] = by_place(pd.concat(listed))
         tables["wrench_study"] = wrench_summary(wrench["wrench_errors"], wrench["wrench_spread"])
         tables[EVIDENCE] = pd.concat([*evidence, wrench_evidence(wrench)], ignore_index=True)
         contracts.write(tables[EVIDENCE], EVIDENCE, folder)
