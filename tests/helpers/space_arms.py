@@ -15,6 +15,13 @@ from pipeline.core.options.dataset import Mocap, Pose, Robot
 HERE = Path(pipeline.arm.__file__).parent
 UR5 = Robot(str(HERE / "ur5.urdf"), [f"joint_{i}" for i in range(1, 7)], "flange")
 LWR4 = Robot(str(HERE / "lwr4.urdf"), [f"joint_{i}" for i in range(1, 8)], "flange")
+YOUBOT = Robot(
+    str(HERE / "youbot.urdf"),
+    [f"arm_joint_{j}" for j in (2, 3, 4)],
+    "arm_tool",
+    locked={"arm_joint_1": 2.9670597283903604, "arm_joint_5": 2.923426497090502},
+    plane=True,
+)
 # on links near both ends and in between, so that they leave one posture alone
 MARKERS = {
     "upper_arm": {"a": [0.0, 0.05, 0.06], "b": [-0.2, 0.06, 0.05], "c": [-0.1, -0.05, 0.06]},

@@ -115,20 +115,18 @@ def ramp() -> np.ndarray:
     return np.tile(np.linspace(0.0, 4.8, 512, dtype=np.float32), (424, 1))
 
 
-def flat(depth: float, grazing: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    return tuple(np.full((424, 512), value, dtype=np.float32) for value in (depth, grazing))
-
-
-def step(rows: int = 2000, near: float = 1.0, far: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
-    depth = np.full((rows, 40), near, dtype=np.float32)
-    depth[:, 20:] = far
+def step(rows: int = 2000) -> tuple[np.ndarray, np.ndarray]:
+    """Depth (rows, 40) of 1 m on the left and 2 m on the right, and the angle 0."""
+    depth = np.ones((rows, 40), dtype=np.float32)
+    depth[:, 20:] = 2.0
     return depth, np.zeros_like(depth)
 
 
 @pytest.mark.parametrize(("depth", "grazing"), [(0.8, 0.0), (1.2, 0.9), (3.0, 1.3)])
 def test_noise_of_a_flat_wall_has_the_axial_deviation(depth: float, grazing: float):
     options = KinectOptions()
-    image = read_depth(*flat(depth, grazing), UNBIASED, options, np.random.default_rng(8))
+    wall = (np.full((424, 512), value, dtype=np.float32) for value in (depth, grazing))
+    image = read_depth(*wall, UNBIASED, options, np.random.default_rng(8))
     error = image - 1e3 * depth
 
     def predicted(z: float) -> float:

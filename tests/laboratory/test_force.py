@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.special import i0e, i1e
+from synthetic_session import ARM, DYNAMICS
 
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.dynamics import open_session
@@ -151,8 +152,8 @@ def test_options_without_a_meaning_are_refused_by_their_key(options, change, key
     assert refused.value.evidence["key"] == key
 
 
-def test_the_disturbances_of_another_arm_and_cables_of_fewer_robots_are_refused(arm, dynamics, rng):
+def test_the_disturbances_of_another_arm_and_cables_of_fewer_robots_are_refused(rng):
     with pytest.raises(ConfigError, match=r"sway_std .*laboratory\.dynamics"):
-        open_session(arm.chain, replace(dynamics, sway_std=(1e-3, 1e-3)), rng)
+        open_session(ARM.chain, replace(DYNAMICS, sway_std=(1e-3, 1e-3)), rng)
     with pytest.raises(ConfigError, match="3 robots and 2 cables"):
         record_force(pulled(TENSION[:2], DIRECTION), ROBOTS, Transducer(), 1.0, 1.0, rng)

@@ -8,16 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from space_arms import LWR4, link_poses
+from synthetic_session import ARM
 
 from pipeline.arm.model import chain_of, link_chains
-from pipeline.laboratory.mocap import (
-    MarkerCluster,
-    as_built,
-    capture,
-    capture_bodies,
-    in_body,
-    place_markers,
-)
+from pipeline.laboratory import mocap
 from pipeline.laboratory.options import MocapOptions
 
 TEMPLATE = np.array([[0.03, -0.04, 0.02], [-0.02, -0.04, 0.1], [0.01, 0.04, 0.06]]) * [
@@ -35,35 +29,30 @@ def planar_angles(frames: int) -> np.ndarray:
     return np.deg2rad([120.0, -11.0, 92.5]) * (1 - way) + np.deg2rad([20.0, -81.0, 12.5]) * way
 
 
-@pytest.fixture(scope="module")
-def take(arm):
-    """Function of the options and the number of frames that captures the planar arm."""
-
-    def captured(options: MocapOptions, frames: int):
-        q, rng = planar_angles(frames), np.random.default_rng(5)
-        return capture(arm, q, TEMPLATE, (WORLD, ORIGIN), options, rng)
-
-    return captured
+def take(options: MocapOptions, frames: int) -> dict[str, np.ndarray]:
+    """Markers of the planar arm."""
+    q, rng = planar_angles(frames), np.random.default_rng(5)
+    return mocap.capture(ARM, q, TEMPLATE, (WORLD, ORIGIN), options, rng)
 
 
 def labelled(markers: dict[str, np.ndarray]) -> np.ndarray:
     return np.stack([markers[name] for name in NAMES], axis=1)
 
 
-def test_markers_without_noise_give_back_the_joint_angles(arm, take) -> None:
+def test_markers_without_noise_give_back_the_joint_angles() -> None:
     q = planar_angles(25)
     positions = labelled(take(SILENT, 25)).reshape(25, 3, 3, 3)
-    plane = arm.to_plane((positions - ORIGIN) @ WORLD)
+    plane = ARM.to_plane((positions - ORIGIN) @ WORLD)
     psi = np.empty((25, 3))
     for n, j in np.ndindex(25, 3):
         body, observed = (points - points.mean(axis=0) for points in (TEMPLATE[j], plane[n, j]))
         axis_z = Rotation.align_vectors(observed, body)[0].apply([0.0, 0.0, 1.0])
         assert abs(axis_z[1]) < 1e-9
         psi[n, j] = np.arctan2(axis_z[0], axis_z[2])
-    np.testing.assert_allclose(arm.chain.joints_from_segments(psi), q, atol=1e-9)
+    np.testing.assert_allclose(ARM.chain.joints_from_segments(psi), q, atol=1e-9)
 
 
-def test_noise_and_errors_of_placement_have_the_stated_deviations(take):
+def test_noise_and_errors_of_placement_have_the_stated_deviations():
     options = replace(SILENT, noise_std=2e-4)
     noise = labelled(take(options, 4000)) - labelled(take(SILENT, 4000))
     # 108 000 draws: the deviation's standard error is 0.22 %
@@ -72,7 +61,7 @@ def test_noise_and_errors_of_placement_have_the_stated_deviations(take):
     assert abs((noise[1:] * noise[:-1]).mean()) < 4 * 2e-4**2 / np.sqrt(noise.size)
     # the error of placement is drawn once
     options, rng = MocapOptions(placement_std=1e-3), np.random.default_rng(3)
-    errors = np.stack([place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)])
+    errors = np.stack([mocap.place_markers(TEMPLATE, options, rng) - TEMPLATE for _ in range(400)])
     assert errors.std() == pytest.approx(1e-3, rel=0.03)
     assert errors.mean(axis=0) == pytest.approx(0.0, abs=4e-3 / 20)
 
@@ -85,7 +74,7 @@ def expected_share(rate: float, frames: float) -> float:
     return 1 - np.prod(1 - rate * (1 - 1 / frames) ** ages)
 
 
-def test_occlusions_cover_the_share_of_their_law(take):
+def test_occlusions_cover_the_share_of_their_law():
     options = replace(SILENT, noise_std=1e-4, occlusion_rate=0.02, occlusion_frames=8)
     result = take(options, 40_000)
     missing = np.isnan(labelled(result))
@@ -96,7 +85,7 @@ def test_occlusions_cover_the_share_of_their_law(take):
     assert abs(share - expected_share(0.02, 9)) > 0.006
 
 
-def test_swaps_exchange_two_labels_of_one_link(take):
+def test_swaps_exchange_two_labels_of_one_link():
     options = replace(SILENT, swap_rate=0.01, swap_frames=4)
     result = take(options, 2000)
     observed, true = (labelled(m).reshape(2000, 3, 3, 3) for m in (result, take(SILENT, 2000)))
@@ -108,7 +97,7 @@ def test_swaps_exchange_two_labels_of_one_link(take):
     assert len(set(kept)) == 3
 
 
-def test_lost_labels_reappear_as_unlabeled_columns(take):
+def test_lost_labels_reappear_as_unlabeled_columns():
     options = replace(SILENT, lost_label_rate=0.005, lost_label_frames=5)
     result = take(options, 3000)
     observed, true = labelled(result), labelled(take(SILENT, 3000))
@@ -125,7 +114,7 @@ def test_lost_labels_reappear_as_unlabeled_columns(take):
     np.testing.assert_array_equal(observed, true)
 
 
-def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column(take):
+def test_a_hidden_marker_loses_no_label_and_begins_no_unlabeled_column():
     options = replace(SILENT, lost_label_rate=0.02, lost_label_frames=8, occlusion_rate=0.02)
     result = take(options, 3000)
     hidden = np.isnan(labelled(take(replace(options, lost_label_rate=0), 3000))[..., 0])
@@ -140,8 +129,8 @@ def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
     places = np.array([[0.08, 0.0, 0.01], [-0.01, 0.08, 0], [-0.07, -0.03, 0.01], [0, -0.05, 0.02]])
     mount, q = (places.mean(axis=0), [0.2, -0.4, 1.1]), rng.uniform(-1.5, 1.5, (20, 7))
     for link, chain in link_chains(LWR4, ["link_5", "flange"], "markers").items():
-        body = {link: MarkerCluster(chain, places, in_body(places, *mount))}
-        (where, quaternion) = capture_bodies(body, q, (WORLD, ORIGIN), SILENT, rng)[link]
+        body = {link: mocap.MarkerCluster(chain, places, mocap.in_body(places, *mount))}
+        (where, quaternion) = mocap.capture_bodies(body, q, (WORLD, ORIGIN), SILENT, rng)[link]
         rotation, position = link_poses(LWR4, link, q)
         at = (position + rotation @ mount[0]) @ WORLD.T + ORIGIN
         turn = WORLD @ rotation @ Rotation.from_euler("xyz", mount[1]).as_matrix()
@@ -152,6 +141,6 @@ def test_without_noise_a_body_is_where_pinocchio_carries_its_mount(rng):
 def test_the_body_of_a_link_is_carried_by_the_arm_as_built():
     nominal, (link,) = chain_of(LWR4), link_chains(LWR4, ["link_5"], "key").values()
     longer, joints = 1.1 * nominal.placements, len(link.lower)
-    built = as_built(link, replace(nominal, placements=longer))
+    built = mocap.as_built(link, replace(nominal, placements=longer))
     expected = [*longer[:joints], link.placements[joints]]  # the link's frame is the drawing's
     np.testing.assert_array_equal(built.placements, expected)

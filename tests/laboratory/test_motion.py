@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic_session import ARM, DYNAMICS, QUIET, TRAJECTORY
 
 from pipeline.core.errors import ConfigError
 from pipeline.laboratory.dynamics import (
@@ -22,73 +23,53 @@ from pipeline.laboratory.dynamics import (
 )
 from pipeline.laboratory.options import ClockOptions, EncoderOptions
 
-NO_OFFSET, OFFSET = np.zeros(3), np.array([1e-3, -2e-3, 3e-3])
+OFFSET = np.array([1e-3, -2e-3, 3e-3])
 ENCODERS = EncoderOptions(rate=250.0, resolution=1e-3)
 
 
-@pytest.fixture
-def moved(arm, trajectory, rng):
-    """Function of the disturbances that lets the arm perform the motion once."""
-
-    def once(options, offset: np.ndarray = NO_OFFSET):
-        chance = draw(arm.chain, trajectory, options, rng)
-        return swing(arm.chain, offset, trajectory, options, chance)
-
-    return once
-
-
-def lagged(x: np.ndarray) -> np.ndarray:
-    """Correlation of white noise behind four lags with itself ``x`` lags later, in continuous
-    time.
-    """
-    return (1 + x + 2 * x**2 / 5 + x**3 / 15) * np.exp(-x)
-
-
-def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way(arm, trajectory):
-    t = np.arange(round(trajectory.duration * 1000) + 1) / 1000
-    q, speed = desired_joints(t, trajectory)
-    half, rest = trajectory.duration / 2, trajectory.rest
-    ends = (t <= rest) | (t >= trajectory.duration - rest)
+def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
+    t = np.arange(round(TRAJECTORY.duration * 1000) + 1) / 1000
+    q, speed = desired_joints(t, TRAJECTORY)
+    half, rest = TRAJECTORY.duration / 2, TRAJECTORY.rest
+    ends = (t <= rest) | (t >= TRAJECTORY.duration - rest)
     turn = np.abs(t - half) <= rest
-    assert np.array_equal(q[ends], np.tile(trajectory.folded, (ends.sum(), 1)))
-    np.testing.assert_allclose(q[turn], np.tile(trajectory.extended, (turn.sum(), 1)), atol=1e-12)
+    assert np.array_equal(q[ends], np.tile(TRAJECTORY.folded, (ends.sum(), 1)))
+    np.testing.assert_allclose(q[turn], np.tile(TRAJECTORY.extended, (turn.sum(), 1)), atol=1e-12)
     # the instants at which rest and motion meet may round to either side
     assert abs((~speed.any(axis=1)).sum() - (ends.sum() + turn.sum())) <= 4
-    way = np.array(trajectory.extended) - trajectory.folded
+    way = np.array(TRAJECTORY.extended) - TRAJECTORY.folded
     assert np.all((speed * way)[(t > rest) & (t < half - rest)] >= 0)
     np.testing.assert_allclose(q, q[::-1], atol=1e-12)
     # the speed is the derivative of the angle, and changes as smoothly as the ramps say
     assert np.abs((q[2:] - q[:-2]) * 500 - speed[1:-1]).max() < 1e-4
     peak = np.abs(speed).max()
-    assert np.abs(np.diff(speed, axis=0)).max() < peak * np.pi / 2 / trajectory.ramp / 1000 * 1.01
-    assert arm.chain.within_limits(q).all()
-    assert np.all(np.abs(speed) <= arm.chain.max_speed)
+    assert np.abs(np.diff(speed, axis=0)).max() < peak * np.pi / 2 / TRAJECTORY.ramp / 1000 * 1.01
+    assert ARM.chain.within_limits(q).all()
+    assert np.all(np.abs(speed) <= ARM.chain.max_speed)
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda arm, way: {"extended": (arm.chain.upper[0] + 0.01, *way.extended[1:])}, "leaves"),
-        (lambda arm, way: {"duration": 1.5, "rest": 0.0}, "faster than the joints' limits"),
-        (lambda arm, way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2}, "must have 3 angles"),
+        (lambda way: {"extended": (ARM.chain.upper[0] + 0.01, *way.extended[1:])}, "leaves"),
+        (lambda way: {"duration": 1.5, "rest": 0.0}, "faster than the joints' limits"),
+        (lambda way: {"folded": (0.0,) * 2, "extended": (0.5,) * 2}, "must have 3 angles"),
     ],
 )
-def test_a_motion_that_the_arm_cannot_do_is_refused(arm, trajectory, change, words):
+def test_a_motion_that_the_arm_cannot_do_is_refused(change, words):
     with pytest.raises(ConfigError, match=words):
-        desired_trajectory(arm.chain, replace(trajectory, **change(arm, trajectory)))
+        desired_trajectory(ARM.chain, replace(TRAJECTORY, **change(TRAJECTORY)))
 
 
-@pytest.fixture
-def sampled(arm, trajectory):
-    return JointPath(desired_path(arm.chain, trajectory), trajectory.rate)
+SAMPLED = JointPath(desired_path(ARM.chain, TRAJECTORY), TRAJECTORY.rate)
 
 
-def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
+def test_takes_made_together_are_those_made_one_by_one():
     rngs = [np.random.default_rng(seed) for seed in range(3)]
-    drawn = [draw(arm.chain, sampled, dynamics, rng) for rng in rngs]
-    single = [swing(arm.chain, OFFSET, sampled, dynamics, chance) for chance in drawn]
+    drawn = [draw(ARM.chain, SAMPLED, DYNAMICS, rng) for rng in rngs]
+    single = [swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, chance) for chance in drawn]
     stacked = Chance(*map(np.stack, zip(*drawn, strict=True)))
-    together = swing(arm.chain, OFFSET, sampled, dynamics, stacked)
+    together = swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, stacked)
     for field in ("q", "servo"):
         alone = np.stack([getattr(take, field) for take in single])
         assert np.array_equal(getattr(together, field), alone)
@@ -102,13 +83,11 @@ def test_takes_made_together_are_those_made_one_by_one(arm, dynamics, sampled):
         (lambda q: q + np.where(np.arange(len(q)) > 7, 0.1, 0.0)[:, None], "faster.*step 7"),
     ],
 )
-def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(
-    arm, sampled, change, words
-):
-    sampled.require_followable(arm.chain)
-    bad = replace(sampled, joints=change(sampled.joints))
+def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(change, words):
+    SAMPLED.require_followable(ARM.chain)
+    bad = replace(SAMPLED, joints=change(SAMPLED.joints))
     with pytest.raises(ConfigError, match=words):
-        bad.require_followable(arm.chain)
+        bad.require_followable(ARM.chain)
 
 
 @pytest.mark.parametrize(("steps_per_lag", "paths"), [(13.5, 4000), (540.0, 600)])
@@ -118,36 +97,36 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_pe
     band, x = 4.5 * np.sqrt(2 / paths), steps / steps_per_lag
     for end in (0, -1):  # stationary from the first sample on
         assert abs(np.mean(noise[:, end] ** 2) - 1) < band
-    # E(x(t + s) − x(t))² = 2(1 − ρ(s)), which tells short times apart
+    # E(x(t + s) − x(t))² = 2(1 − ρ(s)), which tells short times apart; ρ of white noise behind four
+    # lags in continuous time
     moved = np.mean((noise[:, steps] - noise[:, :1]) ** 2, axis=0) / 2
-    assert np.all(np.abs(moved / (1 - lagged(x)) - 1) < band)
+    lagged = (1 + x + 2 * x**2 / 5 + x**3 / 15) * np.exp(-x)
+    assert np.all(np.abs(moved / (1 - lagged) - 1) < band)
     # controls: one lag fewer, and a single one
     for other in ((1 + x + x**2 / 3) * np.exp(-x), np.exp(-x)):
         assert np.all(np.abs(moved[:2] / (1 - other[:2]) - 1) > band)
 
 
-def test_a_session_draws_zeros_and_lengths_of_the_stated_size(arm, quiet, rng):
-    options, sessions = replace(quiet, encoder_offset_std=2e-3, length_std=3e-4), 1000
-    opened = [open_session(arm.chain, options, rng) for _ in range(sessions)]
+def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
+    options, sessions = replace(QUIET, encoder_offset_std=2e-3, length_std=3e-4), 1000
+    opened = [open_session(ARM.chain, options, rng) for _ in range(sessions)]
     offsets, chains = np.array([one.encoder for one in opened]), [one.chain for one in opened]
-    errors = np.array([chain.lengths for chain in chains]) - arm.chain.lengths
+    errors = np.array([chain.lengths for chain in chains]) - ARM.chain.lengths
     for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
         np.testing.assert_allclose(drawn.std(axis=0), std, rtol=4 / np.sqrt(2 * sessions))
         assert np.all(np.abs(drawn.mean(axis=0)) < 4 * std / np.sqrt(sessions))
     # only lengths: the links point as they did
-    turned = [np.arctan2(*chain.links.T) - np.arctan2(*arm.chain.links.T) for chain in chains]
+    turned = [np.arctan2(*chain.links.T) - np.arctan2(*ARM.chain.links.T) for chain in chains]
     np.testing.assert_allclose(turned, 0, atol=1e-14)
 
 
-def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(
-    arm, trajectory, quiet, rng
-):
-    lab = open_session(arm.chain, quiet, rng)
-    motion = perform(lab, trajectory, quiet, rng)
+def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(rng):
+    lab = open_session(ARM.chain, QUIET, rng)
+    motion = perform(lab, TRAJECTORY, QUIET, rng)
     clock, offsets = ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3), []
     nominal = np.arange(97) / clock.rate
     for _ in range(100):
-        frames = depth_frames(motion.swing, trajectory.duration, clock, rng)
+        frames = depth_frames(motion.swing, TRAJECTORY.duration, clock, rng)
         instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
         np.testing.assert_allclose(instants, frames.exposed, atol=1e-12)
         assert np.abs(instants - nominal)[1:-1].std() == pytest.approx(5e-3 * 0.6, rel=0.4)
@@ -158,15 +137,13 @@ def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock
     assert abs(np.std(offsets) / 0.05 - 1) < 4 / np.sqrt(200)
 
 
-def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitter_alone(
-    arm, trajectory, quiet, rng
-):
-    lab = open_session(arm.chain, quiet, rng)
-    sharp = perform(lab, trajectory, quiet, rng)
-    blurred = perform(lab, trajectory, replace(quiet, jitter_std=2e-3), rng)
+def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitter_alone(rng):
+    lab = open_session(ARM.chain, QUIET, rng)
+    sharp = perform(lab, TRAJECTORY, QUIET, rng)
+    blurred = perform(lab, TRAJECTORY, replace(QUIET, jitter_std=2e-3), rng)
     assert np.array_equal(sharp.motion_capture, sharp.truth)
     assert np.array_equal(blurred.truth, sharp.truth)
-    speed = desired_joints(np.arange(321) / trajectory.rate, trajectory)[1]
+    speed = desired_joints(np.arange(321) / TRAJECTORY.rate, TRAJECTORY)[1]
     fast = np.abs(speed[:, 0]) > 0.9 * np.abs(speed).max()
     error = blurred.motion_capture - blurred.truth
     missed = error[fast, 0] / speed[fast, 0]
@@ -175,14 +152,14 @@ def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitt
     assert np.abs(error[still]).mean() < 0.02 * np.abs(error[fast]).mean()
 
 
-def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gears(
-    moved, trajectory, quiet
-):
-    taken = moved(replace(quiet, clearance=0.03), OFFSET)
+def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gears(rng):
+    options = replace(QUIET, clearance=0.03)
+    chance = draw(ARM.chain, TRAJECTORY, options, rng)
+    taken = swing(ARM.chain, OFFSET, TRAJECTORY, options, chance)
     assert np.abs(taken.q - taken.servo - OFFSET).max() > 1e-3
-    t, signals = log_joints(taken, trajectory, ENCODERS)
+    t, signals = log_joints(taken, TRAJECTORY, ENCODERS)
     np.testing.assert_allclose(t, np.arange(801) / 250, atol=1e-12)
-    assert np.array_equal(signals["target"], desired_joints(t, trajectory)[0])
+    assert np.array_equal(signals["target"], desired_joints(t, TRAJECTORY)[0])
     read = signals["actual"] / ENCODERS.resolution
     np.testing.assert_allclose(read, np.round(read), atol=1e-9)
     servo = np.stack([np.interp(t, taken.t, joint) for joint in taken.servo.T], axis=1)

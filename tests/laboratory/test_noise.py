@@ -10,10 +10,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 import pytest
+from synthetic_session import ARM, DYNAMICS, ROBOT, TRAJECTORY
 
 from pipeline.configuration.config import CONF
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.laboratory.dynamics import desired_joints, desired_trajectory, draw, expose, swing
+from pipeline.laboratory.options import DynamicsOptions
 from pipeline.models.additive.law import AdditiveModel
 from pipeline.models.draws import realize
 from pipeline.models.gaussian.law import GaussianModel
@@ -26,7 +28,6 @@ from pipeline.verdicts.claims import parse_claims
 
 ROOT = CONF.parents[1]
 TAKES = 60
-ROBOT = read_yaml(CONF / "dataset/youbot.yaml")["robot"]
 TEXT = (ROOT / "pipeline/laboratory/README.md").read_text(encoding="utf-8")
 ROWS = [
     [cell.strip() for cell in line.strip("|").split("|")]
@@ -46,23 +47,23 @@ class Recorded(NamedTuple):
     paths: np.ndarray  # (takes, N, 3) rad
 
 
-def perform(arm, motion, dynamics, takes: int, seed: int) -> Recorded:
-    rng = np.random.default_rng(seed)
-    v = commanded_steps(desired_trajectory(arm.chain, motion), motion.rate)
-    grid = np.arange(len(v) + 1) / motion.rate
+def perform(dynamics: DynamicsOptions) -> Recorded:
+    rng = np.random.default_rng(5)
+    v = commanded_steps(desired_trajectory(ARM.chain, TRAJECTORY), TRAJECTORY.rate)
+    grid = np.arange(len(v) + 1) / TRAJECTORY.rate
     poses, paths = [], []
-    for _ in range(takes):
-        chance = draw(arm.chain, motion, dynamics, rng)
-        t, path, _ = swing(arm.chain, np.zeros(3), motion, dynamics, chance)
+    for _ in range(TAKES):
+        chance = draw(ARM.chain, TRAJECTORY, dynamics, rng)
+        t, path, _ = swing(ARM.chain, np.zeros(3), TRAJECTORY, dynamics, chance)
         poses.append(expose(t, path, grid, dynamics, rng))
         paths.append(path)
     q = np.array(poses)
-    return Recorded(q, v, process_noise(arm.chain, q, v), t, np.array(paths))
+    return Recorded(q, v, process_noise(ARM.chain, q, v), t, np.array(paths))
 
 
 @pytest.fixture(scope="module")
-def recorded(arm, trajectory, dynamics) -> Recorded:
-    return perform(arm, trajectory, dynamics, TAKES, 5)
+def recorded() -> Recorded:
+    return perform(DYNAMICS)
 
 
 def noise_numbers(recorded: Recorded, wanted: np.ndarray) -> dict[str, float]:
@@ -86,14 +87,16 @@ def noise_numbers(recorded: Recorded, wanted: np.ndarray) -> dict[str, float]:
     return numbers
 
 
-def torque_numbers(arm, motion, dynamics) -> dict[str, float]:
+def torque_numbers() -> dict[str, float]:
     """Mean torque and one standard deviation at full speed, in N·m; the clearance apart, in which
     no motor moves the link.
     """
-    *_, t, q = perform(arm, motion, replace(dynamics, clearance=0.0), TAKES, 5)
+    *_, t, q = perform(replace(DYNAMICS, clearance=0.0))
     speed = np.gradient(q, t[1] - t[0], axis=1)
     acceleration = np.gradient(speed, t[1] - t[0], axis=1)
-    pace = np.linalg.norm(desired_joints(np.clip(t, 0.0, motion.duration), motion)[1], axis=1)
+    pace = np.linalg.norm(
+        desired_joints(np.clip(t, 0.0, TRAJECTORY.duration), TRAJECTORY)[1], axis=1
+    )
     full = np.flatnonzero(pace > 0.99 * pace.max())[::20]
     whole = pin.buildModelFromUrdf(str(ROOT / ROBOT["urdf"]))
     held, step = [], np.zeros(whole.nv)
@@ -111,11 +114,11 @@ def torque_numbers(arm, motion, dynamics) -> dict[str, float]:
     return {f"torque of joint {j} at full speed": value for j, value in enumerate(needed, start=1)}
 
 
-def speed_numbers(recorded: Recorded, arm, motion) -> dict[str, float]:
+def speed_numbers(recorded: Recorded) -> dict[str, float]:
     """Greatest speeds in rad/s, and shares of steps too fast and backwards."""
     names, q = (1, 2, 3), recorded.q
-    nominal = arm.chain.nominal_step(q[:, :-1], recorded.v)
-    limits = arm.chain.max_speed, motion.rate, [f"joint_{j}" for j in names]
+    nominal = ARM.chain.nominal_step(q[:, :-1], recorded.v)
+    limits = ARM.chain.max_speed, TRAJECTORY.rate, [f"joint_{j}" for j in names]
     scores = speed_scores(np.diff(q, axis=1), nominal, *limits)
     numbers = {
         f"greatest speed of joint {j}": scores[f"true_joint_{j}_greatest_speed_rad_per_s"]
@@ -127,28 +130,28 @@ def speed_numbers(recorded: Recorded, arm, motion) -> dict[str, float]:
     return numbers | {beyond: scores["true_moving_steps_beyond_a_speed_limit_share"]}
 
 
-def path_numbers(arm, motion) -> dict[str, float]:
+def path_numbers() -> dict[str, float]:
     """Peak speed in rad/s, greatest ‖J⁻¹‖_F and share of the steps at rest."""
-    start, end = np.array(motion.folded), np.array(motion.extended)
-    moving = motion.duration / 2 - 2 * motion.rest - motion.ramp
+    start, end = np.array(TRAJECTORY.folded), np.array(TRAJECTORY.extended)
+    moving = TRAJECTORY.duration / 2 - 2 * TRAJECTORY.rest - TRAJECTORY.ramp
     q = start + np.linspace(0, 1, 101)[:, None] * (end - start)
     return {
         "peak commanded speed of the joints": np.abs(end - start).max() / moving,
-        "greatest norm of the inverse Jacobian": frobenius(arm.chain.inverse_jacobian(q)).max(),
-        "share of the steps at rest": 4 * motion.rest / motion.duration,
+        "greatest norm of the inverse Jacobian": frobenius(ARM.chain.inverse_jacobian(q)).max(),
+        "share of the steps at rest": 4 * TRAJECTORY.rest / TRAJECTORY.duration,
     }
 
 
 @pytest.fixture(scope="module")
-def numbers(arm, trajectory, dynamics, recorded) -> dict[str, float]:
+def numbers(recorded) -> dict[str, float]:
     """Every number of the table, computed."""
     claims = read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
     stated = published_values(parse_claims(claims))
     return (
-        path_numbers(arm, trajectory)
+        path_numbers()
         | noise_numbers(recorded, stated.covariance)
-        | torque_numbers(arm, trajectory, dynamics)
-        | speed_numbers(recorded, arm, trajectory)
+        | torque_numbers()
+        | speed_numbers(recorded)
     )
 
 
@@ -173,26 +176,12 @@ def test_the_table_states_the_numbers_of_the_laboratory_and_each_is_within_its_l
     }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def modelled(arm, recorded):
-    """Name → (model, free-running poses, noise) of the three models."""
+def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded):
     q, v, noise, *_ = recorded
-    models = {
-        "additive": AdditiveModel(mean_covariance(noise)),
-        "wishart": WishartModel(0.2),
-        "gaussian": GaussianModel(0.12, 25.0),
-    }
+    models = AdditiveModel(mean_covariance(noise)), WishartModel(0.2), GaussianModel(0.12, 25.0)
     rng = np.random.default_rng(13)
-    steps = {
-        name: realize(model, arm.chain, q, v, "one_step", rng)[0][:, 1:]
-        for name, model in models.items()
-    }
-    nominal = q[:, 1:] - noise
-    return {name: (models[name], steps[name] - nominal) for name in models}
-
-
-def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded, modelled):
-    _, v, noise, *_ = recorded
+    steps = [realize(model, ARM.chain, q, v, "one_step", rng)[0][:, 1:] for model in models]
+    modelled = [each - (q[:, 1:] - noise) for each in steps]
     pace = np.linalg.norm(v, axis=1)
     moving = pace > 0.95 * pace.max()
 
@@ -206,7 +195,7 @@ def test_steps_know_of_each_other_and_the_models_steps_do_not(recorded, modelled
     # a deviation lasts longer than a step, and then it swings back: the arm is held by its servo
     for steps, least, sign in ((1, 0.3, 1), (5, 0.1, -1)):
         assert np.all(sign * later(noise, steps)[0] > least)
-        for _, drawn in modelled.values():
+        for drawn in modelled:
             correlation, band = later(drawn, steps)
             assert np.all(np.abs(correlation) < band)
             assert band < least

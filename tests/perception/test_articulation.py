@@ -107,50 +107,45 @@ def minimised(value, start: np.ndarray, arguments: tuple, step: float, **ends: f
     return minimize(value, start, arguments, method="Nelder-Mead", options=options)
 
 
-@pytest.fixture(scope="module")
-def sequence() -> tuple[np.ndarray, list[np.ndarray]]:
-    rng, q = np.random.default_rng(7), motion()
-    return q, [cloud(pose, rng) for pose in q]
+RNG, Q = np.random.default_rng(7), motion()
+CLOUDS = [cloud(pose, RNG) for pose in Q]
 
 
-def test_the_objective_is_the_printed_one(sequence) -> None:
+def test_the_objective_is_the_printed_one() -> None:
     """At the fitted end with an asymmetry for each half of the tool."""
-    q, clouds = sequence
     rng = np.random.default_rng(1)
     for frame in range(0, 97, 8):
-        nodes = CHAIN.points(q[frame])
+        nodes = CHAIN.points(Q[frame])
         nodes[1:3] += rng.normal(scale=0.01, size=(2, 2))
-        value = ranked(clouds[frame], nodes, 0.9, 0.7, 0.4)
-        assert value == pytest.approx(plain_objective(clouds[frame], nodes, 0.7, 0.4), rel=1e-12)
-        free = problem(clouds[frame], q[frame])
-        v = variables(free, CHAIN.points(q[frame])[1:], "fitted") + rng.normal(scale=0.01, size=5)
-        plain = plain_halved(v, clouds[frame], CHAIN.origin, limits(), *GAMMAS)
+        value = ranked(CLOUDS[frame], nodes, 0.9, 0.7, 0.4)
+        assert value == pytest.approx(plain_objective(CLOUDS[frame], nodes, 0.7, 0.4), rel=1e-12)
+        free = problem(CLOUDS[frame], Q[frame])
+        v = variables(free, CHAIN.points(Q[frame])[1:], "fitted") + rng.normal(scale=0.01, size=5)
+        plain = plain_halved(v, CLOUDS[frame], CHAIN.origin, limits(), *GAMMAS)
         assert RANK(free, v) == pytest.approx(plain, rel=1e-10)
 
 
-def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behind(sequence):
+def test_a_point_at_a_joint_is_of_both_segments_and_poses_out_of_range_rank_behind():
     # a point outside a joint belongs to both of its segments
     nodes = np.array([[0.0, 0.0], [0.0, 0.155], [0.135, 0.155], [0.135, 0.325]])
     point = nodes[1] + 0.02 * np.array([-0.6, 0.8])
     value = ranked(point[None], nodes, 0.05, 1.0, 0.25)
     assert value == pytest.approx(0.02 + 0.25 * (0.02 + 0.02), rel=1e-12)
-    q, clouds = sequence
     # poses outside the lengths rank behind by their violation
-    longer = CHAIN.points(q[0])
+    longer = CHAIN.points(Q[0])
     longer[1] = longer[0] + (longer[1] - longer[0]) * 1.2
-    plain = plain_rank(longer[1:3].ravel(), clouds[0], *longer[[0, 3]], limits(), 1.0, 0.3)
-    assert ranked(clouds[0], longer, 0.05, 1.0, 0.3) == pytest.approx(plain, rel=1e-12)
+    plain = plain_rank(longer[1:3].ravel(), CLOUDS[0], *longer[[0, 3]], limits(), 1.0, 0.3)
+    assert ranked(CLOUDS[0], longer, 0.05, 1.0, 0.3) == pytest.approx(plain, rel=1e-12)
     assert plain > INFEASIBLE + 0.02
 
 
 @pytest.mark.parametrize("end", ["commanded", pytest.param("fitted", marks=pytest.mark.slow)])
-def test_the_simplex_finds_what_scipys_finds_or_better(sequence, end) -> None:
-    q, clouds = sequence
+def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
     ours, reference = [], []
     for number in range(0, 97, 24):
-        points, away = clouds[number : number + 1], q[number] + AWAY
+        points, away = CLOUDS[number : number + 1], Q[number] + AWAY
         if end == "commanded":
-            o1, ee = CHAIN.points(q[number])[[0, 3]]
+            o1, ee = CHAIN.points(Q[number])[[0, 3]]
             one = fit_sequence(points, o1, ee[None], CHAIN, OPTIONS, away)
             plain = plain_objective(points[0], one.nodes[0], *GAMMAS)
             assert one.objective[0] == pytest.approx(plain, rel=1e-10)
@@ -172,39 +167,35 @@ def test_the_simplex_finds_what_scipys_finds_or_better(sequence, end) -> None:
 
 
 @pytest.mark.parametrize("options", [OPTIONS, FREE], ids=["commanded", "fitted"])
-def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(sequence, options):
-    q, clouds = sequence
-    fitted = fit(clouds, q, options)
-    assert np.all(np.sqrt(((fitted.q - q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
+def test_the_angles_are_as_good_as_a_filter_needs_and_the_lengths_stay_in_range(options):
+    fitted = fit(CLOUDS, Q, options)
+    assert np.all(np.sqrt(((fitted.q - Q) ** 2).mean(axis=0)) < [0.04, 0.06, 0.06])
     lengths = np.linalg.norm(np.diff(fitted.nodes, axis=1), axis=2)
     assert np.all((lengths >= limits()[:, 0] - 1e-12) & (lengths <= limits()[:, 1] + 1e-12))
     assert np.isfinite(fitted.objective).all()
-    again = fit(clouds[:10], q[:10], options)
+    again = fit(CLOUDS[:10], Q[:10], options)
     assert again.nodes.tobytes() == fitted.nodes[:10].tobytes()
 
 
-def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_row(sequence) -> None:
-    q, clouds = sequence
-    thinned = [c[:10] if f in (0, 30, 31) else c for f, c in enumerate(clouds[:40])]
-    fitted = fit(thinned, q[:40])
+def test_frames_with_too_few_points_are_gaps_counted_bridged_and_refused_in_a_row() -> None:
+    thinned = [c[:10] if f in (0, 30, 31) else c for f, c in enumerate(CLOUDS[:40])]
+    fitted = fit(thinned, Q[:40])
     assert np.flatnonzero(np.isnan(fitted.q).any(axis=1)).tolist() == [0, 30, 31]
-    assert np.abs(fitted.q[32] - q[32]).max() < 0.2
-    thinned = [c[:10] if 20 <= f < 24 else c for f, c in enumerate(clouds[:40])]
+    assert np.abs(fitted.q[32] - Q[32]).max() < 0.2
+    thinned = [c[:10] if 20 <= f < 24 else c for f, c in enumerate(CLOUDS[:40])]
     with pytest.raises(RecordingError, match=r"take-9.*frame 23"):
-        fit(thinned, q[:40], take="take-9")
+        fit(thinned, Q[:40], take="take-9")
 
 
-def test_an_arm_that_was_lost_over_missing_frames_is_found_again(sequence, monkeypatch) -> None:
-    q, clouds = sequence
+def test_an_arm_that_was_lost_over_missing_frames_is_found_again(monkeypatch) -> None:
     kept = [*range(43, 48), *range(80, 90)]
-    fitted = fit([clouds[i] for i in kept], q[kept])
-    assert np.abs(fitted.q - q[kept]).max() < 0.2
+    fitted = fit([CLOUDS[i] for i in kept], Q[kept])
+    assert np.abs(fitted.q - Q[kept]).max() < 0.2
     # the control: without the search over all poses the elbow stays on the wrong side
     monkeypatch.setattr("pipeline.perception.articulation.LOST", np.inf)
-    assert np.abs(fit([clouds[i] for i in kept], q[kept]).q - q[kept]).max() > 1.0
+    assert np.abs(fit([CLOUDS[i] for i in kept], Q[kept]).q - Q[kept]).max() > 1.0
 
 
-def test_an_end_effector_out_of_reach_is_refused(sequence) -> None:
-    q, clouds = sequence
+def test_an_end_effector_out_of_reach_is_refused() -> None:
     with pytest.raises(RecordingError, match=r"joins O1 and EE.*frame 0"):
-        fit_sequence(clouds[:1], CHAIN.origin, np.array([[0.0, 0.7]]), CHAIN, OPTIONS, q[0])
+        fit_sequence(CLOUDS[:1], CHAIN.origin, np.array([[0.0, 0.7]]), CHAIN, OPTIONS, Q[0])

@@ -7,11 +7,10 @@ import pinocchio as pin
 import pytest
 from marker_takes import PLACES, marker_places
 from scipy.optimize import least_squares
-from space_arms import HERE, LWR4, MARKERS, START, UR5, mocap, motion, points
+from space_arms import LWR4, MARKERS, START, UR5, YOUBOT, mocap, motion, points
 
 from pipeline.arm.model import arm_of
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import Robot
 from pipeline.perception.markers import JointTrack, fill_gaps, track
 from pipeline.perception.posture import points_in_plane, points_in_space
 
@@ -19,18 +18,15 @@ FRAMES, NOISE = 120, 5e-5  # m
 UPPER, FORE, HAND = slice(0, 3), slice(3, 6), slice(6, 9)
 
 
-@pytest.fixture(scope="module")
-def measured() -> np.ndarray:
-    """Points of the UR5, exact."""
-    return points(UR5, MARKERS, motion(FRAMES))
+MEASURED = points(UR5, MARKERS, motion(FRAMES))  # of the UR5, exact
 
 
 def tracked(positions: np.ndarray, markers: dict = MARKERS, robot=UR5, **options):
     return track(positions, points_in_space(robot, mocap(markers, **options)), max_gap=20, take="t")
 
 
-def test_exact_points_give_exact_angles(measured):
-    result = tracked(measured)
+def test_exact_points_give_exact_angles():
+    result = tracked(MEASURED)
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
     assert result.residual.max() < 1e-10 and not any(result.counts.values())
     # single markers on many links do as well
@@ -41,13 +37,6 @@ def test_exact_points_give_exact_angles(measured):
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
 
 
-YOUBOT = Robot(
-    str(HERE / "youbot.urdf"),
-    [f"arm_joint_{j}" for j in (2, 3, 4)],
-    "arm_tool",
-    locked={"arm_joint_1": 2.9670597283903604, "arm_joint_5": 2.923426497090502},
-    plane=True,
-)
 ARM, MODEL = arm_of(YOUBOT), pin.buildModelFromUrdf(YOUBOT.urdf)
 BENT = np.array([[2.0, -4.2, 1.2]])
 
@@ -102,8 +91,8 @@ def test_a_noisy_frame_is_solved_as_scipy_solves_it_through_pinocchio(plane):
     assert np.abs(solution.q - q).max() > 1e-5
 
 
-def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_does_not(measured):
-    without_forearm, without_hand = measured.copy(), measured.copy()
+def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_does_not():
+    without_forearm, without_hand = MEASURED.copy(), MEASURED.copy()
     without_forearm[30:60, FORE] = np.nan
     result = tracked(without_forearm)
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
@@ -118,8 +107,8 @@ def test_a_link_is_missed_where_the_rest_decides_and_a_gap_is_filled_where_it_do
         tracked(without_hand)
 
 
-def test_a_take_that_starts_in_the_dark_is_followed_backwards(measured):
-    measured = measured.copy()
+def test_a_take_that_starts_in_the_dark_is_followed_backwards():
+    measured = MEASURED.copy()
     measured[:15, FORE] = np.nan
     measured[:5] = np.nan
     result = tracked(measured)
@@ -127,8 +116,8 @@ def test_a_take_that_starts_in_the_dark_is_followed_backwards(measured):
     assert result.counts["held"] == 5
 
 
-def test_a_body_that_slips_is_left_out_of_its_frames(measured):
-    slipped, other = measured.copy(), measured.copy()
+def test_a_body_that_slips_is_left_out_of_its_frames():
+    slipped, other = MEASURED.copy(), MEASURED.copy()
     slipped[40:50, FORE] += [0.03, -0.02, 0.01]
     result = tracked(slipped)
     np.testing.assert_allclose(result.q, motion(FRAMES), atol=1e-9)
@@ -138,8 +127,8 @@ def test_a_body_that_slips_is_left_out_of_its_frames(measured):
     assert tracked(other).counts["interpolated"] == 10
 
 
-def test_joints_that_no_point_shows_are_named(measured):
-    measured = measured[:2]  # every frame is tried
+def test_joints_that_no_point_shows_are_named():
+    measured = MEASURED[:2]  # every frame is tried
     upper = {"upper_arm": MARKERS["upper_arm"]}
     with pytest.raises(RecordingError, match="determine joint_3, joint_4, joint_5, joint_6:"):
         tracked(measured[:, UPPER], upper)
@@ -166,16 +155,14 @@ def test_postures_that_fit_alike_are_refused_until_one_is_named():
     np.testing.assert_allclose(tracked(points(LWR4, other, q), other, LWR4).q, q, atol=1e-9)
 
 
-def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused(
-    measured,
-):
+def test_whole_turns_are_those_of_the_posture_that_is_named_and_points_that_never_fit_refused():
     turned = START - 2 * np.pi * np.eye(6)[5]
-    result = tracked(measured, posture=turned.tolist())
+    result = tracked(MEASURED, posture=turned.tolist())
     np.testing.assert_allclose(result.q, motion(FRAMES) + turned - START, atol=1e-9)
     with pytest.raises(RecordingError, match="no posture of the arm has all markers"):
-        tracked(measured[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
+        tracked(MEASURED[:3, [0, 1, 2, 6, 7, 8, 3, 4, 5]])
     with pytest.raises(RecordingError, match="no posture"):
-        tracked(np.full_like(measured, np.nan))
+        tracked(np.full_like(MEASURED, np.nan))
 
 
 def test_points_and_postures_that_are_not_of_the_arm_are_refused():

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.arm.chain import PlanarChain
@@ -23,21 +22,14 @@ FRONT = -0.03  # m, y of the visible faces of the links
 WIDTH = 0.06  # m
 
 
-@pytest.fixture(scope="module")
-def arm() -> Arm:
-    links, limit = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
-    chain = PlanarChain(np.array([0.01, 0.115]), links, np.ones(3), -limit, limit, limit / 2)
-    return Arm(chain, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0]))
-
-
+LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
+CHAIN = PlanarChain(np.array([0.01, 0.115]), LINKS, np.ones(3), -LIMIT, LIMIT, LIMIT / 2)
+ARM = Arm(CHAIN, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0]))
 Q = np.array([-0.5, 1.4, -0.6])
-
-
-def camera_pose(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
-    """1.1 m before the plane, turned by a few degrees."""
-    facing = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-    turn = Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
-    return arm.rotation @ facing @ turn, arm.to_base(np.array([-0.05, -1.1, 0.25]))
+# the camera is 1.1 m before the plane, turned by a few degrees
+FACING = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+TURN = ARM.rotation @ FACING @ Rotation.from_euler("xyz", [-0.05, 0.1, 0.02]).as_matrix()
+PLACE = np.array([-0.05, -1.1, 0.25])  # m, in the plane's frame
 
 
 @cache
@@ -54,14 +46,14 @@ def ideal_pixels() -> np.ndarray:
     return ideal
 
 
-def rays(arm: Arm) -> np.ndarray:
+def rays() -> np.ndarray:
     """(rows · columns, 3) rays in the plane's frame."""
-    return ideal_pixels() @ camera_pose(arm)[0].T @ arm.rotation
+    return ideal_pixels() @ TURN.T @ ARM.rotation
 
 
-def on_arm(arm: Arm, points: np.ndarray) -> np.ndarray:
+def on_arm(points: np.ndarray) -> np.ndarray:
     """Mask of the points (..., 2) that lie on the rectangles of the links."""
-    nodes = arm.chain.points(Q)
+    nodes = CHAIN.points(Q)
     inside = np.zeros(points.shape[:-1], dtype=bool)
     for a, b in pairwise(nodes):
         along = (b - a) / np.hypot(*(b - a))
@@ -70,14 +62,13 @@ def on_arm(arm: Arm, points: np.ndarray) -> np.ndarray:
     return inside
 
 
-def render(arm: Arm) -> tuple[np.ndarray, np.ndarray]:
+def render() -> tuple[np.ndarray, np.ndarray]:
     """Depth image (m) of the links' faces before a wall 1 m behind, and which pixels see the
     arm.
     """
-    camera = arm.to_plane(camera_pose(arm)[1])
-    r = rays(arm)
-    near, far = (FRONT - camera[1]) / r[:, 1], (1.0 - camera[1]) / r[:, 1]
-    hit = on_arm(arm, (camera + near[:, None] * r)[:, [0, 2]])
+    r = rays()
+    near, far = (FRONT - PLACE[1]) / r[:, 1], (1.0 - PLACE[1]) / r[:, 1]
+    hit = on_arm((PLACE + near[:, None] * r)[:, [0, 2]])
     return np.where(hit, near, far).reshape(SHAPE), hit.reshape(SHAPE)
 
 
@@ -85,44 +76,43 @@ CROP = Workspace(0.05, 0.05, 0.0, -0.02, -1.0, min_pixels=20, max_points=100_000
 BASE = Workspace(0.05, 0.05, 0.05, 0.05, 0.12, min_pixels=1, max_points=100_000)
 
 
-def segmenter(arm: Arm, crop: Workspace = CROP, camera: Intrinsics = CAMERA) -> ArmSegmenter:
-    return ArmSegmenter(arm, camera, *camera_pose(arm), crop)
+def segmenter(crop: Workspace = CROP, camera: Intrinsics = CAMERA) -> ArmSegmenter:
+    return ArmSegmenter(ARM, camera, TURN, ARM.to_base(PLACE), crop)
 
 
-def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is(arm: Arm) -> None:
-    depth, hit = render(arm)
-    points = segmenter(arm)(depth)
-    camera = arm.to_plane(camera_pose(arm)[1])
-    truth = (camera + depth.reshape(-1, 1) * rays(arm))[hit.ravel()][:, [0, 2]]
+def test_every_pixel_of_the_arm_and_no_other_is_found_where_it_is() -> None:
+    depth, hit = render()
+    points = segmenter()(depth)
+    truth = (PLACE + depth.reshape(-1, 1) * rays())[hit.ravel()][:, [0, 2]]
     assert len(points) > 500
     np.testing.assert_allclose(points, truth, atol=1e-7)
     # control: distortion that is ignored moves the points
-    moved = segmenter(arm, camera=replace(CAMERA, distortion=()))(depth)
-    assert np.mean(on_arm(arm, moved)) < 0.999
-    assert np.mean(on_arm(arm, points)) == 1.0
+    moved = segmenter(camera=replace(CAMERA, distortion=()))(depth)
+    assert np.mean(on_arm(moved)) < 0.999
+    assert np.mean(on_arm(points)) == 1.0
 
 
-def test_pixels_without_depth_and_alone_beside_the_arm_are_left_out(arm: Arm) -> None:
-    depth, hit = render(arm)
-    cut, lost = segmenter(arm), np.flatnonzero(hit)[::7]
+def test_pixels_without_depth_and_alone_beside_the_arm_are_left_out() -> None:
+    depth, hit = render()
+    cut, lost = segmenter(), np.flatnonzero(hit)[::7]
     rows, columns = cut.window
     depth.ravel()[lost[::2]], depth.ravel()[lost[1::2]] = 0.0, np.nan
     # a flying pixel: at the depth of the arm, beside it
     beside = cv2.dilate(hit.astype(np.uint8), np.ones((7, 7))).astype(bool)[rows, columns]
     free = tuple(np.argwhere(~beside)[0] + [rows.start, columns.start])
-    ray = rays(arm)[np.ravel_multi_index(free, SHAPE)]
-    depth[free] = (FRONT - arm.to_plane(camera_pose(arm)[1])[1]) / ray[1]
+    ray = rays()[np.ravel_multi_index(free, SHAPE)]
+    depth[free] = (FRONT - PLACE[1]) / ray[1]
     assert len(cut(depth)) == hit.sum() - len(lost)
 
 
-def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out(arm: Arm) -> None:
-    depth, hit = render(arm)
-    total, everything = int(hit.sum()), segmenter(arm)(depth)
-    assert len(segmenter(arm, replace(CROP, min_pixels=total))(depth)) == total
-    assert len(segmenter(arm, replace(CROP, min_pixels=total + 1))(depth)) == 0
+def test_patches_base_and_points_beyond_the_stated_numbers_are_left_out() -> None:
+    depth, hit = render()
+    total, everything = int(hit.sum()), segmenter()(depth)
+    assert len(segmenter(replace(CROP, min_pixels=total))(depth)) == total
+    assert len(segmenter(replace(CROP, min_pixels=total + 1))(depth)) == 0
     # turntable and floor
-    x, z = (everything - arm.chain.origin).T
+    x, z = (everything - CHAIN.origin).T
     base = ((np.abs(x) <= 0.05) & (z <= 0.05)) | (everything[:, 1] <= 0.12)
     assert base.sum() > 50
-    np.testing.assert_array_equal(segmenter(arm, BASE)(depth), everything[~base])
-    assert len(segmenter(arm, replace(CROP, max_points=300))(depth)) == 300
+    np.testing.assert_array_equal(segmenter(BASE)(depth), everything[~base])
+    assert len(segmenter(replace(CROP, max_points=300))(depth)) == 300

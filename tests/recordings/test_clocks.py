@@ -9,14 +9,6 @@ from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import commands, movement
-from pipeline.recordings.commands import (
-    Pairing,
-    find_pairing,
-    require_pair,
-    shift_rows,
-    suspects,
-    tracking_errors,
-)
 from pipeline.recordings.depth_takes import find_offset
 
 OFFSET = 0.0837  # s
@@ -137,7 +129,7 @@ WRONG = {
 }
 
 
-def spoiled(target: np.ndarray, right: Pairing) -> np.ndarray:
+def spoiled(target: np.ndarray, right: commands.Pairing) -> np.ndarray:
     """Commanded angles from which the pairing ``right`` recovers ``target``."""
     wrong = np.empty_like(target)
     wrong[:, right.order] = target / right.factor
@@ -148,15 +140,15 @@ def spoiled(target: np.ndarray, right: Pairing) -> np.ndarray:
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, name):
     factor, order, delay = WRONG[name]
-    right = Pairing(np.array(factor, float), np.array(order), delay)
-    actual, target = shift_rows(*logged(kind, lag=4e-3), -delay)
+    right = commands.Pairing(np.array(factor, float), np.array(order), delay)
+    actual, target = commands.shift_rows(*logged(kind, lag=4e-3), -delay)
     wrong = spoiled(target, right)
-    pair = find_pairing(actual, wrong, RATE)
+    pair = commands.find_pairing(actual, wrong, RATE)
     np.testing.assert_allclose(pair.factor, right.factor)
     assert (pair.order.tolist(), pair.delay) == (order, delay)
-    assert tracking_errors(*pair.apply(actual, wrong)).max() < 0.02
+    assert commands.tracking_errors(*pair.apply(actual, wrong)).max() < 0.02
     with pytest.raises(RecordingError, match="do not agree") as refused:
-        require_pair(actual, wrong, **HELD, file="log")
+        commands.require_pair(actual, wrong, **HELD, file="log")
     for option, said in (
         ("target_factor", np.any(right.factor != 1)),
         ("signals", order != [0, 1, 2, 3]),
@@ -170,7 +162,7 @@ def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, nam
 def test_a_controllers_lag_is_no_offset_of_two_clocks_where_the_unit_is_wrong_too(kind):
     for late in (0.6 * commands.LATEST, 1.6 * commands.LATEST):
         actual, target = logged(kind, lag=late)
-        pair = find_pairing(actual, np.degrees(target), RATE)
+        pair = commands.find_pairing(actual, np.degrees(target), RATE)
         np.testing.assert_allclose(pair.factor, np.pi / 180)
         assert pair.delay == (round(late * RATE) if late > commands.LATEST else 0)
 
@@ -178,35 +170,37 @@ def test_a_controllers_lag_is_no_offset_of_two_clocks_where_the_unit_is_wrong_to
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_right_stays_as_it_is(kind):
     actual, target = logged(kind, lag=4e-3)
-    require_pair(actual, target, **HELD)
-    assert not list(suspects(find_pairing(actual, target, RATE), actual, target, RATE))
+    commands.require_pair(actual, target, **HELD)
+    assert not list(
+        commands.suspects(commands.find_pairing(actual, target, RATE), actual, target, RATE)
+    )
     # up to the limit a lag is the controller's
     actual, target = logged(kind, lag=0.9 * commands.LATEST)
-    require_pair(actual, target, **HELD)
+    commands.require_pair(actual, target, **HELD)
     actual, target = logged(kind, lag=1.3 * commands.LATEST)
     with pytest.raises(RecordingError, match=r"s behind its command|target_delay: 0.0[67]"):
-        require_pair(actual, target, **HELD)
+        commands.require_pair(actual, target, **HELD)
 
 
 def test_another_movement_is_no_pair_and_a_few_pushes_do_not_decide():
     actual, _ = logged("without rest")
     _, target = logged("there and back")
     with pytest.raises(RecordingError, match=r"no other unit, order or clock: .* of one movement"):
-        require_pair(actual, target, **HELD)
+        commands.require_pair(actual, target, **HELD)
     actual, target = logged()
     actual[700:760, 0] += 0.3
-    require_pair(actual, target, **HELD)
+    commands.require_pair(actual, target, **HELD)
     # the control: a joint that stands elsewhere than it is commanded to does
     actual[:, 3] += 0.2
     with pytest.raises(RecordingError, match="d misses its command by 1"):
-        require_pair(actual, target, **HELD)
+        commands.require_pair(actual, target, **HELD)
 
 
 def test_an_error_is_a_share_of_the_motion_and_at_rest_of_a_tenth_of_a_radian():
     still = np.zeros((100, 1))
-    assert tracking_errors(still + 0.01, still) == pytest.approx([0.1])
+    assert commands.tracking_errors(still + 0.01, still) == pytest.approx([0.1])
     moved = np.linspace(0, 2, 100)[:, None]
-    assert tracking_errors(moved + 0.01, moved) == pytest.approx([0.01 / 2])
+    assert commands.tracking_errors(moved + 0.01, moved) == pytest.approx([0.01 / 2])
 
 
 def jittered(samples: int = 400, jitter: float = 2e-4, sampled: bool = True) -> JointLog:

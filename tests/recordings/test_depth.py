@@ -191,10 +191,7 @@ def test_what_the_description_of_the_camera_leaves_open_or_contradicts_is_refuse
 TIME, MOTION = np.arange(40) / 30.0, np.arange(160) / 100.0  # s
 
 
-@pytest.fixture(scope="module")
-def planar() -> Arm:
-    joints = ["joint_2", "joint_3", "joint_4"]
-    return load_arm("pipeline/arm/ur5.urdf", joints, "wrist_centre", {})
+PLANAR = load_arm("pipeline/arm/ur5.urdf", ["joint_2", "joint_3", "joint_4"], "wrist_centre", {})
 
 
 def path(time: np.ndarray) -> np.ndarray:
@@ -209,37 +206,34 @@ def frames(centroid: np.ndarray, take: str = "test_001") -> pd.DataFrame:
     return pd.DataFrame(columns | {"file": f"kinect/{take}", "points": 5, "x": x, "z": z})
 
 
-@pytest.fixture
-def markers(planar) -> pd.DataFrame:
-    """Rows of the table ``markers``: one, that runs along the path in the arm's plane."""
-    x, z = path(MOTION).T
-    at = planar.to_base(np.stack([x, 0 * x, z], axis=-1)).T
-    table = pd.DataFrame({"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION})
-    return table.assign(link=1, marker=1, x=at[0], y=at[1], z=at[2])
+# rows of the table ``markers``: one marker, that runs along the path in the arm's plane
+AT = PLANAR.to_base(np.insert(path(MOTION), 1, 0.0, axis=1)).T
+MARKERS = pd.DataFrame({"take": "test_001", "part": "test", "k": np.arange(160), "t": MOTION})
+MARKERS = MARKERS.assign(link=1, marker=1, x=AT[0], y=AT[1], z=AT[2])
 
 
-def test_an_offset_is_that_of_the_motion_unless_it_is_stated(planar, markers):
+def test_an_offset_is_that_of_the_motion_unless_it_is_stated():
     filmed = frames(path(TIME + 0.12))
     rows, quality = on_motion_clock(
-        CameraTake(filmed, markers, []), made(Depth, search=0.3), planar
+        CameraTake(filmed, MARKERS, []), made(Depth, search=0.3), PLANAR
     )
     values = {row["quantity"]: row["value"] for row in quality}
     assert abs(values["clock_offset"] - 0.12) < 1e-4
     np.testing.assert_allclose(rows["t"], TIME + values["clock_offset"])
     stated = made(Depth, search=0.3, clock_offset=-0.25)
     for seen in (filmed, frames(np.ones((len(TIME), 2)))):  # whatever the motion says
-        rows, quality = on_motion_clock(CameraTake(seen, markers, []), stated, planar)
+        rows, quality = on_motion_clock(CameraTake(seen, MARKERS, []), stated, PLANAR)
         np.testing.assert_allclose(rows["t"], TIME - 0.25)
         assert [(row["quantity"], row["value"]) for row in quality] == [("clock_offset", -0.25)]
 
 
-def test_takes_that_tell_no_offset_are_refused_by_their_name(planar, markers):
+def test_takes_that_tell_no_offset_are_refused_by_their_name():
     still = frames(np.ones((len(TIME), 2)))
     empty = frames(np.full((len(TIME), 2), np.nan)).assign(points=0)
     for seen, words in ((still, "no motion to compare the clocks by"), (empty, "no frame shows")):
         with pytest.raises(RecordingError, match=words) as refused:
-            on_motion_clock(CameraTake(seen, markers, []), made(Depth, search=0.3), planar)
+            on_motion_clock(CameraTake(seen, MARKERS, []), made(Depth, search=0.3), PLANAR)
         assert refused.value.evidence["take"] == "test_001"
     with pytest.raises(RecordingError, match="no motion-capture take") as refused:
-        with_markers(frames(path(TIME), "test_002"), markers, markers)
+        with_markers(frames(path(TIME), "test_002"), MARKERS, MARKERS)
     assert refused.value.evidence["take"] == "test_002"

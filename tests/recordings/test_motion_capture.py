@@ -17,28 +17,17 @@ from marker_takes import (
     tracked,
     written,
 )
-from planar_poses import load_arm
 from sample_options import made
-from space_arms import LWR4, UR5, motion
+from space_arms import LWR4, UR5, YOUBOT, motion
 
-from pipeline.arm.model import chain_of
+from pipeline.arm.model import arm_of, chain_of
 from pipeline.core.columns import members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Body, Dataset, Motion, Pose
 from pipeline.formats.trajectory import write_trajectory
 from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
 
-
-@pytest.fixture(scope="module")
-def arm():
-    urdf = Path(__file__).parents[2] / "pipeline/arm/youbot.urdf"
-    locked = {"arm_joint_1": 2.9670597283903604, "arm_joint_5": 2.923426497090502}
-    return load_arm(str(urdf), ["arm_joint_2", "arm_joint_3", "arm_joint_4"], "arm_tool", locked)
-
-
-@pytest.fixture(scope="module")
-def joints():
-    return np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
+ARM, JOINTS = arm_of(YOUBOT), np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
 
 
 def read(file: Path, part: str = "training", **mocap):
@@ -47,53 +36,51 @@ def read(file: Path, part: str = "training", **mocap):
     return rows, lambda name: quantity(quality, name)
 
 
-def require_angles(rows: pd.DataFrame, arm, joints: np.ndarray) -> None:
-    np.testing.assert_allclose(tracked(rows, arm).q, joints, rtol=0, atol=5e-5)
+def require_angles(rows: pd.DataFrame) -> None:
+    np.testing.assert_allclose(tracked(rows, ARM).q, JOINTS, rtol=0, atol=5e-5)
 
 
-def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path, arm, joints):
-    rows, count = read(written(tmp_path, markers_of(arm, joints), first=72210))
-    require_angles(rows, arm, joints)
+def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
+    rows, count = read(written(tmp_path, markers_of(ARM, JOINTS), first=72210))
+    require_angles(rows)
     assert count("missing_samples") == count("unlabelled_markers") == 0
     bodies = {link: Body(f"B{j}", MOUNT) for j, link in enumerate(TEMPLATE, 1)}
-    rows, _ = read(written(tmp_path, {}, bodies_of(arm, joints)), bodies=bodies)
-    require_angles(rows, arm, joints)
-    assert np.nanmax(tracked(rows, arm).residual) < 1e-5
+    rows, _ = read(written(tmp_path, {}, bodies_of(ARM, JOINTS)), bodies=bodies)
+    require_angles(rows)
+    assert np.nanmax(tracked(rows, ARM).residual) < 1e-5
     # the control: the same bodies, taken to be mounted otherwise
     mount = Pose(MOUNT.position, [0.3, -0.1, 1.1])
     other = {link: Body(body.name, mount) for link, body in bodies.items()}
     rows, _ = read(tmp_path / "t.csv", bodies=other)
-    assert np.abs(tracked(rows, arm).q - joints).max() > 0.01
+    assert np.abs(tracked(rows, ARM).q - JOINTS).max() > 0.01
 
 
-def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
-    tmp_path, arm, joints
-):
-    bodies, markers = bodies_of(arm, joints), markers_of(arm, joints)
+def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(tmp_path):
+    bodies, markers = bodies_of(ARM, JOINTS), markers_of(ARM, JOINTS)
     bodies["B2"].position[5:8] = bodies["B2"].quaternion[5:8] = np.nan
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
     kept = {name: points for name, points in markers.items() if not name.endswith("2")}
     file = written(tmp_path, kept | {"stray": markers["a2"]}, bodies)
     rows, count = read(file, "test", bodies={"link2": Body("B2", MOUNT)})
-    require_angles(rows, arm, joints)
+    require_angles(rows)
     assert (count("missing_samples"), count("unlabelled_markers")) == (9, 0)
     assert count("missing_poses") == 3
 
 
-def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path, arm, joints):
-    markers = {f"Arm:{name}": points for name, points in markers_of(arm, joints).items()}
-    require_angles(read(written(tmp_path, markers))[0], arm, joints)
+def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
+    markers = {f"Arm:{name}": points for name, points in markers_of(ARM, JOINTS).items()}
+    require_angles(read(written(tmp_path, markers))[0])
     file = written(tmp_path, markers | {"Leg:a1": markers["Arm:a1"] + 1})
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
         read(file)
     first = {"Arm:a1" if name == "a1" else name: at for name, at in TEMPLATE["link1"].items()}
     rows, count = read(file, markers=TEMPLATE | {"link1": first})
-    require_angles(rows, arm, joints)
+    require_angles(rows)
     assert count("unlabelled_markers") == 1
 
 
-def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, joints):
-    file = written(tmp_path, markers_of(arm, joints), bodies_of(arm, joints))
+def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
+    file = written(tmp_path, markers_of(ARM, JOINTS), bodies_of(ARM, JOINTS))
     words = "no rigid body named X in the take; it has B1, B2, B3"
     with pytest.raises(RecordingError, match=words):
         read(file, bodies={"link1": Body("X", MOUNT)})
@@ -103,8 +90,8 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path, arm, 
         read(file, markers=TEMPLATE | {"link1": {"x9": [0.0, 0.0, 0.0]}})
 
 
-def test_takes_of_another_rate_or_length_are_refused(tmp_path, arm, joints):
-    markers = markers_of(arm, joints)
+def test_takes_of_another_rate_or_length_are_refused(tmp_path):
+    markers = markers_of(ARM, JOINTS)
     with pytest.raises(RecordingError, match="at 120"):
         read(written(tmp_path, markers, rate=120.0))
     file = written(tmp_path, markers)

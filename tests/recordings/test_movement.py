@@ -20,14 +20,7 @@ from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Dataset, Encoders, Robot
 from pipeline.core.options.dataset import JointLogSection as Log
 from pipeline.formats.joints.log import JointLog, LogOptions, joint_labels, write_joint_table
-from pipeline.recordings import movement
-from pipeline.recordings.commands import (
-    circular_joints,
-    require_commanded,
-    require_encoders,
-    require_velocities,
-    speed_scores,
-)
+from pipeline.recordings import commands, movement
 from pipeline.recordings.joint_logs import encoder_rows
 from pipeline.recordings.movement import read_logged_movement
 
@@ -130,7 +123,7 @@ def test_a_spike_of_any_size_is_no_turn_and_a_wrap_beside_noise_is_one():
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_positions_of_a_prismatic_joint_are_metres_and_never_unwrapped(tmp_path, unit):
     (tmp_path / "rail.urdf").write_text(RAIL)
-    circular = circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
+    circular = commands.circular_joints(str(tmp_path / "rail.urdf"), ["slide", "turn"])
     assert circular.tolist() == [False, True]
     slide, turn = np.linspace(0, 12, 60), WRAP["to ±π"](TURNING[:, 0])
     slide[30:] += 3.5
@@ -224,16 +217,10 @@ TIME = np.arange(301) / RATE
 POSITIONS, VELOCITIES = (columns(family, ("x", "z", "phi")) for family in "xv")
 
 
-@pytest.fixture(scope="module")
-def chain():
-    return load_arm("pipeline/arm/ur5.urdf", JOINTS, "wrist_centre", {}).chain
-
-
-@pytest.fixture
-def q() -> np.ndarray:
-    """(301, 3) rad: there and back, from rest to rest."""
-    share = (1 - np.cos(2 * np.pi * TIME / TIME[-1])) / 2
-    return np.array([-0.2, 1.0, -2.6]) + share[:, None] * [-1.4, 0.5, 1.4]
+CHAIN = load_arm("pipeline/arm/ur5.urdf", JOINTS, "wrist_centre", {}).chain
+# (301, 3) rad: there and back, from rest to rest
+SHARE = (1 - np.cos(2 * np.pi * TIME / TIME[-1])) / 2
+Q = np.array([-0.2, 1.0, -2.6]) + SHARE[:, None] * [-1.4, 0.5, 1.4]
 
 
 def exchanged(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
@@ -254,16 +241,16 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(chain, q, wrong):
-    tracked = q + np.random.default_rng(1).normal(0, 5e-3, q.shape)
-    trajectory, spoil = trajectory_table(chain, q, RATE), WRONG[wrong]
-    require_commanded(tracked, trajectory, chain, "a")
+def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
+    tracked = Q + np.random.default_rng(1).normal(0, 5e-3, Q.shape)
+    trajectory, spoil = trajectory_table(CHAIN, Q, RATE), WRONG[wrong]
+    commands.require_commanded(tracked, trajectory, CHAIN, "a")
     with pytest.raises(RecordingError, match=r"not on the commanded path.*suspected") as refused:
-        require_commanded(tracked, spoil(trajectory, POSITIONS), chain, "a")
+        commands.require_commanded(tracked, spoil(trajectory, POSITIONS), CHAIN, "a")
     assert refused.value.evidence["take"] == "a"
-    require_velocities(trajectory, RATE, Path("t.csv"))
+    commands.require_velocities(trajectory, RATE, Path("t.csv"))
     with pytest.raises(RecordingError, match="do not lead along") as refused:
-        require_velocities(spoil(trajectory, VELOCITIES), RATE, Path("t.csv"))
+        commands.require_velocities(spoil(trajectory, VELOCITIES), RATE, Path("t.csv"))
     assert refused.value.evidence["file"] == Path("t.csv")
 
 
@@ -277,29 +264,31 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(chain, 
         (lambda table, names: table.add([0.0, 2 * np.pi, 0.0, 0.0]), "joint_2 is [+]1 turns"),
     ],
 )
-def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(q, wrong, words):
-    tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, q))
+def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(wrong, words):
+    tracked = pd.DataFrame({"t": TIME} | spread("q", JOINTS, Q))
     times = np.arange(250) / 83.3
-    held = np.stack([np.interp(times, TIME, angle) for angle in q.T], axis=1)
+    held = np.stack([np.interp(times, TIME, angle) for angle in Q.T], axis=1)
     readings = pd.DataFrame({"t": times} | spread("q", JOINTS, held + 2e-3))
-    require_encoders(tracked, readings, JOINTS, "a")
+    commands.require_encoders(tracked, readings, JOINTS, "a")
     with pytest.raises(RecordingError, match=words):
-        require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")
+        commands.require_encoders(tracked, wrong(readings, columns("q", JOINTS)), JOINTS, "a")
     with pytest.raises(RecordingError, match="joint_2 is off by"):  # metres have no turns
         beside = readings.add([0.0, 2 * np.pi, 0.0, 0.0])
-        require_encoders(tracked, beside, JOINTS, "a", circular=np.array([False, True, True]))
+        commands.require_encoders(
+            tracked, beside, JOINTS, "a", circular=np.array([False, True, True])
+        )
 
 
 def test_speeds_of_true_steps_count_steps_beyond_a_limit_and_against_the_command():
     nominal = np.array([[0.01, 0.0], [0.01, 0.0], [0.01, 0.002], [0.0, 0.0]])
     steps = np.stack([nominal, nominal])
     limits = np.array([1.0, 1.0])
-    kept = speed_scores(steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"])
+    kept = commands.speed_scores(steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"])
     assert kept["true_moving_steps_beyond_a_speed_limit_share"] == 0
     assert kept["true_a_fast_steps_backwards_share"] == 0
     assert kept["true_a_greatest_speed_rad_per_s"] == pytest.approx(1.0)
     steps[0, 0, 0], steps[1, 2, 1], steps[1, 3, 1] = -0.05, -0.0021, 0.04  # the last is at rest
-    found = speed_scores(steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"])
+    found = commands.speed_scores(steps, np.stack([nominal] * 2), limits, 100.0, ["a", "b"])
     assert found["true_moving_steps_beyond_a_speed_limit_share"] == pytest.approx(1 / 6)
     assert found["true_a_greatest_speed_rad_per_s"] == pytest.approx(5.0)
     assert found["true_b_greatest_speed_rad_per_s"] == pytest.approx(4.0)

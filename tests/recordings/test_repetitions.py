@@ -3,13 +3,8 @@
 import numpy as np
 import pytest
 
+from pipeline.recordings import repetitions
 from pipeline.recordings.lags import in_phase, lag, stretch
-from pipeline.recordings.repetitions import (
-    beside_others,
-    disturbances,
-    excursions,
-    find_repetitions,
-)
 
 RATE = 125.0
 HOME, AWAY = np.array([0.3, -2.0, -1.9, -0.4]), np.array([-0.2, -3.0, -0.2, -1.5])
@@ -50,8 +45,8 @@ WHOLE = (AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, OUT, AT_AWAY, BACK, AT_HOME, OUT,
 
 
 def find(angles, speeds, *, rest=20, steps=STEPS, start=HOME, end=AWAY):
-    ends, motions = (start[1:], end[1:]), excursions(angles, speeds)
-    return find_repetitions(angles[:, 1:], motions, ends, steps, rest)
+    ends, motions = (start[1:], end[1:]), repetitions.excursions(angles, speeds)
+    return repetitions.find_repetitions(angles[:, 1:], motions, ends, steps, rest)
 
 
 @pytest.mark.parametrize("noise", [0.0, 5e-5])
@@ -74,8 +69,8 @@ def test_a_way_without_enough_rest_beside_it_or_at_another_speed_is_another_moti
     assert [run.first for run in find(angles, speeds, steps=130).runs] == [350]
     # the jerk of a controller taking over is no excursion, and a record at rest holds none
     jerk = ("rest", 3, HOME), ("go", HOME, HOME + 5e-4, 3)
-    assert [run.first for run in excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))] == [56]
-    assert excursions(*log(("rest", 300, HOME))) == []
+    assert [run.first for run in repetitions.excursions(*log(*jerk, AT_HOME, OUT, AT_AWAY))] == [56]
+    assert repetitions.excursions(*log(("rest", 300, HOME))) == []
 
 
 @pytest.mark.parametrize("shift", [-2, -1, 0, 1, 2])
@@ -103,7 +98,7 @@ def periodic(rows: int, period: float) -> np.ndarray:
 
 
 def passes(command: np.ndarray, ends: tuple, steps: int):
-    return find_repetitions(command, [], ends, steps, rest=0)
+    return repetitions.find_repetitions(command, [], ends, steps, rest=0)
 
 
 def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
@@ -148,7 +143,7 @@ def pushed(rows: np.ndarray, height: float, rng: np.random.Generator) -> tuple[n
 
 
 def scores(rows: np.ndarray) -> np.ndarray:
-    return disturbances(rows, LOGGED)
+    return repetitions.disturbances(rows, LOGGED)
 
 
 @pytest.mark.parametrize("takes", [3, 4, 7, 20])
@@ -159,7 +154,7 @@ def test_a_push_at_one_repetition_stands_out_and_none_does_without(takes):
     for _ in range(30):
         rows, take = pushed(residuals(takes, rng), 2e-3, rng)
         assert np.flatnonzero(scores(rows) > LIMIT).tolist() == [take]
-        assert beside_others(rows)[take] > 1e-4
+        assert repetitions.beside_others(rows)[take] > 1e-4
 
 
 def test_what_all_repetitions_share_is_no_disturbance_and_of_two_neither_is_disturbed():
