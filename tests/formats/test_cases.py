@@ -25,22 +25,15 @@ TIME = np.arange(60) / 125
 Q = np.stack([np.sin(3 * TIME), 0.2 + 0.5 * TIME**2], axis=1)
 ECHO = "".join(f"{k / 125},elbow,{k % 7}.5,0.{k}\n" for k in range(60))
 
-LINKS = (
-    '<link name="base"/><link name="upper"/><link name="{0}"/><link name="jaw"/><link name="tip"/>'
-)
-JOINT = (
-    '<joint name="{}" type="revolute"><origin xyz="0 0 {}"/><parent link="{}"/><child link="{}"/>'
-    '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
-)
-
 
 def urdf(link: str) -> str:
     """An arm whose joint ``wrist`` moves the link after ``link``."""
-    places = [("shoulder", 0.1, "base", "upper"), ("elbow", 0.2, "upper", link)]
-    places += [("wrist", 0.3, link, "jaw"), ("tool", 0.4, "jaw", "tip")]
-    joints = "".join(JOINT.format(*place) for place in places)
-    joints = joints.replace('"tool" type="revolute"', '"tool" type="fixed"')
-    return f'<?xml version="1.0"?>\n<robot name="r">{LINKS.format(link)}{joints}</robot>'
+    links, kinds = ["base", "upper", link, "jaw", "tip"], ["revolute"] * 3 + ["fixed"]
+    joints = [
+        other_kinds.joint(name, *links[k : k + 2], kind=kinds[k], height=(k + 1) / 10)
+        for k, name in enumerate(("shoulder", "elbow", "wrist", "tool"))
+    ]
+    return '<?xml version="1.0"?>\n' + other_kinds.urdf(links, joints)
 
 
 PAIRED = {"time": TIME, "q": Q, "q_target": Q}

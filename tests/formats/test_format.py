@@ -105,20 +105,7 @@ def test_numbers_are_correctly_rounded_as_by_python(form):
     np.testing.assert_array_equal(result[:, 0], [float(row) for row in rows])
 
 
-WRONG = [
-    "x",
-    "1_0",
-    "1 2",
-    "0x1A",
-    "True",
-    "NAN1",
-    "1e999",
-    "1,5",
-    "--1",
-    '"1',
-    "1e300",
-    "7" * 5000,
-]
+WRONG = ["1 2", "7" * 5000, *'x 1_0 0x1A True NAN1 1e999 1,5 --1 "1 1e300'.split()]
 
 
 @pytest.mark.parametrize("cell", WRONG)

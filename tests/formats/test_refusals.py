@@ -85,7 +85,7 @@ FORMATS = {
         *((None, content, "", None) for content in (b"ply", bytes(20_000))),
     ], "c.ply"),
     "image": Sound(PNG, image, [
-        (None, encoded(".png", frame(shape=(9, 9))), "9 × 9 pixels where the camera has", None),
+        (None, encoded(".png", frame((9, 9))), "9 × 9 pixels where the camera has", None),
         (None, encoded(".png", SMALL.astype(np.uint8)), "1 channel(s) of uint8", None),
         (None, encoded(".png", np.zeros((12, 16, 3), np.uint16)), "3 channel(s) of uint16", None),
         *((None, content, "no PNG", None) for content in (b"no image at all\n", b"")),

@@ -7,11 +7,9 @@ import cv2
 import numpy as np
 from PIL import Image
 
-SHAPE = (424, 512)
 
-
-def frame(seed: int = 1, shape: tuple[int, int] = SHAPE) -> np.ndarray:
-    generator = np.random.default_rng(seed)
+def frame(shape: tuple[int, int]) -> np.ndarray:
+    generator = np.random.default_rng(1)
     raw = 1800 + 0.5 * np.arange(shape[1]) + 0.3 * np.arange(shape[0])[:, None]
     raw = raw + generator.normal(size=shape) * 5
     raw[generator.random(shape) < 0.2] = 0
@@ -28,7 +26,7 @@ def encoded(ending: str, image: np.ndarray) -> bytes:
     return cv2.imencode(ending, image)[1].tobytes()
 
 
-SMALL = frame(shape=(12, 16))
+SMALL = frame((12, 16))
 PGM = b"P5\n# a comment\n16 12\n65535\n" + SMALL.astype(">u2").tobytes()
 
 
@@ -70,10 +68,10 @@ POINT = np.dtype(
 )
 
 
-def records(count: int = 12) -> np.ndarray:
-    generator, table = np.random.default_rng(3), np.zeros(count, POINT)
+def records() -> np.ndarray:
+    generator, table = np.random.default_rng(3), np.zeros(12, POINT)
     for axis in "xyz":
-        table[axis] = generator.normal(size=count)
+        table[axis] = generator.normal(size=12)
     table["rgb"], table["pad"], table["label"] = 0x00FF7F00, 9, -4
     table["z"][2], table["y"][5] = np.nan, np.inf
     return table
@@ -84,10 +82,10 @@ def positions(table: np.ndarray) -> np.ndarray:
     return points[np.isfinite(points).all(axis=1)]
 
 
-def pcd(form: str, table: np.ndarray, *, viewpoint: str = "0 0 0 1 0 0 0") -> bytes:
+def pcd(form: str, table: np.ndarray) -> bytes:
     header = (
         f"# .PCD v0.7\nVERSION 0.7\n{FIELDS}WIDTH 4\nHEIGHT {len(table) // 4}\n"
-        f"VIEWPOINT {viewpoint}\nPOINTS {len(table)}\nDATA {form}\n"
+        f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(table)}\nDATA {form}\n"
     ).encode()
     if form == "binary":
         return header + table.tobytes()

@@ -54,12 +54,10 @@ def columns_file(
     return file
 
 
-def rows_file(
-    folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n", end: str = "\n"
-) -> Path:
+def rows_file(folder: Path, *rows: str, head: str = "righthanded\ninfo,version,1.1\n") -> Path:
     """A file of the row-typed grammar."""
     file = folder / "rows.csv"
-    file.write_bytes((head + "\n".join(rows) + end).encode())
+    file.write_bytes((head + "\n".join(rows) + "\n").encode())
     return file
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from c3d_files import c3d, points
-from depth_files import CALIBRATIONS, SMALL, encoded
+from depth_files import CALIBRATIONS, CLOUDS, SMALL, encoded
 from kinds import kind
 from motive_files import START, frame_row, random_take, rows_file
 from ros_bags import Message, write_bag
@@ -27,19 +27,12 @@ def frames(*names: str, content: bytes = PNG) -> Callable[[Path], None]:
     return lambda folder: [(folder / name).write_bytes(content) for name in names] and None
 
 
-def cloud(count: int, announced: int) -> bytes:
-    rows = "\n".join(f"{k / 10} 0 1" for k in range(count))
-    head = f"WIDTH {announced}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {announced}\nDATA ascii\n"
-    return (
-        f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n{head}{rows}\n".encode()
-    )
-
-
+CLOUD = CLOUDS["ascii.pcd"]
 GRABBED = [f"frame_20111121T101112.{us}.pcd" for us in ("123456", "387167", "650001")]
 NAMES = [
     kind("22", frames(*[f"145000000{k // 20}.{k % 20 * 50000:06d}.png" for k in range(1, 31)]),
         "20 Hz; 1.45 s", "times in the names; frames 30", at="", never=("dropped",)),
-    kind("22", frames(*GRABBED, content=cloud(6, 6)), "3.798 Hz; 0.5265 s", "frames 3",
+    kind("22", frames(*GRABBED, content=CLOUD), "3.798 Hz; 0.5265 s", "frames 3",
         never=("dropped",)),
     kind("22", frames(*[f"{1573820104123 + 40 * k}.png" for k in (0, 1, 2, 4)]),
         "25 Hz; 0.16 s; 1 dropped frames"),
@@ -196,7 +189,8 @@ TAKES = [
     kind("29", cut_motive, "lacking frames", "frames", at="take.csv"),
     kind("29", cut_rows, "dataset.mocap.unit", "4 lacking frames"),
     kind("29", fewer_messages, "announces 21 messages and holds 20", inside="take", stops=True),
-    kind("29", frames("a.pcd", content=cloud(5, 6)), "announces 6 points and holds 5", stops=True),
+    kind("29", frames("a.pcd", content=CLOUD[: CLOUD[:-1].rindex(b"\n") + 1]),
+        "announces 12 points and holds 11", stops=True),
 ]  # fmt: skip
 
 
@@ -204,16 +198,19 @@ def link(name: str) -> str:
     return f'<link name="{name}"/>'
 
 
-def joint(name: str, parent: str, child: str, *, kind: str = "revolute", lower="-1") -> str:
+def joint(name: str, parent: str, child: str, *, kind="revolute", lower="-1", height=0.1) -> str:
     limit = f'<limit lower="{lower}" upper="1" velocity="1" effort="1"/>'
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
-    place = '<origin xyz="0 0 0.1"/><axis xyz="0 1 0"/>'
+    place = f'<origin xyz="0 0 {height}"/><axis xyz="0 1 0"/>'
     return f'<joint name="{name}" type="{kind}">{ends}{place}{limit}</joint>'
 
 
+def urdf(links: list[str], joints: list[str]) -> str:
+    return f'<robot name="many">{"".join(map(link, links))}{"".join(joints)}</robot>'
+
+
 def robot(folder: Path, links: list[str], joints: list[str]) -> None:
-    content = "".join(map(link, links)) + "".join(joints)
-    (folder / "robot.urdf").write_text(f'<robot name="many">{content}</robot>')
+    (folder / "robot.urdf").write_text(urdf(links, joints))
 
 
 def serial(folder: Path, count: int, sensors: int = 0) -> None:

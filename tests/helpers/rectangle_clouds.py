@@ -21,9 +21,7 @@ def motion(frames: int = 97) -> np.ndarray:
     return np.radians([-55.0, 135.0, -60.0] + phase[:, None] * np.array([75.0, -70.0, 75.0]))
 
 
-def cloud(
-    q: np.ndarray, rng: np.random.Generator, *, width=0.06, noise=0.002, points: int = 1500
-) -> np.ndarray:
+def cloud(q: np.ndarray, rng: np.random.Generator, *, points: int = 1500) -> np.ndarray:
     """Points of three rectangles, ever denser towards one side and one end of each, with normal
     noise (m).
     """
@@ -31,9 +29,9 @@ def cloud(
     for j, (a, b) in enumerate(pairwise(CHAIN.points(q))):
         along, (s, n) = (b - a) / LENGTHS[j], rng.random((2, points // 3))
         n = n**1.5 if j != 1 else n**0.7
-        aside = ((n - 0.5) * width)[:, None] * np.array([along[1], -along[0]])
+        aside = ((n - 0.5) * 0.06)[:, None] * np.array([along[1], -along[0]])
         parts.append(a + (s**0.8 * LENGTHS[j])[:, None] * along + aside)
-    return np.concatenate(parts) + rng.normal(scale=noise, size=(points // 3 * 3, 2))
+    return np.concatenate(parts) + rng.normal(scale=0.002, size=(points // 3 * 3, 2))
 
 
 def limits(share: float = 0.05) -> np.ndarray:

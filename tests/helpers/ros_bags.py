@@ -35,14 +35,12 @@ class Message:
         return types[self.kind](header=header, **fields)
 
 
-def image(
-    pixels: np.ndarray, stamp: float, *, encoding: str | None = None, big=False, padding: int = 0
-) -> Message:
+def image(pixels: np.ndarray, stamp: float, *, big=False, padding: int = 0) -> Message:
     """An Image of (H, W) uint16 or float32 ``pixels``, with ``padding`` bytes after each row."""
     rows = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<")).view(np.uint8)
     rows = rows.reshape(len(pixels), -1)
     data = np.pad(rows, ((0, 0), (0, padding)), constant_values=255)
-    fields = {"encoding": encoding or {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]}
+    fields = {"encoding": {"u": "16UC1", "f": "32FC1"}[pixels.dtype.kind]}
     fields |= {"height": pixels.shape[0], "width": pixels.shape[1], "is_bigendian": int(big)}
     fields |= {"step": data.shape[1], "data": data.ravel()}
     return Message("sensor_msgs/msg/Image", stamp, **fields)

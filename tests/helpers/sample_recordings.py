@@ -6,9 +6,10 @@ import cv2
 import ezc3d
 import numpy as np
 import pandas as pd
+from depth_files import CLOUDS
 from motive_files import START, random_take, rows_file
 from ros_bags import camera_info, image, write_bag
-from written_logs import write_joint_log, write_netft
+from written_logs import CALIBRATION, write_joint_log, write_netft
 
 from pipeline.core.columns import PLANE
 from pipeline.formats.depth.image import write_depth, write_index
@@ -19,10 +20,6 @@ from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.trajectory import write_trajectory
 
 SHAPE = (24, 32)
-AXES = "".join(
-    f'<UserAxis Name="{axis}" values="1 0 0 0 0 {n}" max="{n + 1}"/>\n'
-    for n, axis in enumerate(("Fx", "Fy", "Fz", "Tx", "Ty", "Tz"))
-)
 LINKS = ("base", "a", "b", "c", "tip")
 JOINTS = "".join(
     f'<joint name="j{n}" type="{"revolute" if n < 4 else "fixed"}">'
@@ -31,13 +28,10 @@ JOINTS = "".join(
     for n in range(1, len(LINKS))
 )
 TEXTS = {
-    "FT7.cal": '<?xml version="1.0"?>\n<FTSensor Serial="FT7"><Calibration ForceUnits="N" '
-    f'TorqueUnits="N-m">\n{AXES}</Calibration></FTSensor>\n',
+    "FT7.cal": CALIBRATION.replace("FT1", "FT7"),
     "sized.json": '{"width": 32, "height": 24, "fx": 30, "fy": 30, "cx": 16, "cy": 12}',
-    "cloud.ply": "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
-    "property float z\nend_header\n1 2 3\n",
-    "cloud.pcd": "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\n"
-    "HEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3\nnan nan nan\n",
+    "cloud.ply": CLOUDS["ascii.ply"].decode(),
+    "cloud.pcd": CLOUDS["ascii.pcd"].decode(),
     "three.urdf": '<robot name="three">'
     + "".join(f'<link name="{name}"/>' for name in LINKS) + f"\n{JOINTS}</robot>\n",
     "dataset.yaml": "about: {subject: a, source: b, licence: c}\nrecordings: ???\n"

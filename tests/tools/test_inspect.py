@@ -79,7 +79,7 @@ def test_every_format_is_named_and_what_it_states_and_leaves_open_is_shown(zoo, 
     assert {name: findings[name].gaps for name in held} == held
     assert len(findings["columns.csv"].facts["markers"]) == 9
     facts = {"commas.csv": ("decimal", ","), "FT7.cal": ("serial", "FT7")}
-    facts |= {"camera.yaml": ("cx", 16.0), "sized.json": ("width", 32), "cloud.pcd": ("points", 1)}
+    facts |= {"camera.yaml": ("cx", 16.0), "sized.json": ("width", 32), "cloud.pcd": ("points", 10)}
     facts |= {"q.csv": ("step_of_time", 0.008), "indexed/depth.txt": ("frames", 4)}
     facts |= {"columns.csv": ("bodies", ["Base"])}
     assert {name: (key, findings[name].facts[key]) for name, (key, _) in facts.items()} == facts

@@ -8,20 +8,11 @@ import pytest
 from cable_systems import planar_cables, sample_wrench
 
 from pipeline.statistics import densities
+from pipeline.wrench import models
 from pipeline.wrench.measured_force import force_moments, force_test, measured_wrenches, rows_of
-from pipeline.wrench.models import (
-    Bounds,
-    CableSystem,
-    draw_systems,
-    matrix_model,
-    optimal_sigma_s,
-    sample_wrenches,
-    unbounded_sigma_s,
-    wrench_covariance,
-)
 from pipeline.wrench.study import averaged_sigma_s
 
-BOUNDS = Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
+BOUNDS = models.Bounds((1.8, 14.0), (0.0, 3.8), (0.5, 2.3), (170.0, 2400.0))
 DIRECTIONS = np.array([0.15, 3.7, 1.6])
 TENSIONS = np.array([9.19, 6.92, 7.30])  # N; along these directions they give (3, 5) N
 SPREADS = np.array([0.5, 1.2, 2.3]), np.array([2400.0, 600.0, 170.0])
@@ -32,7 +23,9 @@ def correlated(system, sigma_s, samples, rng):
     """Draws of the matrix model that stay for 20 samples each: the law is the model's, a twentieth
     of them are independent.
     """
-    return np.repeat(sample_wrenches(matrix_model(system), sigma_s, samples // 20, rng), 20, axis=0)
+    return np.repeat(
+        models.sample_wrenches(models.matrix_model(system), sigma_s, samples // 20, rng), 20, axis=0
+    )
 
 
 @pytest.mark.slow
@@ -40,7 +33,7 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     monkeypatch,
 ):
     monkeypatch.setattr(densities, "PERMUTATIONS", 199)  # the level is the same
-    systems = draw_systems(BOUNDS, 1000, 3, np.random.default_rng(25))
+    systems = models.draw_systems(BOUNDS, 1000, 3, np.random.default_rng(25))
     sigma_s = averaged_sigma_s(systems)["diagonal"].mean
     rngs = np.random.default_rng(44).spawn(30)
     own = [force_test(correlated(SYSTEM, sigma_s, 6000, rng), SYSTEM, sigma_s, rng) for rng in rngs]
@@ -55,7 +48,7 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     assert np.mean([test["two_sample_p_value"] <= 0.05 for test in tests]) >= 0.9
 
 
-TOWED = CableSystem(
+TOWED = models.CableSystem(
     tension=[8.2, 9.1, 7.6],
     direction=[[0.6, 0.0, 0.8], [-0.48, 0.36, 0.8], [-0.36, -0.48, 0.8]],
     tension_sd=[0.5, 0.8, 1.1],
@@ -66,10 +59,10 @@ LENGTH = 0.1
 SIX = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
-def sigma_s_of(system: CableSystem) -> np.ndarray:
+def sigma_s_of(system: models.CableSystem) -> np.ndarray:
     """(6, 6) the Σ_S with which the matrix model has the covariance of the cables."""
-    unbounded = unbounded_sigma_s(system)
-    return optimal_sigma_s(unbounded, "full")[0]
+    unbounded = models.unbounded_sigma_s(system)
+    return models.optimal_sigma_s(unbounded, "full")[0]
 
 
 def test_rows_are_those_that_the_cables_give_and_moments_are_over_the_length():
@@ -92,10 +85,10 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
     record = pd.DataFrame(sample_wrench(TOWED, 20_000, rng), columns=SIX)
     wrenches = {
         "measured": measured_wrenches(record, system, LENGTH),
-        "modelled": sample_wrenches(matrix_model(system), sigma_s, 20_000, rng),
+        "modelled": models.sample_wrenches(models.matrix_model(system), sigma_s, 20_000, rng),
     }
     moments = force_moments("T3", wrenches, SIX).set_index("source")
-    exact = wrench_covariance(system)
+    exact = models.wrench_covariance(system)
     for source in wrenches:
         variances = moments.loc[source, [f"var_{row}" for row in SIX]].astype(float)
         np.testing.assert_allclose(variances, np.diag(exact), rtol=0.06)
@@ -104,7 +97,7 @@ def test_six_rows_of_a_record_of_the_cables_have_the_moments_of_the_matrix_model
         # of vMF(κ) cables pull 1/κ less than their tension
         assert np.all(np.abs(mean - system.jacobian() @ system.tension) < size + 0.03)
     # the control: of other attachments the moments differ and the forces do not
-    other = wrench_covariance(replace(system, attachment=0.5 * system.attachment))
+    other = models.wrench_covariance(replace(system, attachment=0.5 * system.attachment))
     assert np.all(np.abs(np.diag(other)[3:] / np.diag(exact)[3:] - 1) > 0.2)
 
 

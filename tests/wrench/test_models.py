@@ -120,15 +120,9 @@ def test_concentrations_whose_bessel_functions_overflow_give_the_small_angle_law
     np.testing.assert_allclose(wrench_covariance(cable)[0, 0], (36.0 + 4.0) / kappa, rtol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"concentration": np.zeros(3)}, "concentration > 0"),
-        ({"tension_sd": -np.ones(3)}, "tension_sd ≥ 0"),
-    ],
-)
-def test_values_without_a_law_are_refused(change, words):
-    with pytest.raises(ModelDomainError, match=words):
+@pytest.mark.parametrize("change", [{"concentration": np.zeros(3)}, {"tension_sd": -np.ones(3)}])
+def test_values_without_a_law_are_refused(change):
+    with pytest.raises(ModelDomainError, match="tension_sd ≥ 0 and concentration > 0"):
         replace(WIDE, **change)
 
 

@@ -198,14 +198,12 @@ def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_pat
 
 @pytest.mark.parametrize("form", ["npz", "mat"])
 def test_joints_times_samples_and_joint_names_beside_the_times_are_read(tmp_path, form):
-    beside = {"joint_names": np.array(["a", "b", "c"]), "None": np.array(["x"])}
-    turned = {name: one.T for name, one in ARRAYS.items()}
-    log = read_arrays(archive(tmp_path, form, **turned | beside), PLAIN)
+    beside = {"joint_names": np.array([*"abc"]), "None": np.array(["x"])}
+    file = archive(tmp_path, form, **{name: one.T for name, one in ARRAYS.items()} | beside)
+    log = read_arrays(file, PLAIN)
     np.testing.assert_array_equal(log.signals["target"], ACTUAL + 1)
     assert log.joints == ("a", "b", "c")
-    options = LogOptions("absent", joints=3)
-    message = refusal(read_arrays, archive(tmp_path, form, **turned | beside), options).message
-    assert "None" not in message and "positions (6, 3)" in message
-    shuffled = LogOptions("times", joints=3, names=("b", "a", "c"))
-    error = refusal(read_log, archive(tmp_path, form, **turned | beside), shuffled)
+    error = refusal(read_arrays, file, LogOptions("absent", joints=3))
+    assert "None" not in error.message and "positions (6, 3)" in error.message
+    error = refusal(read_log, file, LogOptions("times", joints=3, names=("b", "a", "c")))
     assert "the joints of the log are a, b, c" in error.message

@@ -33,8 +33,6 @@ LABELS = [
     (RTDE, both(n("actual_q_{}", 6), n("target_q_{}", 6))),
     (FRANKA, both(n("q[{}]", 7), n("q_d[{}]", 7))),
     (["t", "q_1", "q_0", "q_target_0", "q_target_1"], both(n("q_{}"), n("q_target_{}"))),
-    (["actual_base", "actual_tip", "target_base", "target_tip"],
-     both(["actual_base", "actual_tip"], ["target_base", "target_tip"])),
     ([*(f"actual_{j}" for j in UR), *(f"target_{j}" for j in UR), "actual_main_voltage"],
      both([f"actual_{j}" for j in UR], [f"target_{j}" for j in UR])),
     (PLOTJUGGLER, {"actual": PLOTJUGGLER[::2]}),
@@ -52,17 +50,12 @@ LABELS = [
     (["actual_x", "actual_y", "actual_z", "actual_qw", "actual_qx"], {}),
     (n("actual_q_{}") + n("target_q_{}") + n("measured_tq_{}"),
      both(n("actual_q_{}"), n("target_q_{}"))),
-    (["observation.state.a.pos", "observation.state.b.pos", "action.a.pos", "action.b.pos"],
-     {"actual": ["observation.state.a.pos", "observation.state.b.pos"]}),
     (n("joint_positions.{}") + n("joint_targets.{}"),
      both(n("joint_positions.{}"), n("joint_targets.{}"))),
     (["p_RS_R_x [m]", "q_RS_w []", "q_RS_x []", "q_RS_y []", "q_RS_z []"], {}),
     (["time", "cmd_num", "targetIndex", "fx", "fy", "fz"], {}),
     ([*(f"actual_{j}" for j in UR), *(f"target_{j}" for j in reversed(UR))],
      both([f"actual_{j}" for j in UR], [f"target_{j}" for j in UR])),
-    ([f"/joint_states/{j}_joint/position" for j in UR] + n("desired_positions_{}", 6),
-     both([f"/joint_states/{j}_joint/position" for j in UR], n("desired_positions_{}", 6))),
-    (n("actual_q_{}", 6) + n("target_q_{}", 5), {}),
 ]  # fmt: skip
 
 
