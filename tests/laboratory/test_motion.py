@@ -7,20 +7,7 @@ import pytest
 from synthetic_session import ARM, DYNAMICS, QUIET, TRAJECTORY
 
 from pipeline.core.errors import ConfigError
-from pipeline.laboratory.dynamics import (
-    Chance,
-    JointPath,
-    depth_frames,
-    desired_joints,
-    desired_path,
-    desired_trajectory,
-    draw,
-    lagged_noise,
-    log_joints,
-    open_session,
-    perform,
-    swing,
-)
+from pipeline.laboratory import dynamics
 from pipeline.laboratory.options import ClockOptions, EncoderOptions
 
 OFFSET = np.array([1e-3, -2e-3, 3e-3])
@@ -29,7 +16,7 @@ ENCODERS = EncoderOptions(rate=250.0, resolution=1e-3)
 
 def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
     t = np.arange(round(TRAJECTORY.duration * 1000) + 1) / 1000
-    q, speed = desired_joints(t, TRAJECTORY)
+    q, speed = dynamics.desired_joints(t, TRAJECTORY)
     half, rest = TRAJECTORY.duration / 2, TRAJECTORY.rest
     ends = (t <= rest) | (t >= TRAJECTORY.duration - rest)
     turn = np.abs(t - half) <= rest
@@ -58,18 +45,18 @@ def test_the_arm_rests_folded_goes_out_rests_and_comes_back_the_same_way():
 )
 def test_a_motion_that_the_arm_cannot_do_is_refused(change, words):
     with pytest.raises(ConfigError, match=words):
-        desired_trajectory(ARM.chain, replace(TRAJECTORY, **change(TRAJECTORY)))
+        dynamics.desired_trajectory(ARM.chain, replace(TRAJECTORY, **change(TRAJECTORY)))
 
 
-SAMPLED = JointPath(desired_path(ARM.chain, TRAJECTORY), TRAJECTORY.rate)
+SAMPLED = dynamics.JointPath(dynamics.desired_path(ARM.chain, TRAJECTORY), TRAJECTORY.rate)
 
 
 def test_takes_made_together_are_those_made_one_by_one():
     rngs = [np.random.default_rng(seed) for seed in range(3)]
-    drawn = [draw(ARM.chain, SAMPLED, DYNAMICS, rng) for rng in rngs]
-    single = [swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, chance) for chance in drawn]
-    stacked = Chance(*map(np.stack, zip(*drawn, strict=True)))
-    together = swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, stacked)
+    drawn = [dynamics.draw(ARM.chain, SAMPLED, DYNAMICS, rng) for rng in rngs]
+    single = [dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, chance) for chance in drawn]
+    stacked = dynamics.Chance(*map(np.stack, zip(*drawn, strict=True)))
+    together = dynamics.swing(ARM.chain, OFFSET, SAMPLED, DYNAMICS, stacked)
     for field in ("q", "servo"):
         alone = np.stack([getattr(take, field) for take in single])
         assert np.array_equal(getattr(together, field), alone)
@@ -93,7 +80,7 @@ def test_a_path_that_the_arm_cannot_follow_is_refused_with_its_first_step(change
 @pytest.mark.parametrize(("steps_per_lag", "paths"), [(13.5, 4000), (540.0, 600)])
 def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_per_lag, paths, rng):
     steps = np.round(np.array([0.5, 1.0, 2.0]) * steps_per_lag).astype(int)
-    noise = lagged_noise((paths, steps[-1] + 1), steps_per_lag, rng)
+    noise = dynamics.lagged_noise((paths, steps[-1] + 1), steps_per_lag, rng)
     band, x = 4.5 * np.sqrt(2 / paths), steps / steps_per_lag
     for end in (0, -1):  # stationary from the first sample on
         assert abs(np.mean(noise[:, end] ** 2) - 1) < band
@@ -109,7 +96,7 @@ def test_lagged_noise_has_variance_one_and_the_correlation_of_four_lags(steps_pe
 
 def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
     options, sessions = replace(QUIET, encoder_offset_std=2e-3, length_std=3e-4), 1000
-    opened = [open_session(ARM.chain, options, rng) for _ in range(sessions)]
+    opened = [dynamics.open_session(ARM.chain, options, rng) for _ in range(sessions)]
     offsets, chains = np.array([one.encoder for one in opened]), [one.chain for one in opened]
     errors = np.array([chain.lengths for chain in chains]) - ARM.chain.lengths
     for drawn, std in ((offsets, 2e-3), (errors, 3e-4)):
@@ -121,12 +108,12 @@ def test_a_session_draws_zeros_and_lengths_of_the_stated_size(rng):
 
 
 def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock_stands_for(rng):
-    lab = open_session(ARM.chain, QUIET, rng)
-    motion = perform(lab, TRAJECTORY, QUIET, rng)
+    lab = dynamics.open_session(ARM.chain, QUIET, rng)
+    motion = dynamics.perform(lab, TRAJECTORY, QUIET, rng)
     clock, offsets = ClockOptions(offset=-0.2, offset_std=0.05, drift=1e-3, jitter_std=5e-3), []
     nominal = np.arange(97) / clock.rate
     for _ in range(100):
-        frames = depth_frames(motion.swing, TRAJECTORY.duration, clock, rng)
+        frames = dynamics.depth_frames(motion.swing, TRAJECTORY.duration, clock, rng)
         instants = (frames.times - frames.clock_offset) / (1 + clock.drift)
         np.testing.assert_allclose(instants, frames.exposed, atol=1e-12)
         assert np.abs(instants - nominal)[1:-1].std() == pytest.approx(5e-3 * 0.6, rel=0.4)
@@ -138,12 +125,12 @@ def test_a_frame_shows_the_arm_at_the_instant_that_its_time_on_the_cameras_clock
 
 
 def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitter_alone(rng):
-    lab = open_session(ARM.chain, QUIET, rng)
-    sharp = perform(lab, TRAJECTORY, QUIET, rng)
-    blurred = perform(lab, TRAJECTORY, replace(QUIET, jitter_std=2e-3), rng)
+    lab = dynamics.open_session(ARM.chain, QUIET, rng)
+    sharp = dynamics.perform(lab, TRAJECTORY, QUIET, rng)
+    blurred = dynamics.perform(lab, TRAJECTORY, replace(QUIET, jitter_std=2e-3), rng)
     assert np.array_equal(sharp.motion_capture, sharp.truth)
     assert np.array_equal(blurred.truth, sharp.truth)
-    speed = desired_joints(np.arange(321) / TRAJECTORY.rate, TRAJECTORY)[1]
+    speed = dynamics.desired_joints(np.arange(321) / TRAJECTORY.rate, TRAJECTORY)[1]
     fast = np.abs(speed[:, 0]) > 0.9 * np.abs(speed).max()
     error = blurred.motion_capture - blurred.truth
     missed = error[fast, 0] / speed[fast, 0]
@@ -154,12 +141,12 @@ def test_the_truth_is_where_the_arm_was_and_motion_capture_misses_it_by_its_jitt
 
 def test_encoders_read_the_servo_to_their_resolution_and_nothing_behind_the_gears(rng):
     options = replace(QUIET, clearance=0.03)
-    chance = draw(ARM.chain, TRAJECTORY, options, rng)
-    taken = swing(ARM.chain, OFFSET, TRAJECTORY, options, chance)
+    chance = dynamics.draw(ARM.chain, TRAJECTORY, options, rng)
+    taken = dynamics.swing(ARM.chain, OFFSET, TRAJECTORY, options, chance)
     assert np.abs(taken.q - taken.servo - OFFSET).max() > 1e-3
-    t, signals = log_joints(taken, TRAJECTORY, ENCODERS)
+    t, signals = dynamics.log_joints(taken, TRAJECTORY, ENCODERS)
     np.testing.assert_allclose(t, np.arange(801) / 250, atol=1e-12)
-    assert np.array_equal(signals["target"], desired_joints(t, TRAJECTORY)[0])
+    assert np.array_equal(signals["target"], dynamics.desired_joints(t, TRAJECTORY)[0])
     read = signals["actual"] / ENCODERS.resolution
     np.testing.assert_allclose(read, np.round(read), atol=1e-9)
     servo = np.stack([np.interp(t, taken.t, joint) for joint in taken.servo.T], axis=1)

@@ -11,15 +11,7 @@ from sample_options import parameters
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Dataset, Limits
-from pipeline.recordings.inventory import (
-    KEYS,
-    by_part,
-    by_place,
-    listing,
-    named_takes,
-    other_files,
-    take_name,
-)
+from pipeline.recordings import inventory
 from pipeline.recordings.quality import account, beside_limits, quality_row, reasons, require_enough
 
 
@@ -86,45 +78,45 @@ def dataset(tmp_path) -> Dataset:
 
 
 def test_each_part_has_the_files_that_its_patterns_name_and_what_none_names(recordings, dataset):
-    parts = by_part(listing(recordings), dataset)
-    assert [*parts] == [*KEYS]
+    parts = inventory.by_part(inventory.listing(recordings), dataset)
+    assert [*parts] == [*inventory.KEYS]
     for part, named in FILES.items():
         assert set(parts[part]["file"]) == {*named, UNCLAIMED}
     dataset.depth.takes = "/absolute/*"
     with pytest.raises(ConfigError) as refused:
-        by_part(listing(recordings), dataset)
+        inventory.by_part(inventory.listing(recordings), dataset)
     assert refused.value.evidence["key"] == "dataset.depth.takes"
 
 
 def test_a_listing_tells_a_change_that_keeps_the_size_and_needs_a_file(recordings, tmp_path):
-    before = listing(recordings).set_index("file")
+    before = inventory.listing(recordings).set_index("file")
     (recordings / UNCLAIMED).write_text(UNCLAIMED[::-1])
-    after = listing(recordings).set_index("file")
+    after = inventory.listing(recordings).set_index("file")
     assert list(before.index[(before != after).any(axis=1)]) == [UNCLAIMED]
     assert (before["bytes"] == after["bytes"]).all()
     with pytest.raises(RecordingError, match="no recordings") as refused:
-        listing(tmp_path / "nowhere")
+        inventory.listing(tmp_path / "nowhere")
     assert refused.value.evidence["file"] == tmp_path / "nowhere"
 
 
 def test_evidence_of_other_files_is_named_by_their_place(recordings, tmp_path):
-    inventory, evidence = tmp_path / "inventory.csv", by_place(listing(recordings))
+    table, evidence = tmp_path / "inventory.csv", inventory.by_place(inventory.listing(recordings))
     assert evidence["place"].tolist() == ["force", "kinect", "notes", "optitrack", "trajectory.csv"]
-    assert other_files(evidence, inventory) == ""
-    listing(recordings).to_csv(inventory, index=False)
-    assert other_files(evidence, inventory) == ""
-    assert "does not name its raw files" in other_files(None, inventory)
+    assert inventory.other_files(evidence, table) == ""
+    inventory.listing(recordings).to_csv(table, index=False)
+    assert inventory.other_files(evidence, table) == ""
+    assert "does not name its raw files" in inventory.other_files(None, table)
     (recordings / "kinect/test_001/depth/0.png").write_text("another image")
     (recordings / "more.csv").write_text("")
-    listing(recordings).to_csv(inventory, index=False)
-    assert other_files(evidence, inventory).endswith("lists: kinect, more.csv")
+    inventory.listing(recordings).to_csv(table, index=False)
+    assert inventory.other_files(evidence, table).endswith("lists: kinect, more.csv")
 
 
 @pytest.mark.parametrize("name", ["run_\x1b[31m.csv", "run_\n.csv", "run_\udcff.csv"])
 def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, name):
     (tmp_path / name).write_text("")
     with pytest.raises(RecordingError, match="control character") as refused:
-        named_takes(tmp_path, "run_*.csv", key="KEY")
+        inventory.named_takes(tmp_path, "run_*.csv", key="KEY")
     assert str(refused.value.evidence["file"]).isascii() and str(refused.value).isprintable()
 
 
@@ -139,7 +131,7 @@ def test_a_name_that_cannot_be_printed_is_refused_without_its_signs(tmp_path, na
     ],
 )
 def test_a_name_is_the_part_of_the_path_that_the_pattern_leaves_open(pattern, path, name):
-    assert take_name(Path("raw", path), Path("raw"), pattern) == name
+    assert inventory.take_name(Path("raw", path), Path("raw"), pattern) == name
 
 
 NAMES = ["a/1.csv", "a/2.csv", "LICENSE", "old/3.csv", "old/4.csv"]
