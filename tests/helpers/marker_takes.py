@@ -16,15 +16,16 @@ from pipeline.perception.posture import points_in_plane
 STEPS = 40
 
 
+# (links, markers, 3) m, in the frames of the links
+PLACES = np.array([
+    [[0.032, -0.048, 0.018], [-0.030, -0.052, 0.071], [0.024, -0.045, 0.139]],
+    [[-0.033, -0.046, 0.022], [0.029, -0.055, 0.058], [-0.021, -0.042, 0.121]],
+    [[0.030, -0.043, 0.012], [-0.031, -0.050, 0.041], [0.012, -0.038, 0.104]],
+])  # fmt: skip
 TEMPLATE = {
-    "link1": {"a1": [0.032, -0.048, 0.018], "b1": [-0.030, -0.052, 0.071]}
-    | {"c1": [0.024, -0.045, 0.139]},
-    "link2": {"a2": [-0.033, -0.046, 0.022], "b2": [0.029, -0.055, 0.058]}
-    | {"c2": [-0.021, -0.042, 0.121]},
-    "link3": {"a3": [0.030, -0.043, 0.012], "b3": [-0.031, -0.050, 0.041]}
-    | {"c3": [0.012, -0.038, 0.104]},
+    f"link{j}": {f"{name}{j}": at for name, at in zip("abc", link, strict=True)}
+    for j, link in enumerate(PLACES.tolist(), 1)
 }
-PLACES = np.array([list(link.values()) for link in TEMPLATE.values()])
 BASE = Pose([0.4, 0.3, -0.2], [-np.pi / 2, 0.0, 0.0])
 MOUNT = Pose([0.01, -0.05, 0.06], [0.3, -0.2, 1.1])
 STATED = {"training": "*.csv", "base": BASE, "markers": TEMPLATE, "gate": 0.012, "max_gap": 20}
@@ -75,18 +76,14 @@ def bodies_of(arm, q: np.ndarray) -> dict[str, RigidBody]:
 
 def written(folder: Path, markers: dict, bodies: dict | None = None, **stated) -> Path:
     """Motive's file t.csv of a take: of its ``rate`` in Hz, from the frame ``first`` on."""
-    name, first, rate = "t", stated.get("first", 0), stated.get("rate", 100.0)
+    first, rate = stated.get("first", 0), stated.get("rate", 100.0)
     frame = first + np.arange(STEPS + 1)
-    take = MotionTake(name, "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
-    write_motive(folder / f"{name}.csv", take, start=START)
-    return folder / f"{name}.csv"
+    take = MotionTake("t", "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
+    write_motive(folder / "t.csv", take, start=START)
+    return folder / "t.csv"
 
 
 def tracked(rows, arm) -> JointTrack:
     labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
     xyz = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
     return track(xyz, points_in_plane(arm, PLACES, 0.012), max_gap=20)
-
-
-def quantity(quality: list[dict], name: str) -> float:
-    return next(row["value"] for row in quality if row["quantity"] == name)

@@ -194,10 +194,6 @@ TAKES = [
 ]  # fmt: skip
 
 
-def link(name: str) -> str:
-    return f'<link name="{name}"/>'
-
-
 def joint(name: str, parent: str, child: str, *, kind="revolute", lower="-1", height=0.1) -> str:
     limit = f'<limit lower="{lower}" upper="1" velocity="1" effort="1"/>'
     ends = f'<parent link="{parent}"/><child link="{child}"/>'
@@ -206,7 +202,8 @@ def joint(name: str, parent: str, child: str, *, kind="revolute", lower="-1", he
 
 
 def urdf(links: list[str], joints: list[str]) -> str:
-    return f'<robot name="many">{"".join(map(link, links))}{"".join(joints)}</robot>'
+    parts = [*(f'<link name="{name}"/>' for name in links), *joints]
+    return f'<robot name="many">{"".join(parts)}</robot>'
 
 
 def robot(folder: Path, links: list[str], joints: list[str]) -> None:

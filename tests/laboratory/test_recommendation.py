@@ -67,19 +67,9 @@ def simulated(physics: PhysicsFactors, seed: int) -> list[JointRun]:
             q = np.stack([np.interp(grid, take.t, take.q[:, j]) for j in JOINTS], axis=-1)
             q = q + POSE_NOISE * rng.standard_normal(q.shape)
             zero, names = np.zeros(len(JOINTS)), tuple(LWR4.joints[j] for j in JOINTS)
-            found.append(
-                JointRun(
-                    name=f"{motion}.{number}",
-                    rate=RATE,
-                    command=path.joints[:, JOINTS],
-                    measured=q,
-                    joints=names,
-                    lag=zero,
-                    quantum=zero,
-                    pose_noise=POSE_NOISE,
-                    motion=motion,
-                )
-            )
+            known = {"lag": zero, "quantum": zero, "pose_noise": POSE_NOISE, "motion": motion}
+            run = f"{motion}.{number}", RATE, path.joints[:, JOINTS], q, names
+            found.append(JointRun(*run, **known))
     return found
 
 

@@ -100,13 +100,6 @@ def problem(points: np.ndarray, q: np.ndarray) -> Frame:
     return frame_of(points.T, CHAIN.origin, ee, limits(FREE.length_range), GAMMAS)
 
 
-def minimised(value, start: np.ndarray, arguments: tuple, step: float, **ends: float):
-    """SciPy's Nelder–Mead from a simplex of this extent."""
-    simplex = start + step * np.vstack([np.zeros(len(start)), np.eye(len(start))])
-    options = {"initial_simplex": simplex} | ends
-    return minimize(value, start, arguments, method="Nelder-Mead", options=options)
-
-
 RNG, Q = np.random.default_rng(7), motion()
 CLOUDS = [cloud(pose, RNG) for pose in Q]
 
@@ -157,7 +150,9 @@ def test_the_simplex_finds_what_scipys_finds_or_better(end) -> None:
             value, given, runs, last = plain_halved, (CHAIN.origin,), RUNS[end], np.inf
         for step, extent in runs:
             arguments = (points[0], *given, limits(), *GAMMAS)
-            solution = minimised(value, v, arguments, step, xatol=extent, fatol=last)
+            simplex = v + step * np.vstack([np.zeros(len(v)), np.eye(len(v))])
+            ends = {"initial_simplex": simplex, "xatol": extent, "fatol": last}
+            solution = minimize(value, v, arguments, method="Nelder-Mead", options=ends)
             v = solution.x
         ours.append(one.objective[0])
         reference.append(solution.fun)

@@ -13,7 +13,6 @@ from marker_takes import (
     bodies_of,
     dataset,
     markers_of,
-    quantity,
     tracked,
     written,
 )
@@ -33,7 +32,7 @@ ARM, JOINTS = arm_of(YOUBOT), np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], ST
 def read(file: Path, part: str = "training", **mocap):
     """Rows of the take in ``file``, and a function of its quality."""
     rows, quality = marker_rows("t", file, part, dataset(**mocap))
-    return rows, lambda name: quantity(quality, name)
+    return rows, {row["quantity"]: row["value"] for row in quality}.__getitem__
 
 
 def require_angles(rows: pd.DataFrame) -> None:

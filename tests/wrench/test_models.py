@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cable_systems import directions_about, planar_cables, sample_wrench
+from cable_systems import planar_cables, sample_wrench
 from scipy.integrate import quad
 from scipy.special import i0, i0e, i1, i1e
-from scipy.stats import ks_2samp, vonmises
+from scipy.stats import ks_2samp, vonmises, vonmises_fisher
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.wrench.models import (
@@ -219,7 +219,8 @@ def test_the_columns_of_directions_are_independent_and_their_variances_go_with_1
     kappa = np.array([100.0, 700.0, 200.0, 400.0])
     mean = planar_cables(*np.ones((4, 4))).direction
     cables, rng = zip(mean, kappa, strict=True), np.random.default_rng(6)
-    directions = np.stack([directions_about(*each, 20_000, rng) for each in cables], axis=1)
+    laws = [vonmises_fisher(*each, seed=rng) for each in cables]
+    directions = np.stack([law.rvs(20_000) for law in laws], axis=1)
     # E[XᵀX] = tr(Σ_S)·Ψ_S, X = S − E[S] (Theorem 5), with tr Ψ_S = 4
     x = directions - directions.mean(axis=0)
     psi = np.einsum("kai,kbi->ab", x, x) / len(x)
