@@ -23,17 +23,11 @@ def read_joint_log(file: Path, *, joints: int, columns=None, options=PLAIN) -> J
     return movement.read_log(file, replace(options, joints=joints, signals={"actual": columns}))
 
 
-def read_movement(
-    folder: Path, files: Sequence[str], *, joints: int, rate: float, columns=None
-) -> tuple[list[np.ndarray], dict[str, int]]:
-    """Values of the signals of one movement, each in one of ``files``, and the counts."""
-    wanted: dict[Path, dict] = {}
-    for signal, file, chosen in zip(SIGNALS, files, columns or [None] * len(files), strict=False):
-        wanted.setdefault(folder / file, {})[signal] = chosen
-    options = {
-        file: replace(PLAIN, joints=joints, signals=signals) for file, signals in wanted.items()
-    }
-    signals, counts = movement.read_movement(options, rate)
+def read_movement(folder: Path, files: Sequence[str]) -> tuple[list[np.ndarray], dict[str, int]]:
+    """Values of the signals of six joints at 125 Hz, each in one of ``files``, and the counts."""
+    names = dict(zip(files, SIGNALS, strict=False))
+    options = {folder / f: replace(PLAIN, joints=6, signals={names[f]: None}) for f in names}
+    signals, counts = movement.read_movement(options, 125.0)
     return list(signals.values()), counts
 
 

@@ -13,7 +13,7 @@ from depth_files import CALIBRATIONS, CLOUDS, SMALL, encoded
 from kinds import kind
 from motive_files import START, frame_row, random_take, rows_file
 from ros_bags import Message, write_bag
-from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from scipy.io import savemat
 
 from pipeline.formats.motion.motive import write_motive
@@ -77,8 +77,6 @@ def bag_with(
     def write(folder: Path) -> None:
         plain, bag = states(folder / "p", storage.lower()), folder / "run_1"
         with Writer(bag, version=9, storage_plugin=StoragePlugin[storage]) as writer:
-            from rosbags.rosbag2 import Reader
-
             with Reader(plain) as reader:
                 other = writer.add_connection(
                     topic, kind, msgdef=definition, rihs01="RIHS01_" + "1" * 64,

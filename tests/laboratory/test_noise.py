@@ -142,20 +142,11 @@ def path_numbers() -> dict[str, float]:
     }
 
 
-@pytest.fixture(scope="module")
-def numbers(recorded) -> dict[str, float]:
-    """Every number of the table, computed."""
+def test_the_table_states_the_numbers_of_the_laboratory_and_each_is_within_its_limit(recorded):
     claims = read_yaml(ROOT / "pipeline/verdicts/claims.yaml")["claims"]
-    stated = published_values(parse_claims(claims))
-    return (
-        path_numbers()
-        | noise_numbers(recorded, stated.covariance)
-        | torque_numbers()
-        | speed_numbers(recorded)
-    )
-
-
-def test_the_table_states_the_numbers_of_the_laboratory_and_each_is_within_its_limit(numbers):
+    published = published_values(parse_claims(claims))
+    numbers = path_numbers() | noise_numbers(recorded, published.covariance)
+    numbers |= torque_numbers() | speed_numbers(recorded)
     assert set(numbers) == set(STATED)
     for name, (_, _, stated, limit, rule) in STATED.items():
         value = numbers[name]

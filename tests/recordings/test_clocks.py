@@ -15,14 +15,9 @@ OFFSET = 0.0837  # s
 MIX = np.array([[0.8, 0.15], [-0.1, 1.1]])
 
 
-def phase(t: np.ndarray) -> np.ndarray:
-    """Out and back between 0 and 3.2 s, at rest before and after."""
-    return (1 - np.cos(2 * np.pi * np.clip(t / 3.2, 0, 1))) / 2
-
-
 def path(t: np.ndarray) -> np.ndarray:
-    """A centroid (m) that goes 12 cm out and back, symmetric in time."""
-    p = phase(t)
+    """A centroid (m) that goes 12 cm out and back between 0 and 3.2 s, symmetric in time."""
+    p = (1 - np.cos(2 * np.pi * np.clip(t / 3.2, 0, 1))) / 2
     return np.stack([0.12 * p, 0.05 * np.sin(np.pi * p) + 0.02 * p], axis=-1)
 
 
@@ -129,20 +124,14 @@ WRONG = {
 }
 
 
-def spoiled(target: np.ndarray, right: commands.Pairing) -> np.ndarray:
-    """Commanded angles from which the pairing ``right`` recovers ``target``."""
-    wrong = np.empty_like(target)
-    wrong[:, right.order] = target / right.factor
-    return wrong
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", WRONG)
 def test_what_is_wrong_is_found_to_the_row_and_refused_with_its_option(kind, name):
     factor, order, delay = WRONG[name]
     right = commands.Pairing(np.array(factor, float), np.array(order), delay)
     actual, target = commands.shift_rows(*logged(kind, lag=4e-3), -delay)
-    wrong = spoiled(target, right)
+    wrong = np.empty_like(target)  # commanded angles from which ``right`` recovers ``target``
+    wrong[:, right.order] = target / right.factor
     pair = commands.find_pairing(actual, wrong, RATE)
     np.testing.assert_allclose(pair.factor, right.factor)
     assert (pair.order.tolist(), pair.delay) == (order, delay)

@@ -28,16 +28,15 @@ from pipeline.recordings.movement import read_logged_movement
 def test_logs_of_one_movement_are_paired_row_by_row_as_far_as_the_shortest_goes(tmp_path):
     for name, samples, seed in (("a.csv", 100, 1), ("b.csv", 93, 2)):
         write_joint_log(tmp_path / name, log(samples, seed=seed))
-    (a, b), counts = read_movement(tmp_path, ["a.csv", "b.csv"], joints=6, rate=125.0)
+    (a, b), counts = read_movement(tmp_path, ["a.csv", "b.csv"])
     assert counts == {"cut_rows": 0, "blank_rows": 0, "doubled_rows": 0, "rows_without_partner": 7}
     np.testing.assert_allclose(a, log(100, seed=1).signals["actual"][:93], rtol=0, atol=1e-6)
     np.testing.assert_allclose(b, log(93, seed=2).signals["actual"], rtol=0, atol=1e-6)
     # one table of several signals is counted once
     rows = ("0.000,0.5,1", "0.008,0.6,2", "0.008,0.6,2", "", "0.016,0.7")
-    table(tmp_path, "t,q,qd", *rows)
-    of_table = {"joints": 1, "rate": 125.0, "columns": [["q"], ["qd"]]}
-    (q, qd), counts = read_movement(tmp_path, ["log.txt"] * 2, **of_table)
-    assert (q.tolist(), qd.tolist()) == ([[0.5], [0.6]], [[1], [2]])
+    options = LogOptions(joints=1, signals={"actual": ["q"], "target": ["qd"]})
+    read, counts = movement.read_movement({table(tmp_path, "t,q,qd", *rows): options}, 125.0)
+    assert [angles.tolist() for angles in read.values()] == [[[0.5], [0.6]], [[1], [2]]]
     assert counts == {"cut_rows": 1, "blank_rows": 1, "doubled_rows": 1, "rows_without_partner": 0}
 
 
@@ -56,7 +55,7 @@ def test_clocks_that_skip_or_disagree_are_refused(tmp_path, time, file, words):
     write_joint_log(tmp_path / "b.csv", log(50))
     write_joint_log(tmp_path / file, JointLog(time, {"actual": log(50).signals["actual"]}, {}))
     with pytest.raises(RecordingError, match=words) as caught:
-        read_movement(tmp_path, ["a.csv", "b.csv"], joints=6, rate=125.0)
+        read_movement(tmp_path, ["a.csv", "b.csv"])
     assert caught.value.evidence["file"] == tmp_path / file
 
 

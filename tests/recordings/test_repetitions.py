@@ -97,14 +97,11 @@ def periodic(rows: int, period: float) -> np.ndarray:
     return np.stack([np.sin(phase), 0.5 * np.cos(2 * phase) + 0.2 * np.sin(phase)], axis=1)
 
 
-def passes(command: np.ndarray, ends: tuple, steps: int):
-    return repetitions.find_repetitions(command, [], ends, steps, rest=0)
-
-
 def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     period, steps, first = 251.3274, 180, 20
     command = periodic(800, period)
-    outcome = passes(command, (command[first], command[first + steps]), steps)
+    ends = command[first], command[first + steps]
+    outcome = repetitions.find_repetitions(command, [], ends, steps, rest=0)
     assert [run.first for run in outcome.runs] == [20, 271, 523]
     assert outcome.left_out == {"overlapping": []}
     assert {run.steps for run in outcome.runs} == {steps}
@@ -117,7 +114,7 @@ def test_a_motion_in_passing_is_found_in_each_period_and_brought_in_phase():
     assert np.abs(command[523 : 523 + steps + 1] - reference).max() > 5e-3
     # motions that would overlap are left out
     command = periodic(800, 200.0)
-    outcome = passes(command, (command[10], command[10 + 250]), 250)
+    outcome = repetitions.find_repetitions(command, [], (command[10], command[260]), 250, rest=0)
     assert [run.first for run in outcome.runs] == [10, 410]
     assert outcome.left_out == {"overlapping": [210]}
 

@@ -100,7 +100,7 @@ def write_table(folder: Path, source: Path, *, speed: bool) -> None:
     """The logs of a movement as one table: degrees, milliseconds, semicolons and decimal commas
     under labels.
     """
-    angles = read_movement(source, FILES, joints=6, rate=125.0)[0]
+    angles = read_movement(source, FILES)[0]
     names = [f"{what}_{j}" for what in ("ist", "soll", "v") for j in range(1, 7)]
     lines = [";".join(["Zeit", *names[: 18 if speed else 12]])]
     for row, cells in enumerate(np.rad2deg(np.hstack(angles[: 3 if speed else 2])).tolist()):

@@ -36,7 +36,7 @@ def lwr4() -> Path:
 
 
 def movement(ur5: Path, number: int) -> list[np.ndarray]:
-    return read_movement(next(ur5.glob(f"Movement_No{number}_*")), FILES, joints=6, rate=125.0)[0]
+    return read_movement(next(ur5.glob(f"Movement_No{number}_*")), FILES)[0]
 
 
 def spread_of(noise: np.ndarray) -> np.ndarray:
