@@ -6,27 +6,71 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from marker_takes import (
-    MOUNT,
-    STEPS,
-    TEMPLATE,
-    bodies_of,
-    dataset,
-    markers_of,
-    tracked,
-    written,
-)
+from marker_takes import PLACES, marker_places
+from motive_files import START
 from sample_options import made
+from scipy.spatial.transform import Rotation
 from space_arms import LWR4, UR5, YOUBOT, motion
 
 from pipeline.arm.model import arm_of, chain_of
 from pipeline.core.columns import members, spread, values
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.core.options.dataset import Body, Dataset, Motion, Pose
+from pipeline.core.options.dataset import Body, Dataset, Mocap, Motion, Pose
+from pipeline.formats.motion.motive import write_motive
+from pipeline.formats.motion.take import MotionTake, RigidBody
 from pipeline.formats.trajectory import write_trajectory
+from pipeline.perception.markers import JointTrack, track
+from pipeline.perception.posture import points_in_plane
 from pipeline.recordings.motion_capture import find_takes, marker_rows, trajectory_rows
 
+STEPS = 40
 ARM, JOINTS = arm_of(YOUBOT), np.linspace([1.6, -4.8, 2.0], [2.2, -4.2, 2.6], STEPS + 1)
+TEMPLATE = {
+    f"link{j}": {f"{name}{j}": at for name, at in zip("abc", link, strict=True)}
+    for j, link in enumerate(PLACES.tolist(), 1)
+}
+BASE = Pose([0.4, 0.3, -0.2], [-np.pi / 2, 0.0, 0.0])
+MOUNT = Pose([0.01, -0.05, 0.06], [0.3, -0.2, 1.1])
+STATED = {"training": "*.csv", "base": BASE, "markers": TEMPLATE, "gate": 0.012, "max_gap": 20}
+
+
+def dataset(**mocap) -> Dataset:
+    return made(Dataset, motion=Motion(100.0, STEPS), mocap=Mocap(**STATED | mocap))
+
+
+def carried(template: np.ndarray) -> np.ndarray:
+    """(N, 3, K, 3) m in the world, where the arm carries the points at ``template`` (3, K, 3)."""
+    turn = Rotation.from_euler("xyz", BASE.rpy).as_matrix()
+    return ARM.to_base(marker_places(JOINTS, template, ARM.chain)) @ turn.T + BASE.position
+
+
+def markers_of() -> dict[str, np.ndarray]:
+    names = (name for link in TEMPLATE.values() for name in link)
+    return dict(zip(names, carried(PLACES).reshape(-1, 9, 3).swapaxes(0, 1), strict=True))
+
+
+def bodies_of() -> dict[str, RigidBody]:
+    """Bodies B1 to B3, each mounted to its link by MOUNT, in poses made of four points of the
+    segment that MOUNT's axes lead to.
+    """
+    tips = np.vstack([np.zeros(3), Rotation.from_euler("xyz", MOUNT.rpy).as_matrix().T])
+    links = carried(np.tile(tips + MOUNT.position, (3, 1, 1))).swapaxes(0, 1)
+    turns = [Rotation.from_matrix((link[:, 1:] - link[:, :1]).swapaxes(1, 2)) for link in links]
+    return {f"B{j + 1}": RigidBody(links[j, :, 0], turns[j].as_quat()) for j in range(3)}
+
+
+def written(folder: Path, markers: dict, bodies: dict | None = None, first=0, rate=100.0) -> Path:
+    """Motive's file t.csv of a take: of its ``rate`` in Hz, from the frame ``first`` on."""
+    frame = first + np.arange(STEPS + 1)
+    take = MotionTake("t", "1.23", rate, frame, (frame - first) / rate, markers, bodies or {}, {})
+    write_motive(folder / "t.csv", take, start=START)
+    return folder / "t.csv"
+
+
+def tracked(rows: pd.DataFrame) -> JointTrack:
+    labelled = rows[rows.link > 0].sort_values(["link", "marker", "k"], kind="stable")
+    xyz = labelled[["x", "y", "z"]].to_numpy().reshape(9, STEPS + 1, 3).transpose(1, 0, 2)
+    return track(xyz, points_in_plane(ARM, PLACES, 0.012), max_gap=20)
 
 
 def read(file: Path, part: str = "training", **mocap):
@@ -36,26 +80,26 @@ def read(file: Path, part: str = "training", **mocap):
 
 
 def require_angles(rows: pd.DataFrame) -> None:
-    np.testing.assert_allclose(tracked(rows, ARM).q, JOINTS, rtol=0, atol=5e-5)
+    np.testing.assert_allclose(tracked(rows).q, JOINTS, rtol=0, atol=5e-5)
 
 
 def test_markers_and_bodies_give_back_the_joints_that_carried_them(tmp_path):
-    rows, count = read(written(tmp_path, markers_of(ARM, JOINTS), first=72210))
+    rows, count = read(written(tmp_path, markers_of(), first=72210))
     require_angles(rows)
     assert count("missing_samples") == count("unlabelled_markers") == 0
     bodies = {link: Body(f"B{j}", MOUNT) for j, link in enumerate(TEMPLATE, 1)}
-    rows, _ = read(written(tmp_path, {}, bodies_of(ARM, JOINTS)), bodies=bodies)
+    rows, _ = read(written(tmp_path, {}, bodies_of()), bodies=bodies)
     require_angles(rows)
-    assert np.nanmax(tracked(rows, ARM).residual) < 1e-5
+    assert np.nanmax(tracked(rows).residual) < 1e-5
     # the control: the same bodies, taken to be mounted otherwise
     mount = Pose(MOUNT.position, [0.3, -0.1, 1.1])
     other = {link: Body(body.name, mount) for link, body in bodies.items()}
     rows, _ = read(tmp_path / "t.csv", bodies=other)
-    assert np.abs(tracked(rows, ARM).q - JOINTS).max() > 0.01
+    assert np.abs(tracked(rows).q - JOINTS).max() > 0.01
 
 
 def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(tmp_path):
-    bodies, markers = bodies_of(ARM, JOINTS), markers_of(ARM, JOINTS)
+    bodies, markers = bodies_of(), markers_of()
     bodies["B2"].position[5:8] = bodies["B2"].quaternion[5:8] = np.nan
     bodies["B2"].quaternion[20:] *= -1  # the same rotations
     kept = {name: points for name, points in markers.items() if not name.endswith("2")}
@@ -67,7 +111,7 @@ def test_bodies_and_markers_mix_link_by_link_and_lost_poses_are_missing_markers(
 
 
 def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
-    markers = {f"Arm:{name}": points for name, points in markers_of(ARM, JOINTS).items()}
+    markers = {f"Arm:{name}": points for name, points in markers_of().items()}
     require_angles(read(written(tmp_path, markers))[0])
     file = written(tmp_path, markers | {"Leg:a1": markers["Arm:a1"] + 1})
     with pytest.raises(RecordingError, match="'a1' may be Arm:a1 or Leg:a1"):
@@ -79,7 +123,7 @@ def test_names_stand_without_their_asset_unless_two_assets_share_them(tmp_path):
 
 
 def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
-    file = written(tmp_path, markers_of(ARM, JOINTS), bodies_of(ARM, JOINTS))
+    file = written(tmp_path, markers_of(), bodies_of())
     words = "no rigid body named X in the take; it has B1, B2, B3"
     with pytest.raises(RecordingError, match=words):
         read(file, bodies={"link1": Body("X", MOUNT)})
@@ -90,7 +134,7 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
 
 
 def test_takes_of_another_rate_or_length_are_refused(tmp_path):
-    markers = markers_of(ARM, JOINTS)
+    markers = markers_of()
     with pytest.raises(RecordingError, match="at 120"):
         read(written(tmp_path, markers, rate=120.0))
     file = written(tmp_path, markers)
