@@ -9,18 +9,18 @@ from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core.options.dataset import Robot
 
+LENGTHS = np.array([0.155, 0.135, 0.17])  # m
+
+
+def planar_chain(x=0.0, z=0.0, signs=(1.0, 1.0, 1.0), limit=3.0) -> PlanarChain:
+    """The chain of these lengths with its first joint at ``x``, ``z``, straight up at zero."""
+    links, ends = np.stack([np.zeros(3), LENGTHS], axis=1), np.full(3, limit)
+    return PlanarChain(np.array([x, z]), links, np.array(signs), -ends, ends, np.full(3, np.pi / 2))
+
 
 @pytest.fixture(scope="session")
 def chain() -> PlanarChain:
-    links = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]])
-    return PlanarChain(
-        np.zeros(2),
-        links,
-        np.array([1.0, 1.0, -1.0]),
-        np.full(3, -3.0),
-        np.full(3, 3.0),
-        np.full(3, np.pi / 2),
-    )
+    return planar_chain(signs=(1.0, 1.0, -1.0))
 
 
 @pytest.fixture(scope="session")

@@ -3,14 +3,9 @@
 from itertools import pairwise
 
 import numpy as np
+from planar_poses import LENGTHS, planar_chain
 
-from pipeline.arm.chain import PlanarChain
-
-LENGTHS = np.array([0.155, 0.135, 0.17])
-LINKS, LIMIT = np.stack([np.zeros(3), LENGTHS], axis=1), np.full(3, 3.1)
-CHAIN = PlanarChain(
-    np.array([0.01, 0.115]), LINKS, np.ones(3), -LIMIT, LIMIT, np.full(3, np.pi / 2)
-)
+CHAIN = planar_chain(0.01, 0.115, limit=3.1)
 
 
 def motion(frames: int = 97) -> np.ndarray:

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from planar_poses import planar_chain
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.options.dataset import Workspace
 from pipeline.formats.depth.intrinsics import Intrinsics
@@ -22,8 +22,7 @@ FRONT = -0.03  # m, y of the visible faces of the links
 WIDTH = 0.06  # m
 
 
-LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
-CHAIN = PlanarChain(np.array([0.01, 0.115]), LINKS, np.ones(3), -LIMIT, LIMIT, LIMIT / 2)
+CHAIN = planar_chain(0.01, 0.115)
 ARM = Arm(CHAIN, Rotation.from_euler("z", 2.9).as_matrix(), np.array([0.02, -0.01, 0.0]))
 Q = np.array([-0.5, 1.4, -0.6])
 # the camera is 1.1 m before the plane, turned by a few degrees

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from planar_poses import load_arm
+from planar_poses import load_arm, planar_chain
 from ros_bags import camera_info, cloud, image, write_bag
 from sample_options import made
 from scipy.spatial.transform import Rotation
 
-from pipeline.arm.chain import PlanarChain
 from pipeline.arm.model import Arm
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import Depth, Pose, Workspace
@@ -20,9 +19,8 @@ from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.recordings.depth import frame_rows, take_paths
 from pipeline.recordings.depth_takes import CameraTake, arm_points, on_motion_clock, with_markers
 
-LINKS, LIMIT = np.array([[0.0, 0.155], [0.0, 0.135], [0.0, 0.17]]), np.full(3, 3.0)
-CHAIN = PlanarChain(np.array([0.02, 0.1]), LINKS, np.ones(3), -LIMIT, LIMIT, np.ones(3))
-ARM = Arm(CHAIN, Rotation.from_euler("z", 0.4).as_matrix(), np.array([0.03, -0.02, 0.0]))
+ROTATION = Rotation.from_euler("z", 0.4).as_matrix()
+ARM = Arm(planar_chain(0.02, 0.1), ROTATION, np.array([0.03, -0.02, 0.0]))
 WIDTH, HEIGHT = 128, 106
 CAMERA = Intrinsics(91.4, 91.0, 63.7, 51.3, WIDTH, HEIGHT)
 
