@@ -24,6 +24,7 @@ THROUGH = 1e-200
 # px, greatest shift of an edge by lateral noise; at the least std 1 draw in 5000 is beyond
 REACH = 3
 BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
+BIAS_STEPS, QUARTER_TURN = np.float32(1 / BIAS_STEP), np.float32(np.pi / 2)  # 1/m, rad
 Window = tuple[slice, slice]  # rows and columns of an image
 
 
@@ -226,18 +227,29 @@ def draw_bias(options: KinectOptions, rng: Generator) -> np.ndarray:
     return np.round(bias, 7).astype(np.float32)
 
 
-def deviations(
-    depth: np.ndarray, grazing: np.ndarray, options: KinectOptions
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return σ_z in m (Fankhauser et al. 2015) and σ_L in px per axis (Nguyen et al. 2012), at
-    ``depth`` z (m) and ``grazing`` angle θ (rad), which is clipped at the grazing limit.
+def lateral_deviation(grazing: np.ndarray, options: KinectOptions) -> np.ndarray:
+    """Return σ_L in px per axis (Nguyen et al. 2012) at the ``grazing`` angle in rad, which is
+    clipped at the grazing limit.
     """
-    angle = np.minimum(grazing, np.float32(options.grazing_limit))
-    term = angle / (np.float32(np.pi / 2) - angle)
-    a, b, c, d = (np.float32(value) for value in options.axial)
-    axial = a + depth * (b + c * depth) + d * depth * np.sqrt(depth) * term**2
-    a, b = (np.float32(value) for value in options.lateral)
-    return axial, a + b * term
+    angle, (a, b) = np.minimum(grazing, np.float32(options.grazing_limit)), options.lateral
+    return np.float32(a) + np.float32(b) * (angle / (QUARTER_TURN - angle))
+
+
+@compiled
+def _measure(depth, grazing, source, noise, bias, axial, limit, farthest):
+    """Turn standard normal ``noise`` (N,) into measured depths in m, float32, and return (N,) True
+    where a pixel shows a surface. Pixel p shows pixel ``source[p]`` of exact ``depth`` (N,) in m
+    and ``grazing`` angle (N,) in rad; σ_z by the factors ``axial`` (4,) of Fankhauser et al. 2015.
+    """
+    visible, (a, b, c, d) = np.zeros(noise.size, np.bool_), axial
+    for pixel in range(noise.size):
+        z, angle = depth[source[pixel]], grazing[source[pixel]]
+        if z > 0 and z <= farthest and angle <= limit:
+            term = angle / (QUARTER_TURN - angle)
+            std = a + z * (b + c * z) + d * z * np.sqrt(z) * (term * term)
+            noise[pixel] = noise[pixel] * std + (z + bias[int(z * BIAS_STEPS)])
+            visible[pixel] = True
+    return visible
 
 
 def read_depth(
@@ -253,21 +265,16 @@ def read_depth(
     window = np.ones((2 * REACH + 1, 2 * REACH + 1), np.uint8)
     band = np.flatnonzero(cv2.dilate(edge.view(np.uint8), window))
     # lateral noise: a pixel near an edge shows a neighbouring pixel
-    lateral = deviations(depth.ravel()[band], grazing.ravel()[band], options)[1]
+    lateral = lateral_deviation(grazing.ravel()[band], options)
     shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
     shift = shift.clip(-REACH, REACH).astype(np.intp)
     places = np.stack(np.unravel_index(band, grazing.shape)) + shift
-    shown = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
-
-    visible = (depth > 0) & (depth <= options.range[1]) & (grazing <= options.grazing_limit)
-    seen = np.where(visible, depth, np.float32(0))
-    mean = seen + bias[(seen * np.float32(1 / BIAS_STEP)).astype(np.intp)]
-    parts = [mean, deviations(seen, grazing, options)[0], visible]
-    for part in parts:
-        part.ravel()[band] = part.ravel()[shown]
-    mean, measured, visible = parts
-    measured *= rng.standard_normal(measured.shape, dtype=np.float32)
-    measured += mean
+    source = np.arange(depth.size)
+    source[band] = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
+    measured = rng.standard_normal(depth.size, dtype=np.float32)
+    limits = np.float32(options.grazing_limit), np.float32(options.range[1])
+    factors = np.array(options.axial, np.float32)
+    visible = _measure(depth.ravel(), grazing.ravel(), source, measured, bias, factors, *limits)
 
     border = np.flatnonzero(edge)
     fate, weight = rng.random((2, border.size), dtype=np.float32)
@@ -275,8 +282,9 @@ def read_depth(
     mixes = ~lost & (fate < options.edge_lost + options.edge_mixed)
     mixed = border[mixes]
     front, back = near.ravel()[mixed], far.ravel()[mixed]
-    measured.ravel()[mixed] = front + weight[mixes] * (back - front)
-    visible.ravel()[mixed] = True
-    visible.ravel()[border[lost]] = False
+    measured[mixed] = front + weight[mixes] * (back - front)
+    visible[mixed] = True
+    visible[border[lost]] = False
     visible &= (measured >= options.range[0]) & (measured <= options.range[1])
-    return np.rint(np.where(visible, measured, 0) * np.float32(1000)).astype(np.uint16)
+    image = np.rint(np.where(visible, measured, 0) * np.float32(1000)).astype(np.uint16)
+    return image.reshape(depth.shape)

@@ -19,8 +19,8 @@ from pipeline.core.errors import ConfigError
 from pipeline.laboratory.kinect import (
     DepthCamera,
     cast,
-    deviations,
     draw_bias,
+    lateral_deviation,
     place_solid,
     prism,
     read_depth,
@@ -149,7 +149,7 @@ def test_lateral_noise_moves_an_edge_by_the_published_deviation(grazing: float):
     image = read_depth(depth, angle, UNBIASED, options, np.random.default_rng(4))
     crossed = (image[:, 17:20] == 2000).mean(axis=0)
     sigma = 0.8 + 0.035 * grazing / (np.pi / 2 - grazing)
-    _, stated = deviations(np.ones(1, np.float32), np.full(1, grazing, np.float32), options)
+    stated = lateral_deviation(np.full(1, grazing, np.float32), options)
     assert stated == pytest.approx(sigma, rel=1e-5)
 
     def scores(deviation: float) -> np.ndarray:
