@@ -34,7 +34,7 @@ FOREIGN = (
     (r"# oST version", "INI file of a camera calibration by ROS", "take ost.yaml, saved beside it"),
     (r"P[123]\s", "image whose pixels are text (PBM, PGM, PPM)", "save it as PNG of 16 bits"),
     (r"(?:<\?xml[^>]*>\s*)?<(?:sdf|mujoco)\b", "robot in SDF or MJCF", "convert it to URDF"),
-    (r"(?s:<.{0,4000}?)\bxacro\b", "xacro", "expand it with xacro FILE > arm.urdf"),
+    (r"(?s:.{0,99}?<.{0,4000}?)\bxacro\b", "xacro", "expand it with xacro FILE > arm.urdf"),
 )
 
 _LBF, _KGF, _INCH = 4.4482216152605, 9.80665, 0.0254

@@ -115,6 +115,7 @@ BAGS = [
 ]  # fmt: skip
 
 OID = "oid sha256:" + "ab12" * 16
+XACRO = "http://www.ros.org/wiki/xacro"
 POINTER = f"version https://git-lfs.github.com/spec/v1\n{OID}\nsize 982345\n"
 ANNEX = "../.git/annex/objects/5x/Pm/MD5E-s3--acbd18.c3d/MD5E-s3--acbd18.c3d\n"
 PAGE = "<!DOCTYPE html>\n<html><head><title>Sign in</title></head></html>\n"
@@ -146,6 +147,10 @@ POINTERS = [
         "x.urdf: xacro ! xacro is not read", stops=True),
     kind("36", texts({"x.xml": '<?xml version="1.0"?>\n<robot><xacro:if value="a"/></robot>'}),
         "a xacro: expand it with xacro x.xml > arm.urdf", stops=True),
+    kind("36", texts({"x.xacro": f'?xml version="1.0"?>\n<robot xmlns:xacro="{XACRO}" name="a"/>'}),
+        "x.xacro: xacro ! xacro is not read", stops=True),
+    kind("36", texts({"x.urdf": f'<robot xmlns:xacro="{XACRO}"><xacro:arm n="l"/></robot>'}),
+        "a xacro: expand it with xacro x.urdf > arm.urdf", stops=True),
 ]  # fmt: skip
 
 
