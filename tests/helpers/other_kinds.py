@@ -155,11 +155,13 @@ POINTERS = [
 
 
 def take(**options: object) -> Callable[[Path], None]:
-    """A function that writes a C3D of ``frames`` (default 5); see :func:`c3d_files.c3d`."""
+    """A function that writes a C3D of ``frames`` (default 5), cut off after ``length`` bytes; see
+    :func:`c3d_files.c3d`.
+    """
 
-    def write(folder: Path, *, frames: int = 5, markers: int = 1, **options: object) -> None:
+    def write(folder: Path, *, frames=5, markers=1, length=None, **options: object) -> None:
         xyz = points(frames, markers) / 1e3
-        (folder / "take.c3d").write_bytes(c3d(["arm:a"][:markers], xyz, **options))
+        (folder / "take.c3d").write_bytes(c3d(["arm:a"][:markers], xyz, **options)[:length])
 
     return partial(write, **options)
 
@@ -189,6 +191,7 @@ TAKES = [
     kind("28", take(**CAPPED | {"frames": 66000}, long_frames=68000),
         "the file announces 68000 frames and holds 66000", stops=True),
     kind("28", take(frames=65535), "frames 65535"),
+    kind("28", take(**CAPPED, length=700), "bytes or more; the file has 700", stops=True),
     kind("29", cut_motive, "lacking frames", "frames", at="take.csv"),
     kind("29", cut_rows, "dataset.mocap.unit", "4 lacking frames"),
     kind("29", fewer_messages, "announces 21 messages and holds 20", inside="take", stops=True),

@@ -121,10 +121,10 @@ def _first_block(file: Path) -> C3dHeader:
     width = 4 if content[15 if processor == INTEL else 13] & 0x80 else 2
     start, row = (max(start, 1) - 1) * BLOCK, width * (4 * points + analog)
     frames = last - first + 1
-    needed = start + frames * row
-    if frames < 1 or (last != LONGEST and size < needed):
+    needed = start + (frames if last != LONGEST else 1) * row  # at LONGEST the length decides
+    if frames < 1 or size < needed:
         message = f"the header announces {points} points in {frames} frames, which need {needed} "
-        message += f"bytes; the file has {size}: empty or truncated; {AGAIN}"
+        message += f"bytes or more; the file has {size}: empty or truncated; {AGAIN}"
         raise RecordingError(message, file=file)
     held = max(size - start, 0) // max(row, 1)
     return C3dHeader(points, frames, first, last, frames * ratio, start, row, held)
