@@ -164,7 +164,10 @@ def _find_call(name: str, words: list[str]) -> Callable[[], object]:
     place = f"stages.{name}" if name in stages else f"studies.{name}.stage"
     if {"-h", "--help"} & set(words):
         return partial(print, " ".join(_docstring(place).partition("\n\n")[0].split()))
-    run = import_module(f"pipeline.{place}").run
+    if name in studies:
+        run = partial(import_module("pipeline.studies.frame").run, name)
+    else:
+        run = import_module(f"pipeline.{place}").run
     if len(items := signature(run).parameters) != len(words):
         takes = f"takes one item ({', '.join(items)})" if items else "takes no item"
         raise PipelineError(f"{takes}, got {' '.join(words) or 'none'}")

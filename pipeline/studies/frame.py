@@ -1,31 +1,29 @@
 """Run a study: load the options, evaluate the study, write tables, figure and page.
 
-A study is a folder of ``pipeline/studies`` with
+A study is a folder of ``pipeline/studies``, which ``python -m pipeline NAME`` runs, with
 
-- ``stage.py``: the question as docstring, ``evaluate``, ``facts`` and ``draw``, and
-  ``run = Study(…).run``, which ``python -m pipeline NAME`` calls;
+- ``stage.py``: the question as docstring; ``evaluate`` of settings and options returns the tables,
+  ``facts`` of tables and options the fields of the page, ``draw`` the figure of the tables that its
+  parameters name;
 - ``params.yaml``: the options of each scale, with equal names and kinds in all scales;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of the tables, in the notation of pipeline/tables.yaml;
-- ``page.md``: the page with the figure's caption; ``facts`` returns the fields in braces.
+- ``page.md``: the page with the figure's caption, and the fields in braces.
 
-Parameters of ``draw`` are named after tables. The study NAME writes the checked tables to
-``data/studies/NAME``, figure and tables as CSV to ``reports/studies/NAME``, and the page
-``reports/studies/NAME.md``: all outputs or none.
+The study NAME writes the checked tables to ``data/studies/NAME``, figure and tables as CSV to
+``reports/studies/NAME``, and the page ``reports/studies/NAME.md``: all outputs or none.
 """
 
-import sys
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial, reduce
+from importlib import import_module
 from inspect import signature
 from operator import getitem
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TypeVar
+from typing import Any
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from pipeline.configuration import config
 from pipeline.core import contracts
@@ -41,7 +39,6 @@ DATA, REPORTS = Path("data/studies"), Path("reports/studies")
 CSV_DIGITS = "%.6g"
 ROUNDING = 1e-12
 Tables = dict[str, pd.DataFrame]
-T = TypeVar("T")
 number = partial(wording.number, digits=3)
 concatenate = partial(pd.concat, ignore_index=True)
 
@@ -50,43 +47,31 @@ class NoAnswerError(PipelineError):
     """Raised if the dataset lacks recordings that a study needs; the page prints the message."""
 
 
-@dataclass(frozen=True)
-class Study:
-    """A study in the folder of the module that defines ``evaluate``."""
-
-    evaluate: Callable[[SimpleNamespace, SimpleNamespace], Tables]  # settings, options
-    facts: Callable[[Tables, SimpleNamespace], dict[str, object]]  # tables, options
-    draw: Callable[..., Figure]
-
-    def run(self) -> None:
-        """Evaluate the study and write its tables, figure and page."""
-        folder = Path(sys.modules[self.evaluate.__module__].__file__).parent
-        name = folder.name
-        settings = config.sections(name, folder / "dvc.yaml")
-        options = SimpleNamespace(**config.study_options(folder, dict))
-        page = (folder / "page.md").read_text(encoding="utf-8")
-        try:
-            tables = self.evaluate(settings, options)
-        except NoAnswerError as reason:
-            print(f"{name}: {reason}")
-            title, tables = page.partition("\n")[0], {}
-            page = f"{title}\n\nNo answer for this dataset: {reason}.\n"
-        with (
-            contracts.replacing(DATA / name) as data,
-            contracts.replacing(REPORTS / name) as report,
-        ):
-            for table, rows in tables.items():
-                contracts.write(rows, table, data, folder / "tables.yaml")
-                csv = rows.to_csv(index=False, float_format=CSV_DIGITS)
-                contracts.write_text(csv, report / f"{table}.csv")
-            if tables:
-                shown = {table: tables[table] for table in signature(self.draw).parameters}
-                save(self.draw(**shown), report, name)
-                page = page.format(**self.facts(tables, options))
-        contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
+def run(name: str) -> None:
+    """Evaluate the study ``name`` and write its tables, figure and page."""
+    study, folder = import_module(f"pipeline.studies.{name}.stage"), Path(__file__).parent / name
+    settings = config.sections(name, folder / "dvc.yaml")
+    options = SimpleNamespace(**config.study_options(folder, dict))
+    page = (folder / "page.md").read_text(encoding="utf-8")
+    try:
+        tables = study.evaluate(settings, options)
+    except NoAnswerError as reason:
+        print(f"{name}: {reason}")
+        title, tables = page.partition("\n")[0], {}
+        page = f"{title}\n\nNo answer for this dataset: {reason}.\n"
+    with contracts.replacing(DATA / name) as data, contracts.replacing(REPORTS / name) as report:
+        for table, rows in tables.items():
+            contracts.write(rows, table, data, folder / "tables.yaml")
+            csv = rows.to_csv(index=False, float_format=CSV_DIGITS)
+            contracts.write_text(csv, report / f"{table}.csv")
+        if tables:
+            shown = {table: tables[table] for table in signature(study.draw).parameters}
+            save(study.draw(**shown), report, name)
+            page = page.format(**study.facts(tables, options))
+    contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
 
 
-def dataset_option(kind: type[T], dataset: str, *keys: str) -> T:
+def dataset_option(kind: type, dataset: str, *keys: str) -> Any:
     """Return the section ``keys`` of the option file of a ``dataset``, validated as ``kind``."""
     file = config.CONF / f"dataset/{dataset}.yaml"
     return validated(kind, reduce(getitem, keys, read_yaml(file)), ".".join(keys), file)

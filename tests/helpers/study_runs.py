@@ -2,19 +2,18 @@
 
 from importlib import import_module
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 from recordings_of_law import ROOT
 
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.studies.frame import Study
 
 NAMES = sorted(file.parent.name for file in (ROOT / "pipeline/studies").glob("*/stage.py"))
 
 
-def study_of(name: str) -> Study:
-    """The study of this name."""
-    return import_module(f"pipeline.studies.{name}.stage").run.__self__
+def study_of(name: str) -> ModuleType:
+    """The module of the study of this name."""
+    return import_module(f"pipeline.studies.{name}.stage")
 
 
 def options_of(name: str, scale: str = "smoke", **changes):

@@ -4,7 +4,6 @@ study of recovery have the stated law, and its table counts the estimates.
 
 import re
 from dataclasses import replace
-from functools import wraps
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from pipeline.models.steps import mean_covariance
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.steps import training_steps
+from pipeline.studies.frame import run
 from pipeline.studies.recovery import stage
 from pipeline.studies.recovery.stage import draw_data, recovery_row
 
@@ -31,8 +31,8 @@ RUN = [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for
 
 @pytest.mark.parametrize("name", RUN)
 def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(name, project):
-    study, folder = study_of(name), ROOT / "pipeline/studies" / name
-    study.run()
+    folder = ROOT / "pipeline/studies" / name
+    run(name)
     first = written()
     declared = {table for table in read_yaml(folder / "tables.yaml") if table[0] != "."}
     assert {Path(file).stem for file in first if file.endswith(".csv")} <= declared
@@ -45,7 +45,7 @@ def test_a_study_writes_its_answer_and_equal_bytes_with_any_number_of_workers(na
     assert not re.search(r"\bnan\b|\{|\}", text)
     if name in WORKERS:
         config.COMPOSED.write_text(config.COMPOSED.read_text().replace("workers: 1", "workers: 2"))
-        study.run()
+        run(name)
         assert written() == first
 
 
@@ -59,29 +59,30 @@ def test_the_page_states_why_a_dataset_gives_no_answer(project, capsys):
     folder, reason = Path("data/ingest/motion"), "never rests"
     trajectory = contracts.read("trajectory", folder)  # commanded at every step
     contracts.write(trajectory.assign(**{"v:x": 0.01}), "trajectory", folder)
-    study_of("recovery").run()
+    run("recovery")
     text = Path("reports/studies/recovery.md").read_text()
     assert "No answer for this dataset: " in text and reason in text
     assert reason in capsys.readouterr().out and set(written()) == {"reports/studies/recovery.md"}
 
 
-def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(project):
+def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(
+    project, monkeypatch
+):
     study = study_of("outlook")
-    study.run()
-    first = written()
+    run("outlook")
+    first, evaluate = written(), study.evaluate
 
-    @wraps(study.evaluate)
     def undeclared_column(*arguments):
-        tables = study.evaluate(*arguments)
-        return {name: rows.assign(width=1.0) for name, rows in tables.items()}
+        return {name: rows.assign(width=1.0) for name, rows in evaluate(*arguments).items()}
 
-    for part, error in (
-        ({"facts": lambda *_: 1 / 0}, ZeroDivisionError),
-        ({"draw": lambda: 1 / 0}, ZeroDivisionError),
-        ({"evaluate": undeclared_column}, ContractError),
+    for name, part, error in (
+        ("facts", lambda *_: 1 / 0, ZeroDivisionError),
+        ("draw", lambda: 1 / 0, ZeroDivisionError),
+        ("evaluate", undeclared_column, ContractError),
     ):
-        with pytest.raises(error):
-            replace(study, **part).run()
+        with monkeypatch.context() as patch, pytest.raises(error):
+            patch.setattr(study, name, part)
+            run("outlook")
         assert written() == first
 
 

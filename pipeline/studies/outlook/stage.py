@@ -21,7 +21,7 @@ from pipeline.models.model import MotionModel, frobenius
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
-from pipeline.studies.frame import Study, Tables, concatenate, interval, number
+from pipeline.studies.frame import Tables, concatenate, interval, number
 from pipeline.verdicts.wording import table
 from pipeline.wrench.models import (
     Bounds,
@@ -277,6 +277,3 @@ def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:
     rotation.legend()
     wrench.legend()
     return figure
-
-
-run = Study(evaluate, facts, draw).run

@@ -29,7 +29,6 @@ from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import (
     MISSING,
-    Study,
     Tables,
     concatenate,
     dataset_option,
@@ -306,6 +305,3 @@ def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     entries = [Line2D([], [], ls="none", label=x, **look) for x, look in looks.items()]
     figure.legend(handles=[*entries, Line2D([], [], **dotted)], loc="outside lower center", ncols=3)
     return figure
-
-
-run = Study(evaluate, facts, draw).run

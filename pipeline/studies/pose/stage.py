@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from pipeline.figures import style
 from pipeline.statistics.curves import POWER
-from pipeline.studies.frame import NoAnswerError, Study, Tables, concatenate, interval, number
+from pipeline.studies.frame import MISSING, NoAnswerError, Tables, concatenate, interval, number
 from pipeline.verdicts.run import read_run
 from pipeline.verdicts.wording import join_names, table
 
@@ -28,48 +28,43 @@ LOOKS = {
 
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
-    """Return the table ``pose`` of the evidence of all datasets; NoAnswerError without one."""
-    rows = []
-    for run in map(read_run, sorted(DATASETS.glob("*.json"))):
-        effect = run.tables.get("pose_effect")
-        if effect is not None and len(effect):
-            kind = "synthetic" if run.synthetic else "real"
-            rows.append(effect.assign(dataset=run.dataset, recordings=kind))
+    """Return the table ``pose`` of the evidence of all datasets; NoAnswerError without one.
+
+    The answer is YES if the noise grows with the pose quantity: the interval of the exponent is
+    above zero; NO if it is below one, contains no value above one half and has the power to tell
+    one from zero; else UNKNOWN.
+    """
+    rows = [
+        run.tables["pose_effect"].assign(
+            dataset=run.dataset, recordings="synthetic" if run.synthetic else "real"
+        )
+        for run in map(read_run, sorted(DATASETS.glob("*.json")))
+        if len(run.tables.get("pose_effect", ()))
+    ]
     if not rows:
         raise NoAnswerError("no dataset has a task and enough steps of moving joints")
-    found = concatenate(rows)
-    return {"pose": found.assign(answer=[answer(row) for row in found.itertuples()])}
-
-
-def answer(row) -> str:
-    """Return YES if the noise grows with the pose quantity: the interval of the exponent is above
-    zero; NO if it is below one, contains no value above one half and has the power to tell one from
-    zero; else UNKNOWN.
-    """
-    if row.low > 0:
-        return YES
-    return NO if row.power >= POWER and row.high < 0.5 else UNKNOWN
+    found = concatenate(rows).assign(answer=UNKNOWN)
+    found.loc[(found["power"] >= POWER) & (found["high"] < 0.5), "answer"] = NO
+    found.loc[found["low"] > 0, "answer"] = YES
+    return {"pose": found}
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return a sentence on each real dataset, and the table."""
     found = tables["pose"]
-    ends = zip(found["exponent"], found["low"], found["high"], strict=True)
-    found = found.assign(text=[interval(*each) for each in ends])
+    text = map(interval, found["exponent"], found["low"], found["high"])
+    numbers = found[["power", "spread", "needed"]].map(number)
+    found = found.assign(exponent=[*text], **numbers)
     norm, sentences = found[found["quantity"] == NORM], []
     for row in norm[norm["recordings"] == "real"].itertuples():
-        text = f"On {row.dataset} the exponent of ‖J⁺‖ is {row.text} over {row.groups} motions or "
-        text += f"blocks: {ANSWERS[row.answer]}"
-        if row.answer == UNKNOWN and pd.notna(row.needed):
-            text += (
-                f"; ln ‖J⁺‖ has a standard deviation of {number(row.spread)} at equal speed, and a "
-                f"motion with {number(row.needed)} would tell"
-            )
-        sentences.append(f"{text}.")
+        sentence = f"On {row.dataset} the exponent of ‖J⁺‖ is {row.exponent} over {row.groups} "
+        sentence += f"motions or blocks: {ANSWERS[row.answer]}"
+        if row.answer == UNKNOWN and row.needed != MISSING:
+            sentence += f"; ln ‖J⁺‖ has a standard deviation of {row.spread} at equal speed, and a "
+            sentence += f"motion with {row.needed} would tell"
+        sentences.append(f"{sentence}.")
     header = "dataset, quantity x, exponent, power, spread of ln x, needed, pose matters"
-    cells = found[["dataset", "quantity", "text", "power", "spread", "needed", "answer"]]
-    numbers = ["power", "spread", "needed"]
-    cells = cells.assign(**{name: cells[name].map(number) for name in numbers})
+    cells = found[["dataset", "quantity", "exponent", *numbers, "answer"]]
     synthetic = norm.loc[norm["recordings"] == "synthetic", "dataset"]
     return {
         "sentences": "\n".join(sentences),
@@ -93,6 +88,3 @@ def draw(pose: pd.DataFrame) -> Figure:
     axes.set_xlabel("exponent of the pose quantity (0: speed alone, 1: proportional)")
     figure.legend(loc="outside lower center", ncols=3)
     return figure
-
-
-run = Study(evaluate, facts, draw).run

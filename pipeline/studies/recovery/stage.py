@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from pipeline.models.steps import Options as Model
 from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
-from pipeline.studies.frame import NoAnswerError, Study, Tables, number, trials
+from pipeline.studies.frame import NoAnswerError, Tables, number, trials
 from pipeline.verdicts.wording import join_names, table
 
 LOOKS = {  # estimators of σ_B
@@ -45,29 +44,28 @@ class KnownLaw(NamedTuple):
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``recovery``; NoAnswerError if the measurement noise is unknown."""
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
+    chosen, every, count = slice(options.takes), slice(None, None, options.stride), options.datasets
     try:  # some takes and steps of the recordings with the measurement noise of all
         part = replace(
             recorded,
-            q=recorded.q[: options.takes, :: options.stride],
-            v=recorded.v[..., :: options.stride, :],
-            noise=recorded.noise[: options.takes, :: options.stride],
+            q=recorded.q[chosen, every],
+            v=recorded.v[..., every, :],
+            noise=recorded.noise[chosen, every],
             known_measurement=recorded.measurement,
         )
     except ModelDomainError as reason:
         raise NoAnswerError(reason.message) from None
     cases = list(known_laws(part, options))
-    data = [(case, i) for case in cases for i in range(options.datasets)]
+    data = [(case, i) for case in cases for i in range(count)]
     common = {"recorded": part, "seed": settings.seed}
-    pairs = iter(trials(settings, "recovery: data sets", recover, data, **common))
-    rows = []
-    for case in cases:
-        recovered = list(islice(pairs, options.datasets))
-        rows += [
-            {"model": case.model, "estimator": name, "parameter": parameter}
-            | recovery_row(parameter, truth, [pair[name] for pair in recovered])
-            for name in case.estimators
-            for parameter, truth in case.truth.values.items()
-        ]
+    pairs = trials(settings, "recovery: data sets", recover, data, **common)
+    rows = [
+        {"model": case.model, "estimator": name, "parameter": parameter}
+        | recovery_row(parameter, truth, [pair[name] for pair in pairs[n * count :][:count]])
+        for n, case in enumerate(cases)
+        for name in case.estimators
+        for parameter, truth in case.truth.values.items()
+    ]
     return {"recovery": pd.DataFrame(rows)}
 
 
@@ -133,45 +131,34 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
-    """Return the fields of the page."""
-    rows = tables["recovery"]
-    wishart = rows[rows["parameter"] == "sigma_b"]
-    header = ["estimator", "σ_B", "mean σ̂_B (95 %)", "std", "bootstrap s.e.", "coverage", "lost"]
-    shown = wishart[["truth", "mean", "mean_low", "mean_high", "standard_deviation"]]
-    shown = shown.join(wishart[["bootstrap_standard_error", "coverage", "lost"]]).map(number)
-    interval = shown["mean"] + " (" + shown.pop("mean_low") + " to " + shown.pop("mean_high") + ")"
-    shown = shown.assign(mean=interval)
-    shown.insert(0, "estimator", [LOOKS[name]["label"] for name in wishart["estimator"]])
-    others = rows[rows["parameter"] != "sigma_b"].dropna(subset="mean")
-    unbiased = (others["mean_low"] <= others["truth"]) & (others["truth"] <= others["mean_high"])
-    return {
-        "sentences": "\n".join(f"- {sentence}" for sentence in bias_sentences(wishart)),
-        "datasets": options.datasets,
-        "takes": options.takes,
-        "stride": options.stride,
-        "table": table(header, shown.to_numpy()),
+    """Return the fields of the page: bias in percent and coverage of each estimator of σ_B."""
+    rows, sentences = tables["recovery"], []
+    wishart, others = rows[rows["parameter"] == "sigma_b"], rows[rows["parameter"] != "sigma_b"]
+    for estimator, part in wishart.groupby("estimator", sort=False):
+        part, label = part.dropna(subset="mean"), LOOKS[estimator]["label"]
+        ends = (100 * (part[end] / part["truth"] - 1) for end in ("mean_low", "mean_high"))
+        biases = join_names(map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, part["truth"]))
+        low, high = (100 * part["coverage"]).agg(["min", "max"])
+        sentence = f"bias {biases} (95 %); the 95 % intervals contain σ_B in {low:.0f} to "
+        sentence += f"{high:.0f} % of the data sets."
+        sentences.append(f"- **{label}**: {sentence if len(part) else 'no estimate.'}")
+    header = "estimator, σ_B, mean σ̂_B (95 %), std, bootstrap s.e., coverage, lost"
+    columns = ["truth", "mean", "mean_low", "mean_high", "standard_deviation"]
+    columns += ["bootstrap_standard_error", "coverage", "lost"]
+    cells = [
+        (LOOKS[name]["label"], truth, f"{mean} ({low} to {high})", *further)
+        for name, truth, mean, low, high, *further in (
+            wishart.set_index("estimator")[columns].map(number).itertuples()
+        )
+    ]
+    others = others.dropna(subset="mean")
+    unbiased = others["truth"].between(others["mean_low"], others["mean_high"])
+    return vars(options) | {
+        "sentences": "\n".join(sentences),
+        "table": table(header.split(", "), cells),
         "unbiased": unbiased.sum(),
         "others": len(others),
     }
-
-
-def bias_sentences(rows: pd.DataFrame) -> Iterator[str]:
-    """Yield bias in percent and coverage of each estimator of σ_B as a sentence."""
-    for estimator, part in rows.groupby("estimator", sort=False):
-        name, part = f"**{LOOKS[estimator]['label']}**", part.dropna(subset="mean")
-        if part.empty:
-            yield f"{name}: no estimate."
-            continue
-        ends = [100 * (part[end] / part["truth"] - 1) for end in ("mean_low", "mean_high")]
-        biases = [
-            f"{low:+.2g} to {high:+.2g} % at {truth:g}"
-            for low, high, truth in zip(*ends, part["truth"], strict=True)
-        ]
-        coverage = 100 * part["coverage"]
-        yield (
-            f"{name}: bias {join_names(biases)} (95 %); the 95 % intervals contain σ_B in "
-            f"{coverage.min():.0f} to {coverage.max():.0f} % of the data sets."
-        )
 
 
 def draw(recovery: pd.DataFrame) -> Figure:
@@ -190,6 +177,3 @@ def draw(recovery: pd.DataFrame) -> Figure:
     axes.set_ylim(bottom=0)
     figure.legend(loc="outside lower center", ncols=2)
     return figure
-
-
-run = Study(evaluate, facts, draw).run

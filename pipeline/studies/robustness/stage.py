@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ConfigError
+from pipeline.evidence import outcomes
 from pipeline.evidence.case import Choices, Recordings, recorded_takes
-from pipeline.evidence.outcomes import evaluate
 from pipeline.figures import style
-from pipeline.studies.frame import MISSING, Study, Tables, trials
+from pipeline.studies.frame import MISSING, Tables, trials
 from pipeline.studies.robustness.grid import (
     BASE,
     CHANCE,
@@ -43,7 +43,7 @@ NAMES = {
 Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of claim_verdicts()
 
 
-def evaluate_grid(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
+def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``robustness``, verdicts by level; ConfigError for an unknown factor."""
     known = [*FACTORS, "particles"]
     if unknown := sorted(set(options.factors) - set(known)):
@@ -88,7 +88,7 @@ def decision_verdicts(
     sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
     recordings = Recordings(takes, seen, *sizes, settings.seed)
     run = partial(run_trials, compute=settings.compute, label="robustness: decisions")
-    evidence = evaluate([case for _, _, case in cases], recordings, run)
+    evidence = outcomes.evaluate([case for _, _, case in cases], recordings, run)
     for (factor, level, _), (of_case, refusals) in zip(cases, evidence, strict=True):
         for refusal in refusals:
             print(f"robustness: {factor} {level}: {refusal}")
@@ -211,6 +211,3 @@ def draw(robustness: pd.DataFrame) -> Figure:
     entries += [Line2D([], [], label=name, **look) for name, look in squares.items()]
     figure.legend(handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0)
     return figure
-
-
-run = Study(evaluate_grid, facts, draw).run

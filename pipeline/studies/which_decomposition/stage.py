@@ -15,7 +15,7 @@ from pipeline.arm.model import arm_of, chain_of
 from pipeline.core import rng
 from pipeline.core.options.dataset import Robot
 from pipeline.figures import style
-from pipeline.studies.frame import Study, Tables, concatenate, dataset_option, number, trials
+from pipeline.studies.frame import Tables, concatenate, dataset_option, number, trials
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
@@ -219,6 +219,3 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
         axes.tick_params(axis="y", length=0)
     figure.legend(loc="outside lower center", ncols=5, columnspacing=1.2, handlelength=1.4)
     return figure
-
-
-run = Study(evaluate, facts, draw).run
