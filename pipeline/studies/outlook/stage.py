@@ -45,18 +45,15 @@ ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", cova
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; raises ConfigError for an impossible robot or motion."""
     motion, study = motion_of(options), settings.wrench
-    models = equal_models(motion, options.noise, options.bound)
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
-    bounds, systems, errors = replace(study_bounds(study), **ranges), study.systems, []
-    for repeat in range(study.repeats):
-        stream = rng.stream(settings.seed, "outlook.towing", repeat)
-        rows = error_rows(bounds, options.agents, (systems, study.test_systems), stream)
-        errors.append(rows.assign(repeat=repeat))
-    return {
-        "hexapod": hexapod_rows(motion, models),
-        "towing": concatenate(errors),
-        "towing_slopes": slope_rows(concatenate(errors)),
-    }
+    towed = replace(study_bounds(study), **ranges), options.agents
+    sizes = study.systems, study.test_systems
+    streams = [rng.stream(settings.seed, "outlook.towing", n) for n in range(study.repeats)]
+    parts = [error_rows(*towed, sizes, each).assign(repeat=n) for n, each in enumerate(streams)]
+    towing = concatenate(parts)
+    models = equal_models(motion, options.noise, options.bound)
+    hexapod = hexapod_rows(motion, models)
+    return {"hexapod": hexapod, "towing": towing, "towing_slopes": slope_rows(towing)}
 
 
 @dataclass(frozen=True)
@@ -173,16 +170,12 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
 
 def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.DataFrame:
     """Return the table ``hexapod``."""
-    parts = []
-    for name, model in models.items():
-        _, pose = motion.covariances(model)
-        columns = {
-            "place": np.linspace(0, 1, len(motion.q)),
-            "least_singular_value": np.linalg.svd(motion.inverse, compute_uv=False)[:, -1],
-            "rotation": np.sqrt(np.trace(pose[:, 3:, 3:], axis1=1, axis2=2)) / motion.robot.length,
-        }
-        parts.append(pd.DataFrame({"model": name} | columns))
-    return concatenate(parts)
+    least = np.linalg.svd(motion.inverse, compute_uv=False)[:, -1]
+    rows = {"place": np.linspace(0, 1, len(motion.q)), "least_singular_value": least}
+    of_model = {name: motion.covariances(model)[1][:, 3:, 3:] for name, model in models.items()}
+    stds = {n: np.sqrt(np.trace(turn, axis1=1, axis2=2)) for n, turn in of_model.items()}
+    parts = ({"model": n, **rows, "rotation": x / motion.robot.length} for n, x in stds.items())
+    return concatenate(map(pd.DataFrame, parts))
 
 
 def lever(bounds: Bounds) -> float:
@@ -227,7 +220,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     motion, errors = tables["hexapod"], tables["towing"]
     ends = motion.groupby("model", sort=False)["rotation"].agg(["first", "last"])
     means = 100 * errors.groupby(["part", "agents"])[list(ERRORS)].mean()
-    few, many = errors["agents"].min(), errors["agents"].max()
+    few, many = errors["agents"].agg(["min", "max"])
     cells = [
         [
             f"{row.error} of {row.part}, {ERRORS[row.error][0]} Σ_S",
@@ -237,15 +230,17 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         for row in tables["towing_slopes"].itertuples()
     ]
     header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
-    return {
-        "noise": options.noise,
-        "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
-        "few": few,
-        "many": many,
-        "repeats": errors["repeat"].nunique(),
-        "table": table(header, cells),
-        "length": options.length,
-    } | (ends["last"] / ends["first"]).to_dict()
+    return (
+        vars(options)
+        | (ends["last"] / ends["first"]).to_dict()
+        | {
+            "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
+            "few": few,
+            "many": many,
+            "repeats": errors["repeat"].nunique(),
+            "table": table(header, cells),
+        }
+    )
 
 
 def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:

@@ -35,6 +35,7 @@ from pipeline.verdicts.wording import table
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
 BOTH = "both"
+PARTS = ("decisions", "laboratory")
 NAMES = {
     "lasting": "duration of deviations",
     "kappa": "concentration of cables",
@@ -60,10 +61,10 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
         for grid, factor, level, cases in parts
     )
     rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
-    keys = ["grid", "factor", "level", "claim", "about"]
-    counted = rows.groupby(keys, sort=False)[["holds", "fails"]].sum().reset_index()
-    evident = counted[["holds", "fails"]].sum(axis=1).groupby([counted["grid"], counted["claim"]])
-    return {"robustness": counted[evident.transform("sum") > 0].reset_index(drop=True)}
+    keys, counts = ["grid", "factor", "level", "claim", "about"], ["holds", "fails"]
+    counted = rows.groupby(keys, sort=False)[counts].sum().reset_index()
+    evident = counted.groupby(["grid", "claim"])[counts].transform("sum").any(axis=1)
+    return {"robustness": counted[evident].reset_index(drop=True)}
 
 
 def decision_verdicts(
@@ -100,14 +101,9 @@ def laboratory_verdicts(
 ) -> Iterator[Verdicts]:
     """Yield the verdicts in every condition of the laboratory."""
     recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
-    noise = contracts.read("kinect_noise", ARTICULATE)
-    common = {
-        "laboratory": Laboratory.of_run(settings, recorded, noise),
-        "case": replace(Choices.of_run(settings), closed=True),
-        "claims": claims,
-        "options": options,
-        "wrench": settings.wrench,
-    }
+    laboratory = Laboratory.of_run(settings, recorded, contracts.read("kinect_noise", ARTICULATE))
+    common = {"laboratory": laboratory, "claims": claims, "options": options}
+    common |= {"case": replace(Choices.of_run(settings), closed=True), "wrench": settings.wrench}
     varied = {"trajectory": list(options.trajectories)} | options.factors
     grid = conditions(varied, options.seeds, "motion", options.combined)
     grid += conditions(options.wrench, options.seeds, "wrench")
@@ -119,16 +115,21 @@ def laboratory_verdicts(
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
-    """Return the ``base`` verdict by grid, factor and claim, and True if a level changes it."""
+    """Return the ``base`` verdict by part (decisions, laboratory), grid, factor and claim, and True
+    if a level changes it.
+    """
     words = {(1, 1): BOTH, (1, 0): HOLDS, (0, 1): FAILS, (0, 0): UNKNOWN}  # some hold, some fail
     some = zip(robustness["holds"] > 0, robustness["fails"] > 0, strict=True)
+    decisions = robustness["grid"] == "decisions"
     rows = robustness.assign(verdict=[words[pair] for pair in some])
-    first = rows[rows["factor"] == BASE].rename(columns={"verdict": "base"})
-    rows = rows.merge(first[["grid", "claim", "base"]], on=["grid", "claim"], how="left")
+    rows = rows.assign(part=rows["grid"].where(decisions, "laboratory"))
+    first = rows.loc[rows["factor"] == BASE, ["grid", "claim", "verdict"]]
+    rows = rows.merge(first, on=["grid", "claim"], how="left", suffixes=("", "_of_base"))
+    rows = rows.rename(columns={"verdict_of_base": "base"})
     base = rows["factor"] == BASE
     rows["changed"] = (rows["verdict"] != rows["base"]).where(~base, rows["verdict"] == BOTH)
-    lucky = rows[base & (rows["grid"] != "decisions")].assign(factor=CHANCE)
-    keys = ["grid", "claim", "about", "base", "factor"]
+    lucky = rows[base & (rows["part"] == "laboratory")].assign(factor=CHANCE)
+    keys = ["part", "grid", "claim", "about", "base", "factor"]
     varied = pd.concat([rows[~base], lucky])
     return varied.groupby(keys, sort=False)["changed"].any().reset_index()
 
@@ -136,35 +137,27 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     changed = changes(tables["robustness"])
-    chance, decided_here = changed["factor"] == CHANCE, changed["grid"] == "decisions"
-    flipped = changed["changed"]
-    lucky = set(changed["claim"][flipped & chance])
-    decisions = changed[flipped & decided_here & ~chance]
-    most = decisions.groupby("factor")["claim"].nunique().sort_values(ascending=False)
-    steady, rows = [], []
-    for claim, factors in changed.groupby("claim", sort=False):
-        if not factors["changed"].any():
-            steady.append(claim)
-            continue
-        cells = [
-            f"{claim} †" if claim in lucky else claim,
-            ", ".join(dict.fromkeys(factors["base"])),
-        ]
-        for part in (decided_here, ~decided_here):
-            some = factors[(part & ~chance)[factors.index]]
-            cells.append(f"{some['changed'].sum()} of {len(some)}" if len(some) else MISSING)
-        rows.append(cells)
+    part, claims = changed["part"].where(changed["factor"] != CHANCE, CHANCE), changed["claim"]
+    flipped = {name: changed[changed["changed"] & (part == name)] for name in (*PARTS, CHANCE)}
+    counts = {name: len(rows["claim"].unique()) for name, rows in flipped.items()}
+    most = flipped["decisions"].groupby("factor")["claim"].nunique().sort_values(ascending=False)
+    lucky, unsteady = set(flipped[CHANCE]["claim"]), set(claims[changed["changed"]])
+    steady, cells = [claim for claim in claims.unique() if claim not in unsteady], []
+    for claim, rows in changed[claims.isin(unsteady)].groupby("claim", sort=False):
+        varied = (rows.loc[part[rows.index] == name, "changed"] for name in PARTS)
+        of = [f"{some.sum()} of {len(some)}" if len(some) else MISSING for some in varied]
+        cells.append([claim + " †" * (claim in lucky), ", ".join(rows["base"].unique()), *of])
     decision = "The decision that changes most is “{}”: {} claims. "
     return {
-        "claims": changed["claim"].nunique(),
+        "claims": claims.nunique(),
         "steady": len(steady),
-        "decisions": decisions["claim"].nunique(),
-        "physical": changed["claim"][flipped & ~decided_here & ~chance].nunique(),
-        "lucky": len(lucky),
+        "decisions": counts["decisions"],
+        "physical": counts["laboratory"],
+        "lucky": counts[CHANCE],
         "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
         "filtered": options.filtered,
         "seeds": len(options.seeds),
-        "table": table(["claim", "base", "decisions", "laboratory"], rows),
+        "table": table(["claim", "base", *PARTS], cells),
         "names": ", ".join(steady) or "none",
     }
 
@@ -178,26 +171,24 @@ def draw(robustness: pd.DataFrame) -> Figure:
         UNKNOWN: {"marker": "_", "color": style.GREY},
     }
     square = {"marker": "s", "ls": "none", "ms": 4.2, "mew": 0.5}
-    squares = {
-        "same verdict": square | {"mfc": "none", "mec": style.LIGHT_GREY},
-        "another verdict": square | {"mfc": style.BLUE, "mec": style.BLUE},
-        "changed by chance": square | {"mfc": style.VERMILLION, "mec": style.VERMILLION},
+    fills = {
+        "same verdict": {"mfc": "none", "mec": style.LIGHT_GREY},
+        "another verdict": {"mfc": style.BLUE, "mec": style.BLUE},
+        "changed by chance": {"mfc": style.VERMILLION, "mec": style.VERMILLION},
     }
+    squares = {name: square | fill for name, fill in fills.items()}
     same, other, luck = squares.values()
     changed = changes(robustness)
-    parts = changed["grid"].where(changed["grid"] == "decisions", "laboratory")
-    parts = dict(list(changed.groupby(parts, sort=False)))
+    parts = dict(list(changed.groupby("part", sort=False)))
     claims = changed.drop_duplicates("claim").set_index("claim")["about"]
-    columns = {part: ["base case", *dict.fromkeys(rows["factor"])] for part, rows in parts.items()}
-    widths = [len(names) for names in columns.values()]
-    size = {"columns": len(parts), "sharey": True, "width_ratios": widths}
+    columns = {part: ["base case", *rows["factor"].unique()] for part, rows in parts.items()}
+    size = {"columns": len(parts), "sharey": True, "width_ratios": [*map(len, columns.values())]}
     figure, grid = style.panels(style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size)
     place = {claim: y for y, claim in enumerate(claims.index)}
-    for axes, (part, rows) in zip(grid[0], parts.items(), strict=True):
-        names = columns[part]
-        for row in rows.drop_duplicates("claim").itertuples():
+    for axes, (part, names) in zip(grid[0], columns.items(), strict=True):
+        for row in parts[part].drop_duplicates("claim").itertuples():
             axes.plot([0], [place[row.claim]], ls="none", ms=4.2, **bases[row.base])
-        for row in rows.itertuples():
+        for row in parts[part].itertuples():
             look = (luck if row.factor == CHANCE else other) if row.changed else same
             axes.plot([names.index(row.factor)], [place[row.claim]], **look)
         labels = [NAMES.get(name, name.replace("_", " ")) for name in names]
@@ -207,7 +198,7 @@ def draw(robustness: pd.DataFrame) -> Figure:
         axes.spines[:].set_visible(False)
     labels = [name.replace("-", " ") + " *" * (about != "method") for name, about in claims.items()]
     grid[0, 0].set_yticks(range(len(claims)), labels, fontsize=7)
-    entries = [Line2D([], [], ls="none", label=name, **look) for name, look in bases.items()]
-    entries += [Line2D([], [], label=name, **look) for name, look in squares.items()]
+    looks = {name: {"ls": "none"} | look for name, look in (bases | squares).items()}
+    entries = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     figure.legend(handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0)
     return figure
