@@ -48,9 +48,8 @@ def least_uncertain(problem: Problem, cost: Cost, points: int = POINTS) -> Plann
         raise ConfigError(message, key="dataset.robot.task")
     spacing = spacing_of(problem, points)
     steps = stages(problem, spacing)
-    ways = cheapest_paths(problem, cost, steps, grid(problem, steps, spacing))
     planned, failed = [], []
-    for way, _ in ways:
+    for way, _ in cheapest_paths(problem, cost, steps, grid(problem, steps, spacing)):
         try:
             planned.append(_refined_motion(problem, cost, way, steps))
         except InfeasibleError as error:
@@ -100,20 +99,19 @@ def cheapest_paths(
     other paths with distinct ends. The cost of a step is evaluated at the pose of the nearest
     stage. Raises InfeasibleError with the first step without a path, and the errors of ``cost``.
     """
-    chain, counts = problem.chain, np.array([len(q) for q in grid])
+    chain, counts, wide = problem.chain, np.array([len(q) for q in grid]), np.diff(steps)
     stage = np.searchsorted((steps[1:] + steps[:-1]) / 2, np.arange(len(problem.steps)), "right")
     q = np.concatenate([grid[s] for s in stage])
     costs = cost(q, np.repeat(problem.steps, counts[stage], axis=0))
     at_pose = np.where(np.arange(counts.max()) < counts[:, None], 0.0, np.inf)
-    poses = np.zeros((*at_pose.shape, len(chain.lower)))
-    nominal, wide = np.zeros_like(poses[1:]), np.diff(steps)
-    for s, solutions in enumerate(grid):
-        poses[s, : len(solutions)] = solutions
-        if s + 1 < len(steps):
-            v = chain.displacement(problem.path[steps[s]], problem.path[steps[s + 1]])
-            nominal[s, : len(solutions)] = np.matvec(chain.inverse_jacobian(solutions), v)
     for s, part in zip(stage, np.split(costs, np.cumsum(counts[stage])[:-1]), strict=True):
         at_pose[s, : len(part)] += part
+    poses = np.zeros((*at_pose.shape, len(chain.lower)))
+    nominal, v = np.zeros_like(poses), chain.displacement(*problem.path[[steps[:-1], steps[1:]]])
+    for s, q in enumerate(grid):
+        poses[s, : len(q)] = q
+        if s < len(v):
+            nominal[s, : len(q)] = np.matvec(chain.inverse_jacobian(q), v[s])
     reach, weight = wide[:, None] * problem.reach, problem.smoothness / wide
     before, total = search_stages(poses, counts, at_pose, nominal, reach, weight, problem.turning)
     if (lost := ~np.isfinite(total).any(axis=1)).any():

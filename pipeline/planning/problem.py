@@ -55,13 +55,10 @@ class Problem:
         """(M, m) task steps v_k from x_k to x_{k+1}."""
         return self.chain.displacement(self.path[:-1], self.path[1:])
 
-    def nominal(self, q: ndarray) -> ndarray:
-        """(M, n) J⁺v_k in rad at the poses ``q`` (M, n)."""
-        return np.matvec(self.chain.inverse_jacobian(q), self.steps)
-
     def objective(self, costs: ndarray, joints: ndarray) -> float:
         """Σ cost + smoothness·Σ‖w_k‖² of ``joints`` (M+1, n), w_k a step's null-space part."""
-        w = np.diff(joints, axis=0) - self.nominal(joints[:-1])
+        nominal = np.matvec(self.chain.inverse_jacobian(joints[:-1]), self.steps)
+        w = np.diff(joints, axis=0) - nominal
         return float(costs.sum() + self.smoothness * np.sum(w**2))
 
     @property

@@ -23,8 +23,8 @@ def stages(problem: Problem, spacing: float) -> ndarray:
     """(S,) steps of the path from first to last, so far apart that the slowest joint can move by
     STAGE_SPACINGS times ``spacing`` in between. Otherwise it could not leave a pose of the grid.
     """
-    last, slowest = len(problem.steps), problem.reach.min()
-    wide = int(np.ceil(STAGE_SPACINGS * spacing / slowest))
+    last = len(problem.steps)
+    wide = int(np.ceil(STAGE_SPACINGS * spacing / problem.reach.min()))
     count = -(-last // min(max(wide, 1), last))
     return np.round(np.linspace(0, last, count + 1)).astype(int)
 
@@ -34,7 +34,7 @@ def spacing_of(problem: Problem, points: int) -> float:
     if problem.spare == 0:
         return 0.0
     pilots = np.unique(np.linspace(0, len(problem.steps), PILOT_STEPS).round().astype(int))
-    most = max(len(poses) for poses in curves(problem, pilots, COARSE_SPACING))
+    most = max(map(len, curves(problem, pilots, COARSE_SPACING)))
     return COARSE_SPACING * max(most, 1) / points
 
 
@@ -54,12 +54,20 @@ def grid(problem: Problem, steps: ndarray, spacing: float) -> list[ndarray]:
 
 
 def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS) -> list[ndarray]:
-    """Points (G, n) in rad, ``spacing`` apart, of the curves from ``count`` starts at each of
-    ``steps`` (S,), within limits and margin and without whole turns.
+    """Points (G, n) in rad, ``spacing`` apart, of the curves at each of ``steps`` (S,), within
+    limits and margin and without whole turns. Newton's method starts at ``count`` poses within the
+    limits (±π without limits).
     """
-    targets = problem.path[steps]
-    solutions, waiting = _solutions(problem, steps, count)
-    curve_points = [solutions[s, :0] for s in range(len(steps))]
+    from scipy.stats.qmc import Halton
+
+    chain, targets = problem.chain, problem.path[steps]
+    bounded = np.isfinite(chain.upper - chain.lower)
+    low, high = np.where(bounded, [chain.lower, chain.upper], [[-np.pi], [np.pi]])
+    shares = Halton(len(low), scramble=False).fast_forward(1).random(count)
+    begin = np.tile(low + (high - low) * shares, (len(steps), 1))
+    found, reached = settle(chain, begin, np.repeat(targets, count, axis=0), NEWTON_STEPS)
+    solutions, waiting = (part.reshape(len(steps), count, -1) for part in (found, reached))
+    waiting, curve_points = waiting[..., 0], [each[:0] for each in solutions]
     while waiting.any():
         lanes = np.flatnonzero(waiting.any(axis=1))
         starts = solutions[lanes, waiting[lanes].argmax(axis=1)]
@@ -69,24 +77,8 @@ def curves(problem: Problem, steps: ndarray, spacing: float, count: int = STARTS
             left = np.flatnonzero(waiting[lane])
             apart = problem.less_turns(solutions[lane, left, None] - points)
             waiting[lane, left] = length_of(apart).min(axis=1) > max(1.5 * spacing, SAME_POSE)
-    found = [problem.nearest_turns(points) for points in curve_points]
-    return [q[problem.chain.within_limits(q) & problem.clear(q)] for q in found]
-
-
-def _solutions(problem: Problem, steps: ndarray, count: int) -> tuple[ndarray, ndarray]:
-    """(S, count, n) results of Newton's method at each of ``steps`` (S,) from poses within the
-    limits (±π without limits), and (S, count) True for a solution.
-    """
-    from scipy.stats.qmc import Halton
-
-    chain = problem.chain
-    bounded = np.isfinite(chain.upper - chain.lower)
-    low, high = np.where(bounded, [chain.lower, chain.upper], [[-np.pi], [np.pi]])
-    sequence = Halton(len(low), scramble=False).fast_forward(1)
-    begin = np.tile(low + (high - low) * sequence.random(count), (len(steps), 1))
-    targets = np.repeat(problem.path[steps], count, axis=0)
-    solutions, reached = settle(chain, begin, targets, NEWTON_STEPS)
-    return solutions.reshape(len(steps), count, -1), reached.reshape(len(steps), count)
+    poses = map(problem.nearest_turns, curve_points)
+    return [q[chain.within_limits(q) & problem.clear(q)] for q in poses]
 
 
 def _follow(problem: Problem, starts: ndarray, targets: ndarray, spacing: float) -> list[ndarray]:

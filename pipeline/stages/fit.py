@@ -40,18 +40,15 @@ def _fit(model: str, settings, folder: Path) -> Metrics:
     """Write parameters and tables to ``folder``; return numbers of fit and realisations."""
     options = vars(settings.models)[model]
     recorded = training_steps(settings.dataset.robot, settings.dataset.motion)
-    resample = partial(_resample, model, recorded, settings)
-    estimate, reason = _estimate(recorded, options, model=True)
+    estimated, metrics = partial(_estimated, model, recorded, settings), {}
+    estimate, reason, replicates, uncertainty = estimated(options, build=True)
     stream = rng.stream(settings.seed, f"fit.{model}")
     checks = settings.scale.convex_checks
     numbers, tables = kinds.diagnose(recorded, options, estimate, checks, stream)
-    replicates, uncertainty = resample(estimate, options)
-    metrics = {}
     for pattern, variant in kinds.estimator_options(options).items():
         result, refused, errors = estimate, reason, uncertainty
         if variant != options:
-            result, refused = _estimate(recorded, variant)
-            _, errors = resample(result, variant)
+            result, refused, _, errors = estimated(variant)
         if result is None:
             print(f"fit: {model}: no {pattern.format('estimate')}: {refused}")
             continue
@@ -70,34 +67,25 @@ def _fit(model: str, settings, folder: Path) -> Metrics:
         print(f"fit: no model {model}: {reason}")
         _write_json({"kind": options.kind, NO_MODEL: reason}, folder / "parameters.json")
         return metrics | numbers
-    metrics |= estimate.determined | uncertainty
-    metrics["bootstrap_replicates"] = len(replicates)
-    metrics["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
-    metrics |= estimate.diagnostics | numbers
     _write_json(estimate.parameters, folder / "parameters.json")
+    counts = {"bootstrap_replicates": len(replicates)}
+    counts["bootstrap_replicates_without_an_estimate"] = replicates.count(None)
+    metrics |= estimate.determined | uncertainty | counts | estimate.diagnostics | numbers
     metrics |= _closed_loop(model, recorded, options, estimate, folder)
     return metrics | _realise(model, estimate.model, recorded, settings, folder)
 
 
-def _estimate(
-    recorded: Recorded, options: Options, *, model: bool = False
-) -> tuple[Estimate | None, str]:
-    """Return the estimate by ``options``, or why there is none; ``model`` requires a model too."""
+def _estimated(
+    model: str, recorded: Recorded, settings, options: Options, *, build: bool = False
+) -> tuple[Estimate | None, str, list[Metrics | None], Metrics]:
+    """Return the estimate by ``options``, or None and the reason; then estimates from resamplings
+    of the takes, and the standard errors and intervals. ``build`` requires a model too.
+    """
     try:
         estimate = kinds.estimate(recorded, options)
-        if model:
-            _ = estimate.model
-        return estimate, ""
+        _ = build and estimate.model
     except ModelDomainError as error:
-        return None, str(error)
-
-
-def _resample(
-    model: str, recorded: Recorded, settings, estimate: Estimate | None, options: Options
-) -> tuple[list[Metrics | None], Metrics]:
-    """Return estimates from resamplings of the takes, and the standard errors and intervals."""
-    if estimate is None:
-        return [], {}
+        return None, str(error), [], {}
     takes, scale = len(recorded.q), settings.scale
     estimator = bootstrap.resampled_estimator(recorded, options, estimate)
     stream = (settings.seed, f"fit.{model}.bootstrap")
@@ -109,8 +97,13 @@ def _resample(
         replicates = [*run_trials(trial, range(scale.bootstrap_refits), **workers)]
     spreads, _ = bootstrap.spreads(replicates, estimate.estimates, takes)
     known = {name: own for name, own in spreads.items() if name not in estimate.undetermined}
-    with_ends = takes >= bootstrap.LEAST_TAKES
-    return replicates, _uncertainty(known, with_ends)
+    return estimate, "", replicates, _uncertainty(known, takes >= bootstrap.LEAST_TAKES)
+
+
+def _replicate(
+    number: int, estimator: bootstrap.Estimator, takes: int, stream: tuple[int, str]
+) -> Metrics | None:
+    return bootstrap.replicate(estimator, takes, rng.stream(*stream, number))
 
 
 def _uncertainty(spreads: dict[str, bootstrap.Spread], with_ends: bool = True) -> Metrics:
@@ -121,12 +114,6 @@ def _uncertainty(spreads: dict[str, bootstrap.Spread], with_ends: bool = True) -
         if with_ends:
             metrics |= {f"{name}_interval_low": own.low, f"{name}_interval_high": own.high}
     return metrics
-
-
-def _replicate(
-    number: int, estimator: bootstrap.Estimator, takes: int, stream: tuple[int, str]
-) -> Metrics | None:
-    return bootstrap.replicate(estimator, takes, rng.stream(*stream, number))
 
 
 def _closed_loop(
@@ -155,12 +142,10 @@ def _realise(
 ) -> Metrics:
     """Write the moments of realisations that start at the training takes' poses in turn."""
     options, joints = settings.simulation, contracts.read("joints", TRACK)
-    grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     _, q = contracts.stacked(joints[joints.part == "training"], "q")
     starts = np.resize(q, (options.realizations, *q.shape[1:]))
     course = (fitted, recorded.chain, starts, recorded.v, options.mode)
-    stream = rng.stream(settings.seed, f"simulate.{model}")
-    simulated, clipped, lost = realize(*course, stream)
+    simulated, clipped, lost = realize(*course, rng.stream(settings.seed, f"simulate.{model}"))
     try:
         mean, deviation, refused = realized_moments(*course, simulated)
     except ModelDomainError as error:
@@ -169,6 +154,7 @@ def _realise(
         print(f"fit: {model} has no standard deviation: {refused}")
     moments = spread("m", recorded.joints, mean) | spread("s", recorded.joints, deviation)
     moments["bias"] = mean_bias(fitted, recorded.chain, q, recorded.v)
+    grid = contracts.read("trajectory", MOTION)[["k", "t"]]
     contracts.write(grid.assign(**moments), "moments", folder)
     return {
         "simulated_steps_with_clipped_noise": clipped,
