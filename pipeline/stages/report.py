@@ -50,18 +50,15 @@ def run() -> None:
     items = paper.parse_items(read_yaml(HERE / "paper.yaml").get("items"))
     sources = paper.citations(PACKAGE, items, BEYOND)
     captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
-    parts = {
-        "Figures": pages.figures(here, decided, captions, items, sources),
-        "The gravest errata of the paper": pages.gravest_errata(errata),
-    }
     written = {
         reports / "claims.csv": verdict_table(decided).to_csv(index=False),
-        reports / "report.md": pages.report_page(here, runs, decided, parts),
+        reports / "report.md": pages.report_page(
+            here, runs, decided, captions, items, sources, errata
+        ),
         reports / "errata.md": paper.errata_page(errata, here, decided),
         reports / "model_card.md": model_card(here, runs[1:]),
         reports / "recordings.md": pages.recordings_page(here),
-        REPORTS / "datasets.md": "\n\n".join([pages.datasets_page(decided).rstrip("\n"), *unfit])
-        + "\n",
+        REPORTS / "datasets.md": pages.datasets_page(decided, unfit),
         REPORTS / "equations.md": paper.equations_page(items, sources),
     }
     if (here.dataset, here.scale) == DEFAULT:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.statistics.takes import NORMAL_QUANTILE
-from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, ORDERS, Claim
+from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, ORDERS, PAPER, Claim
 from pipeline.verdicts.rules import RULES, decide_cases
 from pipeline.verdicts.run import ArmNames, IndexedEvidence, Reference, Run, index_evidence
 from pipeline.verdicts.wording import interval, number
@@ -48,6 +48,16 @@ class Decided(NamedTuple):
     dataset: str
     recordings: Recordings
     verdicts: Sequence[Verdict]
+
+    @property
+    def words(self) -> list[str]:
+        """Verdicts on the paper's claims."""
+        return [each.verdict for each in self.verdicts if each.claim.source == PAPER]
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of the paper's claims that hold and that fail."""
+        return self.words.count(REPRODUCED), self.words.count(NOT_REPRODUCED)
 
 
 def decide_each(

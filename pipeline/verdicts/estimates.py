@@ -8,43 +8,41 @@ from pipeline.verdicts.decision import Decided
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import noise_levels
 from pipeline.verdicts.run import Run, index_evidence
-from pipeline.verdicts.wording import TEXTS, interval, join_names, number, table
-
-TEXT = TEXTS["report"]
+from pipeline.verdicts.wording import MISSING, WORDS, interval, number, say, table
 
 
-def estimates(here: Run, decided: Sequence[Decided]) -> list[str]:
+def estimates(here: Run, decided: Sequence[Decided]) -> str:
     """Return a sentence on σ̂_B by each estimator beside the published value, if it was fitted."""
     fitted, few = here.metrics.get("fit_wishart", {}), few_takes(here)
     cells = [
         f"{_estimate(fitted, 'sigma_b', estimator, few)} by {name}"
-        for estimator, name in TEXT["estimators"].items()
+        for estimator, name in WORDS["estimators"].items()
         if f"sigma_b_{estimator}" in fitted
     ]
-    (claim,) = (v.claim for v in decided[0].verdicts if v.claim.id == "sigma-b")
-    sentence = TEXT["dispersion"].format(here.dataset, join_names(cells), claim.published)
-    return [sentence] if cells else []
+    published = [v.claim.published for v in decided[0].verdicts if v.claim.id == "sigma-b"]
+    return say("dispersion", run=here, cells=cells, published=published[0]) if cells else ""
 
 
 def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
     """Return the fitted parameters by estimator, then the other published numbers and ours."""
-    few, without = few_takes(here), decided[-1]
+    few, without, estimators = few_takes(here), decided[-1], WORDS["estimators"]
     own = next(whose for whose in decided if whose.dataset == here.dataset)
-    claims = {verdict.claim.id: verdict.claim for verdict in own.verdicts}
-    rows, others, noted = [], [], ""
-    for name, (file, key, claim) in TEXT["parameters"].items():
+    published = {verdict.claim.id: verdict.claim.published for verdict in own.verdicts}
+    rows, others = [], []
+    for name, (file, key, claim) in WORDS["parameters"].items():
         fitted = here.metrics.get(file, {})
-        cells = [_estimate(fitted, key, estimator, few) for estimator in TEXT["estimators"]]
-        if any(cell != "–" for cell in cells):
-            rows.append([name, claims[claim].published if claim in claims else "–", *cells])
-    stated = {name: claims[name].published for name in ("alpha", "u") if name in claims}
-    if here.arm.numbered and (levels := noise_levels(here.metrics.get("fit_gaussian", {}), stated)):
+        cells = [_estimate(fitted, key, estimator, few) for estimator in estimators]
+        if {*cells} != {MISSING}:
+            rows.append([name, published.get(claim, MISSING), *cells])
+    levels = (
+        noise_levels(here.metrics.get("fit_gaussian", {}), published) if here.arm.numbered else {}
+    )
+    if levels:
         rows[-1][1] = f"{number(levels['published'])} (of û and α̂)"
-        noted = TEXT["levels"].format(**{n: number(value, 3) for n, value in levels.items()})
     for pair in zip(own.verdicts, without.verdicts, strict=True):
         claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
         cases = [case for case in cases if case.value is not None]
-        shown = claim.id in {each for *_, each in TEXT["parameters"].values()}
+        shown = claim.id in {each for *_, each in WORDS["parameters"].values()}
         if claim.parameter and cases and not shown:
             unit = f" ({claim.unit})" if claim.unit else ""
             names = " / ".join(filter(None, (case.case for case in cases)))
@@ -53,9 +51,8 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
             ends = ["" if few or c.low is None else " " + interval(c.low, c.high) for c in cases]
             ours = [number(case.value) + end for case, end in zip(cases, ends, strict=True)]
             others.append([name, printed, " / ".join(ours) + _errors(here, claim)])
-    parts = ["No interval: fewer than ten takes." if few else "Brackets have 95 % intervals."]
-    parts[0] += f" {noted}" * bool(noted)
-    parts += [table(["parameter", "published", *TEXT["estimators"].values()], rows)] if rows else []
+    parts = [say("published", few=few, levels=levels)]
+    parts += [table(["parameter", "published", *estimators.values()], rows)] if rows else []
     parts += [table(["number", "published", here.dataset], others)] if others else []
     return "\n\n".join(parts)
 
@@ -66,7 +63,8 @@ def _errors(here: Run, claim: Claim) -> str:
     for error in claim.standard_errors if len(claim.standard_errors) > 1 else ():
         found = [error.in_case(case).look_up(rows, here.arm) for case in claim.cases()]
         errors.append(number(max(filter(None, found), default=float("nan")), 3))
-    return TEXT["errors"].format(*errors) if errors else ""
+    words = " (standard errors up to: sampling {}, which decides, and quadrature {})"
+    return words.format(*errors) if errors else ""
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
@@ -75,7 +73,7 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
     if fitted.get(f"{name}_unbounded"):
         return "unbounded"
     if name not in fitted:
-        return "–"
+        return MISSING
     ends = [fitted.get(f"{name}_interval_{end}") for end in ("low", "high")]
     text = number(fitted[name])
     text = text if few or None in ends else f"{text} {interval(*ends)}"

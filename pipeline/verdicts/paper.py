@@ -20,7 +20,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
 from pipeline.verdicts.run import Files, Place, Run, TestName, parse_entries
-from pipeline.verdicts.wording import TEXTS, number, page, table
+from pipeline.verdicts.wording import number, render
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
@@ -30,7 +30,6 @@ CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
 CLAIMED = ("published", "value", "distance")  # numbers of a claim
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
-COLUMNS = ("item of the paper", "place", "content", "code", "tests")
 
 
 @options(frozen=True)
@@ -133,14 +132,12 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
     """Return ``reports/equations.md``, each item with the ``sources`` of :func:`citations`."""
     rows = []
     for item in items:
-        by = [
-            f"[`{source.name}`](../{source.file.as_posix()})" for source in sources[item.cited_as]
-        ] or [f"no code: {item.without_code}"]
+        by = [f"[`{own.name}`](../{own.file.as_posix()})" for own in sources[item.cited_as]]
         tests = (test.partition("::") for test in item.tests)
         shown = "<br>".join(f"[`{name}`](../{file})" for file, _, name in tests)
-        cells = (item.title, item.place, item.says, "<br>".join(by), shown)
-        rows.append(cells)
-    return f"{TEXTS['equations']}\n\n{table(COLUMNS, rows)}\n"
+        by = "<br>".join(by) or f"no code: {item.without_code}"
+        rows.append((item.title, item.place, item.says, by, shown))
+    return render("equations.md", rows=rows)
 
 
 @options(frozen=True)
@@ -179,22 +176,15 @@ def parse_errata(entries: object) -> list[Erratum]:
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
     """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets."""
-    claimed, sections = _claim_numbers(decided), [TEXTS["errata"]]
+    claimed, texts = _claim_numbers(decided), []
     published = claimed["claims/published"]
     levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
     evidence = {**run.files, **claimed, "claims/level": levels}
-    for place, erratum in enumerate(errata, 1):
+    for erratum in errata:
         values = {n: source.look_up(evidence, run.arm) for n, source in erratum.values.items()}
         numbers = {n: MISSING if value is None else number(value) for n, value in values.items()}
-        paper, fact, done = erratum.prose(numbers)
-        sections += [
-            f'<a id="{erratum.id}"></a>\n\n## {place}. {erratum.title}',
-            f"**The paper** ({erratum.place}): {paper}",
-            f"**In fact**: {fact}",
-            f"**Here**: {done}",
-            "\n".join(f"- `{test}`" for test in erratum.tests),
-        ]
-    return page(sections)
+        texts.append((erratum, *erratum.prose(numbers)))
+    return render("errata.md", errata=texts)
 
 
 def _claim_numbers(decided: Sequence[Decided]) -> Files:

@@ -1,7 +1,8 @@
-"""Numbers, intervals and tables as text, and the prose of the pages."""
+"""Numbers, intervals and tables as text, and pages from the templates."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,12 @@ MISSING = "–"
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")  # characters, other than line ends
 # start of a tag that the pages do not use themselves
 TAG = re.compile(r'<(?=[A-Za-z/!?])(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)')
-TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
+WORDS = read_yaml(Path(__file__).with_name("words.yaml"))
 
 
 def plain_name(model: str) -> str:
     """Return the name of ``model`` on the pages."""
-    return TEXTS["names"].get(model, model)
+    return WORDS["names"].get(model, model)
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -36,6 +37,17 @@ def interval(low: float, high: float) -> str:
     return f"[{number(low)}, {number(high)}]"
 
 
+def difference(row: Mapping[str, float], sign: int = 1) -> str:
+    """Return the ``difference`` of a row times ``sign``, with its interval."""
+    low, high = sorted([sign * row["low"], sign * row["high"]])
+    return f"{number(sign * row['difference'])} {interval(low, high)}"
+
+
+def offset(row: Mapping[str, float]) -> str:
+    """Return the size of a difference with its interval, and "above" or "below"."""
+    return f"{difference(row)} above" if row["difference"] > 0 else f"{difference(row, -1)} below"
+
+
 def plain_page(text: str) -> str:
     """Return the Markdown ``text`` of a page, in which names come from files, without control
     characters and with all tags escaped that the pages do not use.
@@ -43,30 +55,47 @@ def plain_page(text: str) -> str:
     return TAG.sub("&lt;", CONTROL.sub(" ", text))
 
 
-def escaped(text: str) -> str:
-    """Return ``text`` for a cell: no columns, no tags but line ends, no control characters."""
-    return re.sub(r"<(?!br>)", "&lt;", " ".join(plain_page(text).split())).replace("|", r"\|")
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; :func:`number` writes the cells that are numbers. Other cells are
-    escaped: names from recordings in them are plain text.
+def table(header: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a Markdown table; :func:`number` writes the cells that are numbers. Names from
+    recordings in other cells are plain text: no columns, no tags but line ends.
     """
 
     def text(cell: object) -> str:
-        return number(cell) if isinstance(cell, int | float | np.number) else escaped(str(cell))
+        if isinstance(cell, int | float | np.number):
+            return number(cell)
+        plain = " ".join(plain_page(str(cell)).split())
+        return re.sub(r"<(?!br>)", "&lt;", plain).replace("|", r"\|")
 
-    lines = [map(text, header), ["---"] * len(header), *(map(text, row) for row in rows)]
+    lines = [[*map(text, row)] for row in (header, *rows)]
+    lines.insert(1, ["---"] * len(lines[0]))
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
 def join_names(names: Iterable[str]) -> str:
-    """Return ``names`` separated by commas, with "and" before the last."""
-    *first, last = names
+    """Return ``names`` separated by commas, with "and" before the last; "" for none."""
+    *first, last = [*names] or [""]
     return " and ".join(filter(None, [", ".join(first), last]))
 
 
-def page(parts: Iterable[str], sections: dict[str, str] | None = None) -> str:
-    """Return the paragraphs ``parts``, then the ``sections`` by heading; empty ones are dropped."""
-    headed = [f"## {heading}\n{text}" for heading, text in (sections or {}).items() if text]
-    return plain_page("\n\n".join([*filter(None, parts), *headed]) + "\n")
+@cache
+def _templates():
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    loader = FileSystemLoader(Path(__file__).with_name("templates"))
+    blocks = {"trim_blocks": True, "lstrip_blocks": True, "undefined": StrictUndefined}
+    made = Environment(loader=loader, **blocks)
+    for function in (number, interval, difference, offset, table, plain_name, join_names, say):
+        made.globals[function.__name__] = function
+    return made
+
+
+def say(name: str, **values: object) -> str:
+    """Return the sentences ``name`` of ``words.yaml`` with ``values``."""
+    return _templates().from_string(WORDS["sentences"][name]).render(values).strip()
+
+
+def render(template: str, **values: object) -> str:
+    """Return the page of a file in ``templates``; blanks and blank lines of absent parts go."""
+    text = _templates().get_template(template).render(values, words=WORDS)
+    text = re.sub(r"\n{3,}", "\n\n", re.sub(r" +$", "", text, flags=re.MULTILINE))
+    return plain_page(text.strip() + "\n")

@@ -13,7 +13,7 @@ from pipeline.core.errors import RecordingError
 from pipeline.figures import style, wrench
 from pipeline.tools.inspect import command
 from pipeline.tools.page.command import page as html_page
-from pipeline.verdicts.wording import page, table
+from pipeline.verdicts.wording import plain_page, table
 
 NAMES = ["a|b", "<img src=x onerror=1>", "<script>x</script>", "$x^{$", "a\x1b[2Jb", "c\x9b1md"]
 
@@ -36,7 +36,7 @@ def test_a_name_in_prose_and_cells_of_a_page_adds_no_tag_column_or_control_chara
 ):
     def tags(word: str) -> list[str]:
         rows = table([word, "value"], [[word, 1.0]])
-        text = page([f"# Results of {word}", f"Joint {word} moves."], {"Rows": rows})
+        text = plain_page(f"# Results of {word}\n\nJoint {word} moves.\n\n## Rows\n{rows}\n")
         assert not any(words in text for words in ("\x1b", "\x9b", "<img", "<script"))
         (tmp_path / "report.md").write_text(text, encoding="utf-8")
         return Tags(html_page("Results", [tmp_path / "report.md"], tmp_path)).names
