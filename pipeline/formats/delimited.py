@@ -6,12 +6,12 @@ import re
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.core.errors import RecordingError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.formats.format import decoded, file_content
 
 # alternatives begin with different characters, so that no text takes long to match
@@ -21,58 +21,18 @@ GREATEST = 1e20  # greatest measured number: above any time in ns, and its squar
 MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
 MISSING += ("null", "NULL", "Null", "N/A", "n/a", "NA", "#N/A")
 
-LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
-SPARSEST = 50  # greatest number of rows per number in a column
 SPACE = " "  # separator that stands for any number of blanks
-# formats that resemble tables: pattern of the beginning, name, remedy
-NEXUS = r'"?(Trajectories|Joints|Segments|Model Outputs?|Devices|Events|Analog EMG)"?[\s,;]*\n'
-FOREIGN = (
-    (r"PathFileType\b", "TRC (OpenSim, Cortex)", "export C3D from the same program"),
-    (r"NO_OF_(FRAMES|CAMERAS)\b", "TSV of Qualisys Track Manager", "export C3D from QTM"),
-    (rf"(?i:{NEXUS}[\s,;]*[\d.]+(,Hz)?[\s,;]*\n)", "ASCII export of Vicon", "export C3D there"),
-    (r"HIERARCHY\b", "BVH file of motion capture", "export C3D from the same program"),
-    (r"# oST version", "INI file of a camera calibration by ROS", "take ost.yaml, saved beside it"),
-    (r"P[123]\s", "image whose pixels are text (PBM, PGM, PPM)", "save it as PNG of 16 bits"),
-    (r"(?:<\?xml[^>]*>\s*)?<(?:sdf|mujoco)\b", "robot in SDF or MJCF", "convert it to URDF"),
-    (r"(?s:.{0,99}?<.{0,4000}?)\bxacro\b", "xacro", "expand it with xacro FILE > arm.urdf"),
-)
 
-_LBF, _KGF, _INCH = 4.4482216152605, 9.80665, 0.0254
-# unit → N; ATI's programs write forces in lb, klb, kg and g
-FORCE_UNITS = {"N": 1.0, "kN": 1e3, "lbf": _LBF, "klbf": 1e3 * _LBF, "kgf": _KGF, "gf": 1e-3 * _KGF}
-FORCE_UNITS |= {"lb": _LBF, "klb": 1e3 * _LBF, "kg": _KGF, "g": 1e-3 * _KGF}
-# unit → N·m
-TORQUE_UNITS = {"Nm": 1.0, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
-TORQUE_UNITS |= dict.fromkeys(("lbfin", "lbin", "inlb", "inlbf"), _LBF * _INCH)
-TORQUE_UNITS |= dict.fromkeys(("lbfft", "lbft", "ftlb", "ftlbf"), _LBF * 12 * _INCH)
-TORQUE_UNITS |= dict.fromkeys(("kgfcm", "kgcm"), 1e-2 * _KGF)
-LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": _INCH, "ft": 12 * _INCH}  # m
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}  # s
-ANGLE_UNITS = {"rad": 1.0, "deg": np.pi / 180}
-_WORDS = {
-    "rad": "radian radians",
-    "deg": "degree degrees °",
-    "s": "sec secs second seconds [s]",
-    "ms": "millisecond milliseconds msec",
-    "us": "µs μs usec microsecond microseconds",
-    "ns": "nsec nanosecond nanoseconds",
-    "m": "meter meters metre metres",
-    "cm": "centimeter centimeters centimetre centimetres",
-    "mm": "millimeter millimeters millimetre millimetres",
+_STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
+FOREIGN: dict[str, list[str]] = _STATED.pop("foreign")  # name → pattern of the beginning, remedy
+SPELLINGS = {
+    word: unit for unit, words in _STATED.pop("spellings").items() for word in words.split()
 }
-SPELLINGS = {word: unit for unit, words in _WORDS.items() for word in words.split()}
+# quantity → unit → factor to N, N·m, s or rad
+UNITS: dict[str, dict[str, float]] = _STATED
+TIME_UNITS, ANGLE_UNITS = UNITS["time"], UNITS["angle"]
+KNOWN = {unit for units in UNITS.values() for unit in units}
 UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # label and its unit in brackets
-KNOWN = {*FORCE_UNITS, *TORQUE_UNITS, *LENGTH_UNITS, *TIME_UNITS, *ANGLE_UNITS, "A", "V", "Hz", "-"}
-
-
-class Samples(NamedTuple):
-    """Complete rows of chosen columns: every cell has a number."""
-
-    values: np.ndarray  # (M, columns)
-    rows: np.ndarray  # (M,) row numbers in the table, from 0
-    # rows_without_numbers, rows_without_measured_angle (numbers in other columns alone) and
-    # incomplete_end_rows (all left out), interpolated_cells
-    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -99,8 +59,10 @@ def read_text(file: Path) -> Text:
 
 def foreign(text: str) -> tuple[str, str] | None:
     """Return name and remedy of the first format in FOREIGN that matches ``text``, or None."""
-    fits = (known for mark, *known in FOREIGN if re.match(rf"\s*(?:FILE_VERSION.*\n)?{mark}", text))
-    return next(map(tuple, fits), None)
+    for name, (mark, remedy) in FOREIGN.items():
+        if re.match(rf"\s*(?:FILE_VERSION.*\n)?{mark}", text):
+            return name, remedy
+    return None
 
 
 def cells_of(line: str, separator: str, *, file: Path, number: int) -> list[str]:
@@ -129,15 +91,6 @@ def numbers_of(
     ``columns``, for a cell that is no number or beyond GREATEST, and a missing one unless ``gaps``.
     """
 
-    def cells_at(row: int) -> list[str]:
-        return cells_of(rows[row], separator, file=file, number=line_numbers[row])
-
-    marks = [row.count(separator) for row in rows]
-    for row in (row for row, count in enumerate(marks) if count != marks[0]):
-        # quoted separators do not separate cells, so count the cells
-        if (width := len(cells_at(row))) != (first := len(cells_at(0))):
-            message = f"the row has {width} cells where the first has {first}: truncated or damaged"
-            raise RecordingError(message, file=file, line=line_numbers[row])
     form = {"sep": separator, "decimal": decimal, "header": None, "dtype": "float64"}
     form |= {"usecols": sorted({*columns}), "keep_default_na": False, "na_values": [*MISSING]}
     form |= {"skipinitialspace": True, "skip_blank_lines": False}
@@ -146,12 +99,17 @@ def numbers_of(
     except ValueError:
         values = np.empty((0, 0))
     sound = len(values) == len(rows) and not (np.abs(values) > GREATEST).any()
-    if sound and (gaps or not np.isnan(values).any()):
+    sound = sound and (gaps or not np.isnan(values).any())
+    if sound and len({row.count(separator) for row in rows}) == 1:
         return values
-    for row, line in enumerate(line_numbers):
-        cells = dict(enumerate(cells_at(row)))
+    width = None
+    for row, line in zip(rows, line_numbers, strict=True):
+        cells = cells_of(row, separator, file=file, number=line)
+        if len(cells) != (width := width or len(cells)):
+            message = f"the row has {len(cells)} cells where the first has {width}: truncated or "
+            raise RecordingError(f"{message}damaged", file=file, line=line)
         for column in columns:
-            cell = cells.get(column, "")
+            cell = "".join(cells[column : column + 1])
             plain = cell if decimal == "." else cell.replace(".", "?").replace(decimal, ".")
             is_number = NUMBER.fullmatch(plain) and abs(float(plain)) <= GREATEST
             if not (is_number or (gaps and cell in MISSING)):
@@ -160,51 +118,9 @@ def numbers_of(
                     message = f"column {column + 1} holds {cell[:80]!r}, not a finite number"
                     message += f" up to {GREATEST:g}" if NUMBER.fullmatch(plain) else ""
                 raise RecordingError(message, file=file, line=line)
+    if sound:  # quoted separators separate no cells
+        return values
     raise RecordingError(f"cannot split the lines at {separator!r}", file=file)
-
-
-def complete_rows(
-    values: np.ndarray, clock: int | None, leading: list[int]
-) -> tuple[Samples | None, tuple[str, int, int] | None]:
-    """Return the rows of ``values`` (N, columns) with a number in a ``leading`` column, and None;
-    or None, and the first fault as problem, column and row. A missing cell between two numbers of
-    its column is interpolated linearly over the column ``clock`` (default the row number). Rows
-    before the first or after the last number of a column are left out. Faults are a row without a
-    time, a gap of more than LONGEST_GAP median steps of the column, and a column with fewer than
-    two numbers or fewer than one number in SPARSEST rows.
-    """
-    rows, missing = np.arange(len(values)), np.isnan(values)
-    if not missing.any():
-        return Samples(values, rows, {}), None
-    others = [column for column in range(values.shape[1]) if column != clock]
-    rows = rows[~missing[:, others].all(axis=1)]
-    filled, missing = values[rows], missing[rows]
-    x = rows.astype(float) if clock is None else filled[:, clock]
-    if np.isnan(x).any():
-        return None, ("has no number", clock, rows[np.isnan(x).argmax()])
-    taken = ~missing[:, leading].all(axis=1)
-    inside = taken.copy()
-    for column in others:
-        known = np.flatnonzero(~missing[:, column])
-        if len(known) < max(2, len(rows) / SPARSEST):
-            problem = f"has {len(known)} numbers in {len(rows)} rows"
-            return None, (problem, column, min(rows, default=0))
-        inside[: known[0]] = inside[known[-1] + 1 :] = False
-        after = np.searchsorted(known, np.arange(len(x))).clip(1, len(known) - 1)
-        steps = np.diff(x[known])
-        wide = missing[:, column] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
-        if wide.any():
-            problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
-            return None, (problem, column, rows[wide.argmax()])
-        filled[:, column] = np.interp(x, x[known], filled[known, column])
-    if not inside.any():
-        return None, ("has no number at the times of the other columns", leading[0], 0)
-    counts = {"rows_without_numbers": len(values) - len(rows)}
-    counts["rows_without_measured_angle"] = len(rows) - int(taken.sum())
-    counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
-    counts["interpolated_cells"] = int(missing[inside].sum())
-    counts = {name: count for name, count in counts.items() if count}
-    return Samples(filled[inside], rows[inside], counts), None
 
 
 def split_line(line: str, mark: str) -> list[str]:

@@ -7,20 +7,13 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.formats import delimited
-from pipeline.formats.delimited import (
-    MISSING,
-    Samples,
-    complete_rows,
-    count_numbers,
-    counts_on,
-    is_number,
-    split_line,
-)
+from pipeline.formats.delimited import MISSING, count_numbers, counts_on, is_number, split_line
 from pipeline.formats.format import Format, Head, Kind
 
 SEPARATORS = (",", ";", "\t", delimited.SPACE)
@@ -28,7 +21,21 @@ SAMPLED = 40  # last lines, by which numeric columns are recognised
 REMARKS = 5  # greatest number of lines of words below the rows
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # suffixes of files that are no table
 HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
+ORIGINS = {"endheader": "of OpenSim (MOT, STO)", HEADER_END: "of LabVIEW (LVM)"}
+LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
+SPARSEST = 50  # greatest number of rows per number in a column
+MEND = "export it again, or mend the line"
 DATE = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
+
+
+class Samples(NamedTuple):
+    """Complete rows of chosen columns: every cell has a number."""
+
+    values: np.ndarray  # (M, columns)
+    rows: np.ndarray  # (M,) row numbers in the table, from 0
+    # rows_without_numbers, rows_without_measured_angle (numbers in other columns alone) and
+    # incomplete_end_rows (all left out), interpolated_cells
+    counts: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -75,11 +82,8 @@ class Sheet:
     @property
     def origin(self) -> str | None:
         """Program that wrote the table, if the line that ends the header identifies it."""
-        if any(line.strip(" ,;\t") == "endheader" for line in self.header):
-            return "of OpenSim (MOT, STO)"
-        if any(line.startswith(HEADER_END) for line in self.header):
-            return "of LabVIEW (LVM)"
-        return None
+        ends = {line.strip(" ,;\t") for line in self.header}
+        return next((name for end, name in ORIGINS.items() if end in ends), None)
 
     @property
     def left_out(self) -> dict[str, str]:
@@ -88,8 +92,8 @@ class Sheet:
         width = max(len(self.labels), delimited.filled_width(self.last))
         for column in {*range(width)} - {*self.numeric}:
             cell, label = ("".join(row[column : column + 1]) for row in (self.last, self.labels))
-            content = "nothing" if cell in MISSING else "words"
-            contents[label or str(column)] = "dates or times" if DATE.search(cell) else content
+            content = "dates or times" if DATE.search(cell) else "words"
+            contents[label or str(column)] = "nothing" if cell in MISSING else content
         return contents
 
     def words(self, column: int) -> list[str]:
@@ -109,7 +113,7 @@ class Sheet:
         for quantity, name in wanted.items():
             fits = [column for column, pair in enumerate(names) if name in pair]
             if isinstance(name, int):
-                fits = [name] if 0 <= name < len(self.last) else []
+                fits = [name] * (0 <= name < len(self.last))
             if len(fits) != 1:
                 present = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
                 message = f"{quantity}: {len(fits)} columns have the label or number (from 0) "
@@ -128,19 +132,49 @@ class Sheet:
         self, columns: list[int], clock: int | None = None, at: Collection[int] = ()
     ) -> Samples:
         """Return the rows with a number in one of the columns ``at`` (default all but ``clock``),
-        missing cells interpolated; see :func:`complete_rows`. RecordingError with the line of a
-        cell that cannot be interpolated.
+        between the first and the last number of each column. A missing cell is interpolated
+        linearly over the column ``clock`` (default the row number). RecordingError with the line
+        for a row without a time, a gap of more than LONGEST_GAP median steps of the column, and a
+        column with fewer than two numbers or fewer than one number in SPARSEST rows.
         """
+
+        def fault(problem: str, place: int, row: int) -> RecordingError:
+            label = "".join(self.labels[columns[place] : columns[place] + 1])
+            message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the row"
+            return RecordingError(f"{message} out", file=self.file, line=self.lines[row])
+
+        values = self.values(columns, gaps=True)
+        rows, missing = np.arange(len(values)), np.isnan(values)
+        if not missing.any():
+            return Samples(values, rows, {})
         others = [place for place, column in enumerate(columns) if column != clock]
         leading = [place for place in others if columns[place] in at] or others
-        place = None if clock is None else columns.index(clock)
-        samples, fault = complete_rows(self.values(columns, gaps=True), place, leading)
-        if fault is not None:
-            problem, place, row = fault
-            label = "".join(self.labels[columns[place] : columns[place] + 1])
-            message = f"column {columns[place] + 1} {label} {problem}; fill it in, or leave the "
-            raise RecordingError(f"{message}row out", file=self.file, line=self.lines[row])
-        return samples
+        rows = rows[~missing[:, others].all(axis=1)]
+        filled, missing = values[rows], missing[rows]
+        x = rows.astype(float) if clock is None else filled[:, columns.index(clock)]
+        if np.isnan(x).any():
+            raise fault("has no number", columns.index(clock), rows[np.isnan(x).argmax()])
+        order, inside = np.arange(len(rows)), (taken := ~missing[:, leading].all(axis=1))
+        for place in others:
+            known = np.flatnonzero(~missing[:, place])
+            if len(known) < max(2, len(rows) / SPARSEST):
+                problem = f"has {len(known)} numbers in {len(rows)} rows"
+                raise fault(problem, place, min(rows, default=0))
+            inside = inside & (order >= known[0]) & (order <= known[-1])
+            after = np.searchsorted(known, order).clip(1, len(known) - 1)
+            steps = np.diff(x[known])
+            wide = missing[:, place] & inside & (steps[after - 1] > LONGEST_GAP * np.median(steps))
+            if wide.any():
+                problem = f"has no number in a gap of more than {LONGEST_GAP} of its steps"
+                raise fault(problem, place, rows[wide.argmax()])
+            filled[:, place] = np.interp(x, x[known], filled[known, place])
+        if not inside.any():
+            raise fault("has no number at the times of the other columns", leading[0], 0)
+        counts = {"rows_without_numbers": len(values) - len(rows)}
+        counts["rows_without_measured_angle"] = len(rows) - int(taken.sum())
+        counts["incomplete_end_rows"] = int(np.sum(taken & ~inside))
+        counts["interpolated_cells"] = int(missing[inside].sum())
+        return Samples(filled[inside], rows[inside], {n: k for n, k in counts.items() if k})
 
 
 def read_sheet(
@@ -170,42 +204,37 @@ def _sheet(
         raise RecordingError("no samples: the file has no complete line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
     tail = lines[: -REMARKS - 1 : -1]
-    likely = next((line for line in tail if delimited.is_rowlike(line)), lines[-1])
-    mark = separator or delimited.separator_of(likely)
+    below = next((n for n, line in enumerate(tail) if delimited.is_rowlike(line)), 0)  # remarks
+    mark = separator or delimited.separator_of(tail[below])
     if mark == delimited.SPACE:
         lines = [mark.join(line.lstrip("#%").split()) for line in lines]
-    below = tail.index(likely)  # number of lines of words below the rows
     start, repeated = _sections(lines, places, mark)
     end = len(lines) - below
-    early, sampled = lines[start:end][:-SAMPLED], lines[start:end][-SAMPLED:]
     # include earlier lines, since a column may be empty in the last lines
-    sampled = early[:: len(early) // SAMPLED + 1] + sampled
-    split = [split_line(line, mark) for line in sampled]
+    body, step = lines[start:end], max((end - start) // SAMPLED, 1)
+    split = [split_line(line, mark) for line in body[:-SAMPLED:step] + body[-SAMPLED:]]
     before = {len(cells) for cells in split[-3:-1]}
     if len(before) == 1 and len(split[-1]) < max(before) and count_numbers(split[-2]):
         end, split = end - 1, split[:-1]
     last, numeric = split[-1], _numeric_columns(split)
-    top = _first_row(lines[: end if numeric else 0], start, mark, numeric, last)
-    if top is None:
-        message = f"no samples: no row of numbers up to the line {lines[end - 1][:80]!r}; record "
-        message += "it or export it again"
-        raise RecordingError(message, file=file)
+    top = _first_row(lines[:end], start, mark, numeric, last, file)
     labels, units, label_line = _header(lines[:top], places, mark, last, numeric, file)
     if start and labels[:1] == ["X_Value"]:
         stated = (split_line(line, mark) for line in lines[:start])
         units = next((["s", *cells[1:]] for cells in stated if cells[0] == "Y_Unit_Label"), ["s"])
-    header, again = lines[:top], text.lines[label_line - 1] if labels else None
-    written = [text.lines[place - 1] for place in places[top:end]]
-    rows = [n for n, line in enumerate(written, top) if line != again and line[0] not in "#%"]
+    again = text.lines[label_line - 1] if labels else None
+    rows = [n for n in range(top, end) if text.lines[places[n] - 1] != again]
+    rows = [n for n in rows if text.lines[places[n] - 1][0] not in "#%"]
     counts = {"blank_rows": len(text.lines) - len(places) - repeated}
     counts["cut_rows"] = (text.cut is not None) + len(lines) - end
     if remarks := end - top - len(rows) + repeated:  # remarks and repeated headers
         counts["remark_rows"] = remarks
+    above = lines[:top], labels, units, label_line
     lines, places = [lines[n] for n in rows], [places[n] for n in rows]
     signs = [sign for sign in ".," if sign != mark and any(sign in row for row in lines)]
     if decimal is None and len(signs) > 1:  # ignore the marks in columns without numbers
-        split_rows = (enumerate(split_line(row, mark)) for row in lines)
-        numbers = "".join(cell for row in split_rows for column, cell in row if column in numeric)
+        split = [split_line(row, mark) for row in lines]
+        numbers = "".join(cell for cells in split for n, cell in enumerate(cells) if n in numeric)
         if len(signs := [sign for sign in signs if sign in numbers]) > 1:
             message = "decimal points and decimal commas in one table; mend it, or set decimal"
             raise RecordingError(message, file=file, key=key)
@@ -214,7 +243,6 @@ def _sheet(
         message = "the commas may separate whole numbers or be decimal commas: set separator and "
         message += "decimal, or save it with semicolons"
         raise RecordingError(message, file=file, line=places[0], key=key)
-    above = header, labels, units, label_line
     return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
 
 
@@ -247,16 +275,19 @@ def _numeric_columns(split: list[list[str]]) -> list[int]:
 
 
 def _first_row(
-    lines: list[str], start: int, mark: str, numeric: list[int], last: list[str]
-) -> int | None:
-    """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or None."""
+    lines: list[str], start: int, mark: str, numeric: list[int], last: list[str], file: Path
+) -> int:
+    """Return the first line from ``start`` on with only numbers in ``numeric`` cells, or with no
+    content above such a line; RecordingError for none.
+    """
     for top in range(start, len(lines)):
         cells = split_line(lines[top], mark)
         values = [cells[column] for column in numeric] if len(cells) == len(last) else []
         if any(map(is_number, values)) and all(is_number(one) or one in MISSING for one in values):
             break
     else:
-        return None
+        message = f"no samples: no row of numbers up to the line {lines[-1][:80]!r}; record it or "
+        raise RecordingError(f"{message}export it again", file=file)
     if top + 1 < len(lines) and counts_on(cells):
         return top + 1
     while top > start and len(above := split_line(lines[top - 1], mark)) == len(last):
@@ -271,25 +302,22 @@ def _header(
 ) -> tuple[list[str], list[str], int]:
     """Return labels, units and the labels' line; RecordingError for a damaged row above rows."""
 
-    def fault(problem: str, line: int) -> RecordingError:
-        return RecordingError(f"{problem}: export it again, or mend the line", file=file, line=line)
-
     for line, place in zip(lines, places, strict=False):
         for other in SEPARATORS:
             cells = line.split() if other == delimited.SPACE else split_line(line, other)
             filled = [cell for cell in cells if cell]
             if 2 < len(filled) == count_numbers(filled) and not counts_on(cells):
-                raise fault(f"numbers unlike the rows below, or damaged: {line[:80]!r}", place)
+                message = f"numbers unlike the rows below, or damaged: {line[:80]!r}: {MEND}"
+                raise RecordingError(message, file=file, line=place)
     above = [split_line(line.lstrip("#% "), mark) for line in lines]
     cells = above[-1] if above else []
     numbers = count_numbers([cells[column] for column in numeric if column < len(cells)])
-    alike = len(cells) in (len(last), numbers)
-    if numbers and alike and not counts_on(cells):
-        message = f"words and numbers in one row: {lines[-1][:80]!r}"
-        raise fault(message, places[len(lines) - 1])
+    if numbers and len(cells) in (len(last), numbers) and not counts_on(cells):
+        message = f"words and numbers in one row: {lines[-1][:80]!r}: {MEND}"
+        raise RecordingError(message, file=file, line=places[len(lines) - 1])
     if len(last) < len(labels := [cell for cell in cells if cell and "=" not in cell]):
-        message = f"the row has {len(last)} cells under {len(labels)} labels up to {labels[-1]!r}"
-        raise fault(message, places[len(lines)])
+        message = f"the row has {len(last)} cells under {len(labels)} labels up to {labels[-1]!r}: "
+        raise RecordingError(message + MEND, file=file, line=places[len(lines)])
     units: list[str] = []
     for place, cells in reversed([*zip(places, above, strict=False)]):
         cells = [cell for cell in cells if "=" not in cell]  # cells of settings label no column

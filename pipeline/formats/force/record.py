@@ -11,20 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import (
-    FORCE_UNITS,
-    TIME_UNITS,
-    TORQUE_UNITS,
-    bare,
-    plain_unit,
-    spelled,
-)
+from pipeline.formats.delimited import UNITS, bare, plain_unit, spelled
 from pipeline.formats.force.calibration import Calibration
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
 FORCES, TORQUES = ("fx", "fy", "fz"), ("tx", "ty", "tz")
-UNITS = {"force": FORCE_UNITS, "torque": TORQUE_UNITS, "time": TIME_UNITS}
 KINDS = dict.fromkeys(FORCES, "force") | dict.fromkeys(TORQUES, "torque") | {"t": "time"}
 OPTION = "dataset.force.log"
 KEY = f"{OPTION}.columns"

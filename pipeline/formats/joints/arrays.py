@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS
+from pipeline.formats.delimited import UNITS
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
@@ -42,20 +42,18 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
     data = read_alone(read, Path(file), file=file, advice="save it again")
     require("memory_mib", sum(one.size for one in data.values()) * 8 / MIB, "MiB of numbers", file)
-    stated = [[*map(str, one)] for n, one in data.items() if one.dtype.kind == "U" and is_names(n)]
+    words = {name: [*map(str, one)] for name, one in data.items() if one.dtype.kind == "U"}
     dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
-    data |= {name: _seconds(data[name]) for name in dated}
-    data = {name: one for name, one in data.items() if one.dtype.kind != "U"}
+    data = {n: _seconds(one) if n in dated else one for n, one in data.items() if n not in words}
     times = clocks_of({name: one for name, one in data.items() if one.ndim == 1})
     lengths = {len(data[name]) for name in times}
-    for name, one in data.items():  # one row per joint beside a time of that length
+    groups, columns = {}, {}  # array → labels of its columns, label → numbers (N,)
+    for name, one in data.items():
         if one.ndim == 2 and one.shape[1] in lengths and one.shape[0] not in lengths:
-            data[name] = one.T
-    arrays = {name: np.atleast_2d(one.T) for name, one in data.items() if one.ndim in (1, 2)}
-    groups, columns = {}, {}
-    for name, rows in arrays.items():
-        groups[name] = [f"{name}:{j}" for j in range(len(rows))] if data[name].ndim == 2 else [name]
-        columns |= zip(groups[name], rows, strict=True)
+            data[name] = one = one.T  # one row per joint beside a time of that length
+        if one.ndim in (1, 2):
+            own = [f"{name}:{j}" for j in range(one.shape[1])] if one.ndim == 2 else [name]
+            groups[name], columns = own, columns | dict(zip(own, np.atleast_2d(one.T), strict=True))
 
     def numbers(quantity: str, names: Sequence[object]) -> np.ndarray:
         labels = [label for name in map(str, names) for label in groups.get(name, [name])]
@@ -78,42 +76,41 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     clock, time = (named[0] if len(named) == 1 else None), None
     if clock is not None:
         unit = "s" if clock in dated else options.time_unit
-        time = numbers("time", named)[:, 0] * TIME_UNITS[unit]
+        time = numbers("time", named)[:, 0] * UNITS["time"][unit]
     chosen = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
-        tables = {name: [name] for name in arrays if data[name].ndim == 2}
-        values = {name: data[name].astype(float) for name in tables}
+        tables = {name: data[name].astype(float) for name in groups if data[name].ndim == 2}
         with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers may be huge or NaN
-            found, guessed = signals_of_groups(tables, values, time)
+            found, guessed = signals_of_groups({name: [name] for name in tables}, tables, time)
         if guessed and not possibly_speed(found["target"]):
             del found["target"]
         chosen = found | chosen
     units = {name: _unit(chosen.get(name, ())) for name in wanted}
-    signals = {
-        name: numbers(name, chosen.get(name, ())) * ANGLE_UNITS[units[name] or options.angle_unit]
-        for name in wanted
-    }
-    length = {name: len(rows) for name, rows in signals.items()}
+    signals = {}
+    for name, unit in units.items():
+        factor = UNITS["angle"][unit or options.angle_unit]
+        signals[name] = numbers(name, chosen.get(name, ())) * factor
+    lengths = {name: len(rows) for name, rows in signals.items()}
     if time is None:
-        time = np.arange(max(length.values())) / options.rate
+        time = np.arange(max(lengths.values())) / options.rate
         if options.time is not None:
             numbers("time", ())
-    if {*length.values()} != {len(time)}:
-        rows = ", ".join(f"{count} of {name}" for name, count in length.items())
+    if {*lengths.values()} != {len(time)}:
+        rows = ", ".join(f"{count} of {name}" for name, count in lengths.items())
         message = f"{len(time)} times for {rows} angles; save one row of joints for each time"
         raise RecordingError(message, file=file, array=clock)
     width = {rows.shape[1] for rows in signals.values()}
-    joints = next((tuple(names) for names in stated if {len(names)} == width), ())
-    time_unit, angle_unit = "s" * (clock in dated), "rad" * all(units.values())
-    log = JointLog(time, signals, {}, joints, time_unit=time_unit, angle_unit=angle_unit)
-    return increasing(log, file, lambda row: {"array": clock, "row": row})
+    stated = (tuple(one) for name, one in words.items() if is_names(name) and {len(one)} == width)
+    units = {"time_unit": "s" * (clock in dated), "angle_unit": "rad" * all(units.values())}
+    log = JointLog(time, signals, {}, next(stated, ()), **units)
+    return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
 
 
 def _unit(labels: Sequence[object]) -> str:
     """Return the unit of the angles in arrays by the last word of their names, "" without one."""
     last = {(words_of(str(label).partition(":")[0]) or [""])[-1] for label in labels}
-    stated = last & {*ANGLE_UNITS}
+    stated = last & {*UNITS["angle"]}
     return stated.pop() if len(stated) == 1 == len(last) else ""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, spelled, split_line
+from pipeline.formats.delimited import UNITS, spelled, split_line
 from pipeline.formats.format import Format, Head, Kind, is_bag
 from pipeline.formats.joints.names import is_names, match_joints, named_like, states_joints
 from pipeline.formats.number_sheet import Sheet, read_sheet
@@ -60,15 +60,14 @@ class LogOptions:
     circular: np.ndarray | bool = True  # (joints,) whether a joint revolves, else it is linear
 
 
-def increasing(log: JointLog, file: Path, place: Callable[[int], dict[str, object]]) -> JointLog:
+def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> JointLog:
     """Return ``log`` without rows equal to the row before (counted as ``doubled_rows``);
     RecordingError with ``place(row)`` of the first other row whose time does not increase.
     """
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
     if (backward := (np.diff(log.time) <= 0) & ~doubled).any():
-        evidence = place(int(np.argmax(backward)) + 1)
-        raise RecordingError("the time does not increase", file=file, **evidence)
+        raise RecordingError("the time does not increase", **place(int(np.argmax(backward)) + 1))
     keep = np.append(True, ~doubled)
     signals = {name: rows[keep] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
@@ -89,42 +88,40 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
     the line, where the time does not increase; with the option, where a column is missing, and
     where the header states another unit of the time or of the first signal, or other joints.
     """
-    file, wanted = sheet.file, {} if options.time is None else {"time": options.time}
+    wanted = {} if options.time is None else {"time": options.time}
     first, chosen = len(wanted), {}  # chosen: signal → slice of the columns of ``values``
     for signal, columns in options.signals.items():
         if columns is None and sheet.width != options.joints + first:
             values = f"{'a time and ' if first else ''}{sheet.width - first} values"
             message = f"the line has {values}, not {options.joints}; correct joints, or name the "
             message += "columns in signals"
-            raise RecordingError(message, file=file, line=sheet.lines[0])
+            raise RecordingError(message, file=sheet.file, line=sheet.lines[0])
         named = range(first, sheet.width) if columns is None else columns
-        chosen[signal] = slice(len(wanted) - first, len(wanted) - first + len(named))
+        chosen[signal] = slice(len(wanted), len(wanted) + len(named))
         wanted |= {f"joint {n} ({signal})": column for n, column in enumerate(named, start=1)}
     places, factors = sheet.columns(wanted, f"{OPTION}.signals"), []
+    checked = {"time", *(name for name in places if name.endswith(f"({next(iter(chosen))})"))}
+    where = {"file": sheet.file, "line": sheet.label_line}
     for quantity, column in places.items():
-        time = quantity == "time"
-        unit = spelled(sheet.unit(column) or (not time and sheet.angle_unit) or "")
-        key, units = ("time_unit", TIME_UNITS) if time else ("angle_unit", ANGLE_UNITS)
-        given = getattr(options, key)
-        factors.append(units[unit if unit in units else given])
-        own = time or quantity.endswith(f"({next(iter(chosen))})")
-        if unit in units and unit != given and own:
+        kind = "time" if quantity == "time" else "angle"
+        unit = spelled(sheet.unit(column) or (kind == "angle" and sheet.angle_unit) or "")
+        given = getattr(options, f"{kind}_unit")
+        if unit in UNITS[kind] and unit != given and quantity in checked:
             message = f"the {quantity} is in {unit} by the header and in {given} by the option"
-            where = {"file": file, "line": sheet.label_line, "key": f"{OPTION}.{key}"}
-            raise RecordingError(message, **where)
+            raise RecordingError(message, **where, key=f"{OPTION}.{kind}_unit")
+        factors.append(UNITS[kind][unit if unit in UNITS[kind] else given])
     measured = [column for name, column in places.items() if name.endswith("(actual)")]
     labels = [sheet.labels[column] for column in measured if sheet.labels]
     stated = match_joints(names_in_cells(sheet, len(measured)) or labels, options.names)
     if {*stated} == {*options.names} and states_joints(stated) and stated != [*options.names]:
         message = f"the columns of the measured angles are {', '.join(stated)} by their names"
-        raise RecordingError(message, file=file, line=sheet.label_line, key=f"{OPTION}.joints")
+        raise RecordingError(message, **where, key=f"{OPTION}.joints")
     samples = sheet.samples([*places.values()], places.get("time"), measured)
-    values = samples.values * np.array(factors)
+    values, lines = samples.values * np.array(factors), [sheet.lines[row] for row in samples.rows]
     time = values[:, 0] if first else samples.rows / options.rate
-    signals = {signal: values[:, first:][:, columns] for signal, columns in chosen.items()}
-    lines = [sheet.lines[row] for row in samples.rows]
+    signals = {signal: values[:, columns] for signal, columns in chosen.items()}
     log = JointLog(time, signals, sheet.counts | samples.counts, lines=lines)
-    return increasing(log, file, lambda row: {"line": lines[row]})
+    return increasing(log, lambda row: {"file": sheet.file, "line": lines[row]})
 
 
 def names_in_cells(sheet: Sheet, count: int) -> list[str]:
@@ -171,26 +168,26 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
     """
     joints, counts, logs = tuple(options.names), Counter(), {}
     for signal, topic in sorted(_topics(file, options).items()):
-        time, values, joints = _values(file, topic, signal, joints, counts)
+        log = _read_topic(file, topic, signal, joints)
+        joints, values = log.joints, log.signals[signal]
+        counts += log.counts
         if signal in ANGLES:
             evidence = {"signal": signal, "file": file, "circular": options.circular}
-            values, removed = unwrap(values, time, joints, **evidence)
+            values, removed = unwrap(values, log.time, joints, **evidence)
             counts["unwrapped_jumps"] += removed
-        logs[signal] = time, values
+        logs[signal] = log.time, values
     time, measured = logs.pop("actual")
-    signals = {"actual": measured}
-    keep, interpolated = np.ones(len(time), bool), np.zeros(len(time), bool)
+    keep, interpolated, signals = np.ones(len(time), bool), np.zeros(len(time), bool), {}
     for signal, (stamps, values) in logs.items():
         keep &= (stamps[0] <= time) & (time <= stamps[-1])
         interpolated |= ~np.isin(time, stamps)
         signals[signal] = np.column_stack([np.interp(time, stamps, joint) for joint in values.T])
     if not keep.any():
         raise RecordingError("no measured angle is within the times of the commands", file=file)
-    repaired = {name: count for name, count in counts.items() if count}
-    repaired["interpolated_rows"] = int((interpolated & keep).sum())
+    repaired = {"interpolated_rows": int((interpolated & keep).sum())}
     repaired["rows_without_command"] = int((~keep).sum())
-    signals = {signal: values[keep] for signal, values in signals.items()}
-    return JointLog(time[keep] - time[0], signals, repaired, joints)
+    signals = {signal: rows[keep] for signal, rows in ({"actual": measured} | signals).items()}
+    return JointLog(time[keep] - time[0], signals, dict(+counts) | repaired, joints)
 
 
 def _topics(file: Path, options: LogOptions) -> dict[str, str]:
@@ -221,35 +218,27 @@ def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
     return seconds(message), dict.fromkeys(message.name, np.nan) | present
 
 
-def _values(
-    file: Path, topic: str, signal: str, joints: tuple[str, ...], counts: Counter
-) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Return times (N,) s, values (N, joints) and joints of a ``signal``; update ``counts``."""
+def _read_topic(file: Path, topic: str, signal: str, joints: tuple[str, ...]) -> JointLog:
+    """Return the ``signal`` of the ``joints`` (default the joints of the longest message)."""
     from pipeline.formats.rosbag import messages
 
-    name = FIELDS.get(signal, "effort")
+    name, where = FIELDS.get(signal, "effort"), {"file": file, "topic": topic}
     samples = [*messages(file, topic, partial(_sample, name=name))]
     joints = joints or tuple(max((values for _, values in samples), key=len, default=()))
-    times, rows, where = [-np.inf], [], {"file": file, "topic": topic}
-    for number, (time, values) in enumerate(samples):
-        row = [values.get(joint, np.nan) for joint in joints]
-        missing = [joint for joint, one in zip(joints, row, strict=True) if not np.isfinite(one)]
-        if not {*joints} & {*values}:
-            counts["messages_of_other_joints"] += 1
-        elif rows and (time, row) == (times[-1], rows[-1]):
-            counts["doubled_rows"] += 1
-        elif missing or time <= times[-1]:
-            message = f"the message has no {name} of {', '.join(missing)} ({signal})"
-            message = message if missing else "the time does not increase"
-            raise RecordingError(message, number=number, **where)
-        else:
-            times.append(time)
-            rows.append(row)
-    if not rows:
+    numbers = [n for n, (_, values) in enumerate(samples) if {*joints} & {*values}]
+    if not numbers:
         others = ", ".join(sorted({joint for _, values in samples for joint in values})) or "none"
         message = f"no message has the joints {', '.join(joints) or 'of an arm'}; the joints are "
         raise RecordingError(message + others, key=f"{OPTION}.joints", **where)
-    return np.array(times[1:]), np.array(rows), joints
+    rows = np.array([[samples[n][1].get(joint, np.nan) for joint in joints] for n in numbers])
+    if not (finite := np.isfinite(rows)).all():
+        row = int(finite.all(axis=1).argmin())
+        missing = ", ".join(np.array(joints)[~finite[row]])
+        message = f"the message has no {name} of {missing} ({signal})"
+        raise RecordingError(message, number=numbers[row], **where)
+    counts = {"messages_of_other_joints": len(samples) - len(numbers)}
+    log = JointLog(np.array([samples[n][0] for n in numbers]), {signal: rows}, counts, joints)
+    return increasing(log, lambda row: {"number": numbers[row], **where})
 
 
 def _begins(head: Head) -> bool:

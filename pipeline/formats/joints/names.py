@@ -6,55 +6,24 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
-from pipeline.formats.delimited import LENGTH_UNITS, bare
+from pipeline.core.typed_yaml import read_yaml
+from pipeline.formats.delimited import UNITS, bare
 
-
-def _words(*lines: str) -> frozenset[str]:
-    return frozenset(" ".join(lines).split())
-
-
-TIME = _words("t time times timestamp timestamps stamp stamps secs seconds xvalue epoch")
-POSITION = _words("q position positions pos angle angles theta th")
-VELOCITY = _words("dq qdot velocity velocities vel speed speeds omega w qp")
-OTHER = _words(
-    "qdd ddq dqdd acceleration accelerations acc accel jerk tau taus torque torques effort efforts",
-    "moment moments momentum current currents i voltage voltages temperature temperatures temp",
-    "power tcp pose poses ee flange tool force forces wrench orientation quaternion quat rotation",
-    "error errors err residual status bits mode digital analog input output register control",
-    "scaling fraction safety execution time timestamp gripper finger noise std raw id seq frame",
-    "action actions m",
-)
-COUNTERS = _words(
-    "num no nr number count counter cnt index idx seq sequence id row packet cycle frame sample",
-    "frames samples",
-)
-NUMBERED = {"joint", "joints", "j", "jnt", "axis", "axes"}  # words of a joint without a quantity
-MEASURED = _words("actual act measured meas msr feedback fbk real observed ist")
-COMMANDED = _words(
-    "target tgt desired des commanded command commands cmd reference ref setpoint goal nominal",
-    "planned soll targets setpoints references goals",
-)
-STATE = {"state", "states"}  # a measured signal, unless another word of the name is in COMMANDED
-JOINT = {"joint", "joints", "j", "axis", "axes", "jnt", "field", "robot", "arm", "the", "of"}
-PLACES = {*"xyzw", "qx", "qy", "qz", "qw", "rx", "ry", "rz", "roll", "pitch", "yaw"}  # of poses
-COORDINATES = {*"xyzw"}  # last words of the components of a vector or a quaternion
-MOTOR = _words("mot motor motors")
 FOLLOWS = 0.05  # greatest difference of commanded and measured angles, over the measured range
 INTEGRAL = 0.1  # greatest error of the integral of a speed, over the motion
 UNIT_NORM = 1e-3  # greatest error of the norm of four columns that are a quaternion
-TURNS = _words("gyro gyr gyroscope angular omega")  # words for angular velocity of an IMU
-ACCELERATIONS = _words("acc accel accelerometer acceleration linear")
 
-SHORT = {"tq": "target q", "tqd": "target qd", "tqdd": "target qdd", "aq": "actual q"}
-SHORT |= {"qm": "actual q"} | dict.fromkeys(("qcmd", "qdes", "qref"), "target q")
-SHORT |= {"jointstate": "state", "jointstates": "state", "jointpositions": "pos"}
-SHORT |= dict.fromkeys(("jointcommand", "jointcommands"), "target")
-SHORT |= {"aipos": "actual pos", "aspos": "target pos"}
-for _mark in (word for word in (*MEASURED, *COMMANDED) if len(word) > 2):
-    for _quantity in (*POSITION, *VELOCITY, *COUNTERS):
+_STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
+SHORT: dict[str, str] = _STATED.pop("short")  # word → the words that it joins
+WORDS = {kind: frozenset(words.split()) for kind, words in _STATED.items()}
+TIME, COUNTERS, JOINT = (WORDS[kind] for kind in ("time", "counters", "joint"))
+_QUANTITIES = WORDS["position"] | WORDS["velocity"] | COUNTERS
+for _mark in (word for word in WORDS["measured"] | WORDS["commanded"] if len(word) > 2):
+    for _quantity in _QUANTITIES:
         _joined = _mark + _quantity, _quantity + _mark
         SHORT |= dict.fromkeys(_joined, f"{_mark} {_quantity}")
 
@@ -71,7 +40,7 @@ class Meaning:
     @property
     def is_angle(self) -> bool:
         """True if the name can be the name of a joint angle."""
-        placed = len(self.rest) == 1 and self.rest[0] in PLACES
+        placed = len(self.rest) == 1 and self.rest[0] in WORDS["places"]
         return self.quantity in ("position", "") and not placed
 
 
@@ -90,15 +59,15 @@ def meaning(name: str) -> Meaning:
         words = ["torque" if word == "tq" else word for word in words]
     role, quantity, rest = "", "", []
     for word in " ".join(SHORT.get(word, word) for word in words).split():
-        if word in MEASURED or word in STATE:
-            role = role or ("actual" if word in MEASURED else "state")
-        elif word in COMMANDED or (word == "d" and quantity):
+        if word in WORDS["measured"] or word in WORDS["state"]:
+            role = role or ("actual" if word in WORDS["measured"] else "state")
+        elif word in WORDS["commanded"] or (word == "d" and quantity):
             role = "target"
-        elif word in OTHER or word in COUNTERS or quantity == "other":
+        elif word in WORDS["other"] or word in COUNTERS or quantity == "other":
             quantity = "other"
-        elif word == "qd" or word in VELOCITY:
+        elif word == "qd" or word in WORDS["velocity"]:
             quantity = "velocity"
-        elif word in POSITION:
+        elif word in WORDS["position"]:
             quantity = quantity or "position"
         elif word not in JOINT:
             rest.append(word)
@@ -118,7 +87,7 @@ def named_like(quantity: str, names: Iterable[str]) -> list[str]:
     if quantity == "actual":  # position names without a role are measured angles
         fits += [name for name, parsed in angles.items() if not parsed.role and parsed.quantity]
     # the angle of a joint before the angle of its motor, which the gear divides
-    fits = [name for name in fits if MOTOR.isdisjoint(words_of(name))] or fits
+    fits = [name for name in fits if WORDS["motor"].isdisjoint(words_of(name))] or fits
     return [name for name in fits if not angles[name].rest] or fits
 
 
@@ -189,7 +158,7 @@ def columns_by_name(labels: Sequence[str]) -> dict[str, list[str]]:
         if parts and parsed.number is not None and parts[1] + parts[3]:
             numbered.setdefault(parts[1] + parts[3], {})[int(parts[2])] = label
         role = parsed.role or ("actual" if parsed.quantity == "position" else "")
-        if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in COORDINATES:
+        if role and parsed.rest and parsed.is_angle and parsed.rest[-1] not in {*"xyzw"}:
             worded.setdefault(role, []).append(label)
     groups = {name: [group[n] for n in sorted(group)] for name, group in numbered.items()}
     plain = [each for each in map(meaning, groups) if each.is_angle and not each.rest]
@@ -231,9 +200,9 @@ def other_content(labels: Sequence[str], units: Sequence[str | None]) -> str | N
     stated = {re.sub(r"[\s^*/·]", "", units[columns["x"]] or "") for columns in vectors.values()}
     words = {word for stem in vectors for word in re.findall(r"[a-z]+", stem)}
     inertial = {"rads-1", "ms-2"} <= stated or {"rads", "ms2"} <= stated
-    if inertial or (words & TURNS and words & ACCELERATIONS):
+    if inertial or (words & WORDS["turns"] and words & WORDS["accelerations"]):
         return "an inertial sensor (angular velocity and acceleration)"
-    return "positions of a point" if len(vectors) == 1 and stated & {*LENGTH_UNITS} else None
+    return "positions of a point" if len(vectors) == 1 and stated & {*UNITS["length"]} else None
 
 
 def signals_of(
@@ -267,7 +236,7 @@ def signals_of_groups(
         actual = alike if len(alike) == 1 else actual
     guessed: dict[str, str] = {}
     if not actual:
-        joints = [n for n in fits if {*words_of(n)} & NUMBERED and meaning(n) == PLAIN]
+        joints = [n for n in fits if {*words_of(n)} & WORDS["numbered"] and meaning(n) == PLAIN]
         if len(joints) == 1 and len(groups[joints[0]]) > 1:
             actual = joints
             guessed["actual"] = f"{groups[joints[0]][0]} … are joints by their names alone"
