@@ -2,6 +2,7 @@
 numbers; worked examples run with it: filters, a planner's cost, the covariance of a frame.
 """
 
+import ast
 import json
 import re
 import subprocess
@@ -59,7 +60,9 @@ def alone(module: str, file: Path) -> subprocess.CompletedProcess:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("colleague")
-    (place / READER_NAME).write_text(reader_source())
+    (place / READER_NAME).write_text(text := reader_source())
+    names = [each.name for each in ast.parse(text).body if hasattr(each, "name")]
+    assert len({*names}) == len(names)  # no module replaces a name of another one
     return place
 
 

@@ -21,6 +21,7 @@ from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import get_filled
 from pipeline.core import contracts
 from pipeline.core.errors import ConfigError, PipelineError
+from pipeline.core.filters import CLOSED
 from pipeline.core.typed_yaml import parse_yaml, read_yaml
 from pipeline.figures.motion import noise_quantiles
 from pipeline.figures.style import save
@@ -35,7 +36,6 @@ from pipeline.tools.export.command import (
     EXPORTS,
     error_record,
     exported_record,
-    require_name,
     write_export,
 )
 from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
@@ -68,7 +68,7 @@ def run(
     if not folder.is_dir():
         raise ConfigError("there is no such folder of recordings", file=folder)
     if model is not None:
-        require_name(model)
+        config.model_options([model.removesuffix(CLOSED)])
     if scale not in (scales := config.option_names("scale")):
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)

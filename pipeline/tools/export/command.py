@@ -2,26 +2,23 @@
 filters outside the pipeline, and a Python file that reads it and needs only NumPy.
 """
 
-import ast
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from string import Template
-from symtable import symtable
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.arm.model import chain_of
 from pipeline.configuration import config
 from pipeline.core import contracts
-from pipeline.core.errors import ConfigError, ContractError, ModelDomainError
+from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
 from pipeline.models.build import NO_MODEL
@@ -63,6 +60,8 @@ LEFT_OUT = (
     "pipeline.models.options",
     "pipeline.models.steps",
 )
+IMPORT = re.compile(r"^((?:from (\S+) )?import (?:\([^)]*\)|.*)\n)", re.MULTILINE)
+FUTURE = "from __future__ import annotations\n"  # reader.txt has it
 
 
 def run(model: str, to: Path | None = None) -> None:
@@ -82,13 +81,6 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     for each in record["not_known"]:
         of = f" of {each['joint']}" if each.get("joint") else ""
         print(f"export: not known: {each['parameter']}{of}: {each['found']}")
-
-
-def require_name(model: str) -> None:
-    """Raise ConfigError where no model has this name."""
-    options = config.option_names("model")
-    if model.removesuffix(CLOSED) not in options:
-        raise ConfigError(f"no model {model!r}; there are {', '.join(options)}", key="MODEL")
 
 
 def error_record(
@@ -139,40 +131,44 @@ def exported_record(model: str, settings: Any) -> dict[str, Any]:
     Raises ConfigError for an unknown model, and ModelDomainError where the recordings determine no
     model or not all parameters that its predictions need.
     """
-    require_name(model)
-    dataset, sources = settings.dataset, SOURCES
-    chain, motion = chain_of(dataset.robot), dataset.motion
-    recorded = training_steps(dataset.robot, motion)
-    options = config.model_options([model.removesuffix(CLOSED)])[model.removesuffix(CLOSED)]
+    name, dataset, sources = model.removesuffix(CLOSED), settings.dataset, SOURCES
+    options = config.model_options([name])[name]
+    recorded = training_steps(dataset.robot, dataset.motion)
     if isinstance(options, ErrorOptions):
         runs = runs_of_dataset(dataset).runs if dataset.joint_log else runs_of(recorded)
-        record = error_record(model, options, runs, dataset.name) | {"takes": len(runs)}
+        record, takes = error_record(model, options, runs, dataset.name), len(runs)
     else:
         record = {
             "format": FORMAT,
             "dataset": dataset.name,
             "model": model,
             "joints": list(dataset.robot.joints),
-            "task": list(chain.task),
+            "task": list(recorded.chain.task),
             "units": UNITS,
-            "rate_per_s": motion.rate,
+            "rate_per_s": dataset.motion.rate,
             "closed_loop_share": 0.0,
             "pose_covariance_rad2": None,
-            "arm": chain_record(chain),
+            "arm": chain_record(recorded.chain),
         }
         with suppress(ModelDomainError):  # the noise of a measured pose is not known
             record["pose_covariance_rad2"] = (recorded.measurement / 2).tolist()  # half a step's
-        fitted, sources = _fit_record(model, settings, recorded)
-        record |= fitted | {"takes": len(recorded.q)}
+        file = FIT / name / (FOLDER if model != name else "") / "parameters.json"
+        if name in settings.models and file.is_file():
+            fitted = _read(file), _read(FIT / name / "fit.json")
+            sources = [*SOURCES, file]
+        else:
+            fitted = _fit(recorded, options, closed_form=model != name)
+        record |= _fitted_part(model, *fitted, recorded, dataset.motion.rate)
+        takes = len(recorded.q)
     digests = [hashlib.sha256(file.read_bytes()).digest() for file in sources]
-    record["run"] = {
+    run = {
         "sha256": hashlib.sha256(b"".join(digests)).hexdigest(),
         "sources": [file.as_posix() for file in sources],
         "seed": settings.seed,
         "scale": settings.scale.name,
-        "takes": record["takes"],
+        "takes": takes,
     }
-    return record
+    return record | {"takes": takes, "run": run}
 
 
 def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
@@ -184,32 +180,30 @@ def _ranges(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
     }
 
 
-def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str, Any], list[Path]]:
-    """Return the fitted part of the record (from the stage fit, or a new fit) and its sources."""
-    name = model.removesuffix(CLOSED)
-    closed_form, not_known, sources = model != name, [], SOURCES
-    file = FIT / name / (FOLDER if closed_form else "") / "parameters.json"
-    if name in settings.models and file.is_file():
-        parameters, estimates, sources = (
-            _read(file),
-            _read(FIT / name / "fit.json"),
-            [*SOURCES, file],
-        )
-    else:
-        options = config.model_options([name])[name]
-        fit = kinds.estimate(recorded, options)
-        parameters, estimates = fit.parameters, fit.determined
-        if closed_form:
-            closed = fit_closed_loop(recorded, options, fit)
-            parameters = closed.estimate.parameters | {SHARE: closed.share}
-            own = closed.estimate.determined.items()
-            estimates = {f"closed_loop_{key}": value for key, value in own}
+def _fit(recorded: Recorded, options: Any, closed_form: bool) -> tuple[dict[str, Any], ...]:
+    """Return parameters and estimates of a model that the last run has no fit of."""
+    fit = kinds.estimate(recorded, options)
+    if not closed_form:
+        return fit.parameters, fit.determined
+    closed = fit_closed_loop(recorded, options, fit)
+    estimates = {f"closed_loop_{key}": v for key, v in closed.estimate.determined.items()}
+    return closed.estimate.parameters | {SHARE: closed.share}, estimates
+
+
+def _fitted_part(
+    model: str,
+    parameters: dict[str, Any],
+    estimates: dict[str, Any],
+    recorded: Recorded,
+    rate: float,
+) -> dict[str, Any]:
+    """Return the part of the record that the fit determines; ``rate`` in Hz."""
     if NO_MODEL in parameters:
         raise ModelDomainError(f"no model to export: {parameters[NO_MODEL]}", model=model)
     require_known(model, parameters, recorded)
-    share = parameters.get(SHARE, 0.0)
+    share, not_known = parameters.get(SHARE, 0.0), []
     if parameters.get("u_unbounded"):  # only the noise level is known, not α and u
-        level = estimates["closed_loop_noise_level" if closed_form else "noise_level"]
+        level = estimates["closed_loop_" * model.endswith(CLOSED) + "noise_level"]
         shared = {key: v for key, v in parameters.items() if key == SHARE}
         parameters = {"kind": parameters["kind"], "level": level} | shared
         found = "u at the end of its search"
@@ -223,8 +217,8 @@ def _fit_record(model: str, settings: Any, recorded: Recorded) -> tuple[dict[str
         "parameters": parameters,
         "not_known": not_known,
         "closed_loop_share": share,
-        "ranges": _ranges(fitted_ranges(recorded, settings.dataset.motion.rate)),
-    }, sources
+        "ranges": _ranges(fitted_ranges(recorded, rate)),
+    }
 
 
 def require_known(model: str, parameters: dict[str, Any], recorded: Recorded) -> None:
@@ -245,56 +239,29 @@ def _read(file: Path) -> dict[str, Any]:
 
 
 def reader_source() -> str:
-    """Return the text of READER_NAME: reader.txt with the project's reader and laws, one module
-    after another, under names that do not clash.
+    """Return the text of READER_NAME: reader.txt with the project's reader and laws, each module
+    after those that it imports. The function ``build`` of the law KIND is named ``build_KIND``;
+    other names of these modules are unique.
     """
-    laws = {f"pipeline.models.{kind}.law": kind for kind in kinds.kinds()}
+    laws = {kind: f"pipeline.models.{kind}.law" for kind in kinds.kinds()}
     imports: set[str] = set()
-    modules: list[str] = []
-    renamed: dict[str, dict[str, str]] = {}  # module → its names in the file
-    for module in dict.fromkeys(each for one in (*laws, READER) for each in _needed_modules(one)):
-        text = _source(module)
-        tree, lines = ast.parse(text), text.splitlines()
-        taken = {new for names in renamed.values() for new in names.values()}
-        suffix = module.removeprefix("pipeline").replace(".", "_")
-        symbols = symtable(text, module, "exec").get_symbols()
-        own = [one.get_name() for one in symbols if one.is_assigned() and not one.is_imported()]
-        renamed[module] = {name: name + suffix * (name in taken) for name in own}
-        names = dict(renamed[module])
-        for node in tree.body:
-            typing = isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-            if not typing and not isinstance(node, ast.Import | ast.ImportFrom):
-                continue
-            lines[node.lineno - 1 : node.end_lineno] = [""] * (node.end_lineno - node.lineno + 1)
-            if _is_internal(node):
-                known = renamed.get(node.module, {})
-                names |= {each.name: known.get(each.name, each.name) for each in node.names}
-            elif not typing and ast.unparse(node) != "from __future__ import annotations":
-                imports.add(ast.unparse(node))
-        body = re.sub(r"\n{4,}", "\n\n\n", "\n".join(lines)).strip() + "\n"
-        changed = {name: new for name, new in names.items() if new != name}
-        if changed:  # where it is defined or called; a method has a dot before it
-            pattern = rf"(?<![\w.])({'|'.join(changed)})(?=\()"
-            body = re.sub(pattern, lambda match, new=changed: new[match[0]], body)
-        modules.append(re.sub(r"\bnp\.(matvec|vecmat|vecdot)\(", r"\1(", body))
-    build = [f'"{kind}": {renamed[law].get("build", "build")}' for law, kind in laws.items()]
-    parts = {"imports": "\n".join(sorted(imports)), "modules": "\n\n".join(modules)}
+    texts: dict[str, str] = {}
+
+    def add(module: str) -> None:
+        text = Path(find_spec(module).origin).read_text(encoding="utf-8")
+        for statement, source in IMPORT.findall(text):
+            if not source.startswith("pipeline."):
+                imports.add(statement)
+            elif source not in {*texts, *LEFT_OUT}:
+                add(source)
+        texts[module] = re.sub(r"\n{4,}", "\n\n\n", IMPORT.sub("", text)).strip()
+
+    for module in (*laws.values(), READER):
+        add(module)
+    for kind, module in laws.items():
+        texts[module] = texts[module].replace("\ndef build(", f"\ndef build_{kind}(")
+    modules = re.sub(r"\bnp\.(matvec|vecmat|vecdot)\(", r"\1(", "\n\n\n".join(texts.values()))
+    parts = {"imports": "".join(sorted(imports - {FUTURE})), "modules": f"{modules}\n"}
     template = (HERE / "reader.txt").read_text(encoding="utf-8")
-    return Template(template).substitute(parts, laws=", ".join(build))
-
-
-def _needed_modules(module: str) -> Iterator[str]:
-    """Yield the modules of the project that ``module`` imports, each after its own imports."""
-    if module not in LEFT_OUT:
-        for node in ast.parse(_source(module)).body:
-            if _is_internal(node):
-                yield from _needed_modules(node.module)
-        yield module
-
-
-def _source(module: str) -> str:
-    return Path(find_spec(module).origin).read_text(encoding="utf-8")
-
-
-def _is_internal(node: ast.stmt) -> bool:
-    return isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "pipeline"
+    named = ", ".join(f'"{kind}": build_{kind}' for kind in laws)
+    return Template(template).substitute(parts, laws=named)
