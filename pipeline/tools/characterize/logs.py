@@ -12,8 +12,8 @@ from pipeline.core.validation import validated
 from pipeline.formats.format import Kind
 from pipeline.recordings.movement import LoggedMovement, read_logged_movement
 from pipeline.tools.inspect.command import inspect
-from pipeline.tools.inspect.finding import Finding, printable_path
-from pipeline.tools.new_dataset.layout import Group, RecordingLayout, layout, logs_of
+from pipeline.tools.inspect.finding import printable_path
+from pipeline.tools.new_dataset.layout import PlacedTake, RecordingLayout, layout
 from pipeline.tools.new_dataset.values import entries
 
 SECTION = "joint_log."
@@ -35,19 +35,15 @@ def folder_logs(folder: Path, assigned: Mapping[str, str], only: Path | None = N
     """
     recorded = layout(inspect(only or folder), folder)
     read: dict[str, tuple[LoggedMovement, float]] = {}
-    unused, suggested = {}, {}
-    for group in recorded.groups["joint_log"]:
-        for path, take in group.takes.items():
-            name = next(name for name, one in group.named.items() if one is take)
-            try:
-                values, taken = _values(recorded, group, path, take, folder, assigned)
-                read[name] = _read(name, path, values)
-            except PipelineError as error:
-                unused[name] = str(error)
-                continue
-            for words, note in taken.items():
-                known = next((w for w in suggested if w.startswith(f"{words} (")), None)
-                suggested.setdefault(known or f"{words} ({note})", []).append(name)
+    taken: dict[str, dict[str, str]] = {}
+    unused = {}
+    for take in recorded.of("joint_log"):
+        try:
+            values, suggested = _values(recorded, take, folder, assigned)
+            read[take.name] = _read(take, values)
+            taken[take.name] = suggested
+        except PipelineError as error:
+            unused[take.name] = str(error)
     unused |= {
         printable_path(one.file, folder): "no log of joints with measured and commanded angles"
         for one in recorded.unplaced
@@ -65,33 +61,26 @@ def folder_logs(folder: Path, assigned: Mapping[str, str], only: Path | None = N
         elif own != rate:
             unused[name] = f"recorded at {own:g}/s, most rows at {rate:g}/s; resample the log"
     movements = {name: one for name, (one, _) in read.items() if name not in unused}
-    suggested = {words: [n for n in of if n in movements] for words, of in suggested.items()}
+    notes: dict[str, str] = {}  # suggestion → its reason in the first log
+    for name in taken:
+        notes = taken[name] | notes
+    suggested = {f"{w} ({notes[w]})": [n for n in movements if w in taken[n]] for w in notes}
     return FolderLogs(movements, rate, unused, {w: of for w, of in suggested.items() if of})
 
 
 def _values(
-    recorded: RecordingLayout,
-    group: Group,
-    path: Path,
-    take: Finding,
-    folder: Path,
-    assigned: Mapping[str, str],
+    recorded: RecordingLayout, take: PlacedTake, folder: Path, assigned: Mapping[str, str]
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Return key → value of the log ``take`` alone, and suggestion → reason of guessed values."""
-    stops = [stop for log in logs_of([take]) for stop in log.stops]
-    if stops:
-        raise ConfigError(stops[0], file=path)
-    alone = Group(group.pattern, {path: take}, {path.name: take})
-    empty = {key: [] for key in recorded.groups} | {"joint_log": [alone]}
-    own = recorded._replace(groups=empty)
+    if stops := [stop for log in take.files for stop in log.stops]:
+        raise ConfigError(stops[0], file=take.path)
     values: dict[str, Any] = {}
     while True:  # repeat, since the rate depends on the unit of the times
         taken, found = {}, {key: parse_yaml(text) for key, text in assigned.items()}
         nested = {"joint_log": {key[len(SECTION) :]: one for key, one in values.items()}}
-        for key, entry in entries("", own, folder, nested).items():
-            if key in found or not (key.startswith(SECTION) or key == "motion.rate"):
-                continue
-            if isinstance(entry.value, str) and entry.value:
+        for key, entry in entries("", recorded._replace(takes=[take]), folder, nested).items():
+            log_key = key.startswith(SECTION) or key == "motion.rate"
+            if log_key and key not in found and entry.value and isinstance(entry.value, str):
                 found[key] = parse_yaml(entry.value)
                 if not entry.certain and entry.note:
                     taken[f"{key}: {entry.value}"] = entry.note
@@ -102,19 +91,17 @@ def _values(
         values = found
 
 
-def _joint_count(take: Finding) -> int:
-    facts = take.facts
-    if tables := facts.get("tables"):
-        one = next(iter(tables.values())).facts
-        return one["columns"] - bool(one["timed"])
-    signals = facts.get("signals", {})
-    return facts.get("joints") or len(signals.get("actual", ()))
+def _joint_count(take: PlacedTake) -> int:
+    first = take.files[0].facts
+    if first is not take.finding.facts:  # of several tables
+        return first["columns"] - bool(first["timed"])
+    return first.get("joints") or len(first.get("signals", {}).get("actual", ()))
 
 
-def _read(name: str, path: Path, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:
+def _read(take: PlacedTake, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:
     log = {k[len(SECTION) :]: v for k, v in values.items() if k.startswith(SECTION)} | UNSTATED
-    options = validated(JointLogSection, log | {"movements": path.name}, "joint_log")
+    options = validated(JointLogSection, log | {"movements": take.path.name}, "joint_log")
     rate = values.get("motion.rate")
     if not isinstance(rate, int | float):
         raise ConfigError("the log states no times; --set motion.rate=HZ", key="motion.rate")
-    return read_logged_movement(name, path, options, float(rate)), float(rate)
+    return read_logged_movement(take.name, take.path, options, float(rate)), float(rate)

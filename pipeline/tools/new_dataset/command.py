@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from omegaconf import OmegaConf
 
 from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import OPEN, get_filled, unfilled_keys
@@ -33,7 +34,6 @@ from pipeline.tools.new_dataset.template import (
     Entry,
     fill_template,
     keyed_lines,
-    place_of,
     set_value,
     text_of,
 )
@@ -55,6 +55,7 @@ ARGUMENTS = {
     "--suggested": {"action": "store_true", "help": SUGGESTED},
     **FILLING,
 }
+BETWEEN = "\n---\n"  # line between the texts of datasheet and option file
 UNPLACED = 12  # greatest number of unplaced recordings that the datasheet lists
 
 
@@ -88,8 +89,8 @@ def assigned_values(words: Sequence[str]) -> dict[str, str]:
 
 
 def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "Draft":
-    """Return a draft of data/raw/NAME/dataset.yaml and pipeline/conf/dataset/NAME.yaml from the
-    recordings in ``folder``, read with the ``assigned`` URDF; without ``folder``, from the files.
+    """Return a draft of the dataset's two files from the recordings in ``folder``, read with the
+    ``assigned`` URDF; without ``folder``, from the files.
 
     Raises ConfigError or RecordingError for an invalid name or folder, and for files that would be
     overwritten.
@@ -99,28 +100,34 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         message = f"{name!r} cannot name a dataset: use letters, digits, _ and - only"
         raise ConfigError(message, key="NAME")
-    sheet, option = datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
+    files = dataset_files(name)
     if folder is None:
-        if missing := [file for file in (sheet, option) if not file.is_file()]:
+        if missing := [file for file in files if not file.is_file()]:
             message = "there is no such dataset; make it with --from FOLDER"
             raise ConfigError(message, file=missing[0])
-        texts = {file: file.read_text(encoding="utf-8") for file in (sheet, option)}
-        folder = Path(_merge_values(texts).get("recordings", ""))
-        return Draft(name, texts, layout(inspect(folder), folder), folder)
+        text = BETWEEN.join(file.read_text(encoding="utf-8").rstrip() for file in files)
+        folder = Path(values_of(text, name).get("recordings", ""))
+        return Draft(name, text, layout(inspect(folder), folder), folder)
     if not folder.is_dir():
         raise RecordingError("there is no such folder", file=folder)
-    for file in filter(Path.exists, (sheet, option, sheet.with_name("dvc.yaml"))):
+    for file in filter(Path.exists, (*files, files[0].with_name("dvc.yaml"))):
         message = "this file exists and is not overwritten; choose another name, or leave out"
         raise ConfigError(f"{message} --from to fill in open values", file=file)
     recorded = layout(inspect(folder), folder)
     known = entries(name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}})
     sections = {key.partition(".")[0] for key in known}
     known |= {key: Entry() for key in assigned if key.partition(".")[0] in sections}
-    texts = [fill_template(part, known) for part in _template("template", name).split("---\n")]
+    text = fill_template(_template("template", name), known)
     if unplaced := [text_of(printable_path(one.file, folder)) for one in recorded.unplaced]:
-        texts[0] += f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}\n"
+        listed = f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}"
+        text = text.replace(BETWEEN, f"\n{listed}{BETWEEN}", 1)
         print(f"new-dataset: {len(unplaced)} files not placed, named in the datasheet; see inspect")
-    return Draft(name, dict(zip((sheet, option), texts, strict=True)), recorded, folder)
+    return Draft(name, text, recorded, folder)
+
+
+def dataset_files(name: str) -> tuple[Path, Path]:
+    """Return the paths of the datasheet and the option file of a dataset."""
+    return datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
 
 
 def _template(file: str, name: str) -> str:
@@ -128,35 +135,31 @@ def _template(file: str, name: str) -> str:
     return text.replace("{name}", name)
 
 
-def _merge_values(texts: Mapping[Path, str]) -> dict[str, Any]:
-    """Return the merged keys and values of all files; ConfigError for a text that is no YAML."""
-    merged: dict[str, Any] = {}
-    for file, text in texts.items():
-        for key, value in (parse_yaml(text, file=file) or {}).items():
-            both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-            merged[key] = merged[key] | value if both else value
-    return merged
+def values_of(text: str, name: str) -> dict[str, Any]:
+    """Return the merged keys and values of both files; ConfigError for a text that is no YAML."""
+    parts = zip(text.split(BETWEEN, 1), dataset_files(name), strict=True)
+    merged = OmegaConf.merge(*(parse_yaml(part, file=file) or {} for part, file in parts))
+    return OmegaConf.to_container(merged)
 
 
 @dataclass
 class Draft:
-    """Texts of a dataset's two files; layout ``recorded`` of the recordings in ``folder``."""
+    """Text of datasheet and option file, and layout of the recordings in ``folder``."""
 
     name: str
-    texts: dict[Path, str]
+    text: str
     recorded: RecordingLayout
     folder: Path
 
     def values(self) -> dict[str, Any]:
         """Return the values of both files; ConfigError for a text that is no YAML."""
-        return _merge_values(self.texts)
+        return values_of(self.text, self.name)
 
     def open_values(self) -> dict[str, str]:
         """Return key → comment of every ???, in the order of the files."""
         return {
             key: parts["hint"] or ""
-            for text in self.texts.values()
-            for _, key, parts in keyed_lines(text)
+            for _, key, parts in keyed_lines(self.text)
             if parts is not None and OPEN in (parts["value"] or "")
         }
 
@@ -172,15 +175,12 @@ class Draft:
             quoted = re.search("(^| )#", value)
         except ConfigError:
             quoted = True
-        written = json.dumps(value, ensure_ascii=False) if quoted else value
-        places = {file: len(place_of(text, key)) for file, text in self.texts.items()}
-        file = max(places, key=places.get) if any(places.values()) else [*places][1]
-        texts = self.texts | {file: set_value(self.texts[file], key, written)}
+        text = set_value(self.text, key, json.dumps(value, ensure_ascii=False) if quoted else value)
         before = {str(fault) for fault in value_faults(self.values())}
-        for fault in value_faults(_merge_values(texts)):
+        for fault in value_faults(values_of(text, self.name)):
             if str(fault) not in before:
                 raise fault
-        self.texts = texts
+        self.text = text
 
     def fill(
         self, assigned: Mapping[str, str], suggested=False, motion: int | None = None, ask=False
@@ -193,14 +193,14 @@ class Draft:
             self.answer(key, value)
         while suggested:  # repeat, since a suggestion may depend on another one
             before = self.open_values()
-            for key, entry in self._entries().items():
-                if key in before and entry.value and isinstance(entry.value, str):
+            for key, (value, _) in self._suggestions().items():
+                if key in before and value:
                     with suppress(PipelineError):
-                        self.answer(key, entry.value)
+                        self.answer(key, value)
                         print(f"suggestion accepted: {key}: {get_filled(self.values(), key)}")
             suggested = self.open_values() != before
         if motion is not None:
-            self._choose_motion(str(motion), self.show_motions())
+            self._choose_motion(self.show_motions(), str(motion))
         if ask:
             with suppress(EOFError, KeyboardInterrupt):
                 self._ask()
@@ -209,16 +209,22 @@ class Draft:
         """Write the files, and the inventory of recordings that are outside of the datasheet's
         folder.
         """
-        inventory, texts = next(iter(self.texts)).with_name("dvc.yaml"), self.texts
+        texts = dict(zip(dataset_files(self.name), self.text.split(BETWEEN, 1), strict=True))
+        inventory = next(iter(texts)).with_name("dvc.yaml")
         outside = inventory.parent.resolve() not in self.folder.resolve().parents
         if outside and not inventory.exists():
-            texts = texts | {inventory: _template("inventory", self.name)}
+            texts[inventory] = _template("inventory", self.name)
         for file, text in texts.items():
-            contracts.write_text(text, file)
+            contracts.write_text(f"{text.rstrip()}\n", file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
 
-    def _entries(self) -> dict[str, Entry]:
-        return entries(self.name, self.recorded, self.folder, self.values())
+    def _suggestions(self) -> dict[str, tuple[str, str]]:
+        """Return key → suggested value, "" without one, and note."""
+        known = entries(self.name, self.recorded, self.folder, self.values())
+        return {
+            key: (value if isinstance(value, str) else "", note)
+            for key, (value, note, _) in known.items()
+        }
 
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
@@ -238,7 +244,7 @@ class Draft:
             )
         return offered
 
-    def _choose_motion(self, number: str, offered: list[FoundMotion]) -> None:
+    def _choose_motion(self, offered: list[FoundMotion], number: str) -> None:
         if number not in map(str, range(1, len(offered) + 1)):
             raise ConfigError(f"there is no motion {number}; choose 1 to {len(offered)}")
         motion = offered[int(number) - 1]
@@ -253,20 +259,23 @@ class Draft:
         empty answer accepts the suggestion, else leaves ???.
         """
         others = [key for key in self.open_values() if key not in KEYS]
-        for key in [*sorted(others, key=lambda one: one[:6] != "robot."), "motion", *KEYS]:
-            hints, accept = self.open_values(), partial(self.answer, key)
-            entry = self._entries().get(key, Entry())
-            suggested = entry.value if isinstance(entry.value, str) else ""
-            if key == "motion" and hints.keys() & {*KEYS}:
-                hints[key] = f"number, or nothing to enter {', '.join(KEYS)}"
-                try:
-                    accept = partial(self._choose_motion, offered=self.show_motions())
-                except PipelineError as error:
-                    print(f"! {error}")
-                    continue
-            if key in hints:
-                print("; ".join(filter(None, [f"\n{key}: {hints[key]}", entry.note])))
-                _accept_answer(accept, suggested)
+        for key in sorted(others, key=lambda one: one[:6] != "robot."):
+            self._ask_value(key)
+        if self.open_values().keys() & {*KEYS}:
+            try:
+                choose = partial(self._choose_motion, self.show_motions())
+                print(f"\nmotion: number, or nothing to enter {', '.join(KEYS)}")
+                _accept_answer(choose, "")
+            except PipelineError as error:
+                print(f"! {error}")
+        for key in KEYS:
+            self._ask_value(key)
+
+    def _ask_value(self, key: str) -> None:
+        if key in (hints := self.open_values()):
+            suggested, note = self._suggestions().get(key, ("", ""))
+            print("; ".join(filter(None, [f"\n{key}: {hints[key]}", note])))
+            _accept_answer(partial(self.answer, key), suggested)
 
 
 def _accept_answer(accept: Callable[[str], None], suggested: str) -> None:

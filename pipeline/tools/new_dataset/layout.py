@@ -1,9 +1,9 @@
-"""Takes, sequences and logs of a folder, in groups that match one pattern."""
+"""Takes, sequences and logs of a folder, each with the pattern that it shares with others."""
 
 import glob
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from os.path import commonprefix
 from pathlib import Path
 from typing import NamedTuple
@@ -17,33 +17,46 @@ from pipeline.tools.inspect.finding import ROBOT, Finding
 SINGLE = (Kind.TRAJECTORY, Kind.INTRINSICS, Kind.CALIBRATION, Kind.FORCE, ROBOT)
 
 
-class Group(NamedTuple):
-    """Recordings whose paths differ in one number, by path and by take name."""
+class PlacedTake(NamedTuple):
+    """A recording at ``path`` of a ``section`` (mocap, encoders, depth or joint_log). Takes whose
+    paths differ in one number share a ``pattern``, by which the dataset gives them their names.
+    """
 
+    section: str
     pattern: str
-    takes: dict[Path, Finding]
-    named: dict[str, Finding]
+    name: str
+    path: Path
+    finding: Finding
+
+    @property
+    def files(self) -> list[Finding]:
+        """Findings of the files of a movement: one, or one per table in its folder."""
+        return [*(self.finding.facts.get("tables") or {"": self.finding}).values()]
 
 
 class RecordingLayout(NamedTuple):
-    """Takes in a folder by section (mocap, encoders, depth, joint_log), other files by kind."""
+    """Takes in a folder by section and pattern, files of other kinds, and the rest."""
 
-    groups: dict[str, list[Group]]
+    takes: list[PlacedTake]
     single: dict[str, list[Finding]]
     unplaced: list[Finding]
 
-    def takes(self, section: str) -> list[Finding]:
-        """Return all takes of a section."""
-        return [take for group in self.groups[section] for take in group.takes.values()]
+    def of(self, section: str) -> list[PlacedTake]:
+        """Return the takes of a section."""
+        return [take for take in self.takes if take.section == section]
+
+    def patterns(self, section: str) -> list[str]:
+        """Return the patterns of a section's takes."""
+        return [*dict.fromkeys(take.pattern for take in self.of(section))]
 
     def shared(self, fact: str) -> list[str]:
         """Return the names (``fact`` is markers or bodies) that all motion-capture takes have."""
-        lists = [take.facts[fact] for take in self.takes("mocap")]
+        lists = [take.finding.facts[fact] for take in self.of("mocap")]
         return [name for name in lists[0] if all(name in names for names in lists)] if lists else []
 
 
 def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
-    """Return the recordings in ``folder`` by kind, and takes in groups that match one pattern."""
+    """Return the takes and the other recordings in ``folder``."""
     of: dict[str, list[Finding]] = defaultdict(list)
     for one in findings:
         if one.facts or not one.stops:  # its reader did not refuse it
@@ -64,31 +77,23 @@ def layout(findings: list[Finding], folder: Path) -> RecordingLayout:
     if not (motion or any("signals" in one.facts for one in of[Kind.JOINTS])):
         movements = _movements(of[Kind.TABLE], folder) or movements
     sections = {"mocap": motion, "encoders": encoders, "depth": filmed, "joint_log": movements}
+    takes = [take for section, own in sections.items() for take in _placed(section, own, folder)]
     single = {kind: of[kind] for kind in SINGLE if of[kind]}
     placed = {one.file for kind in single.values() for one in kind}
-    placed |= {one.file for takes in sections.values() for one in logs_of(takes.values())}
-    groups = {section: _groups(takes, folder) for section, takes in sections.items()}
-    return RecordingLayout(groups, single, [one for one in findings if one.file not in placed])
+    placed |= {one.file for take in takes for one in take.files}
+    return RecordingLayout(takes, single, [one for one in findings if one.file not in placed])
 
 
-def logs_of(takes: Iterable[Finding]) -> list[Finding]:
-    """Return the files of the movements ``takes``, one or several per movement."""
-    return [one for take in takes for one in (take.facts.get("tables") or {"": take}).values()]
-
-
-def _groups(recorded: dict[Path, Finding], folder: Path) -> list[Group]:
-    """Return the groups of recordings by path pattern; a single group if every pattern would match
-    one recording and a shared pattern matches all.
+def _placed(section: str, recorded: dict[Path, Finding], folder: Path) -> Iterator[PlacedTake]:
+    """Yield the takes of a section, sorted by pattern. If every pattern would match one take, and a
+    shared pattern all takes, the shared one is used.
     """
-    patterns: dict[str, dict[Path, Finding]] = {}
-    for path, finding in recorded.items():
-        patterns.setdefault(_pattern(path.relative_to(folder)), {})[path] = finding
-    if len(patterns) == len(recorded) > 1 and (one := shared_pattern([*recorded], folder)):
-        patterns = {one: recorded}
-    return [
-        Group(pattern, takes, {take_name(path, folder, pattern): t for path, t in takes.items()})
-        for pattern, takes in sorted(patterns.items())
-    ]
+    patterns = {path: _pattern(path.relative_to(folder)) for path in recorded}
+    if len({*patterns.values()}) == len(recorded) > 1 and (one := shared_pattern(recorded, folder)):
+        patterns = dict.fromkeys(recorded, one)
+    for path in sorted(recorded, key=patterns.get):
+        name = take_name(path, folder, patterns[path])
+        yield PlacedTake(section, patterns[path], name, path, recorded[path])
 
 
 def _pattern(path: Path) -> str:
@@ -100,8 +105,9 @@ def _pattern(path: Path) -> str:
     return glob.escape(path.as_posix())
 
 
-def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
+def shared_pattern(paths: Iterable[Path], folder: Path) -> str | None:
     """Return one glob for all ``paths``; None if it also matches other files or folders."""
+    paths: Sequence[Path] = [*paths]
     names = [glob.escape(path.relative_to(folder).as_posix()) for path in paths]
     names = [re.sub(r"\d+", "*", name) for name in names]
     start = commonprefix(names)  # noqa: RUF071 - letter by letter
@@ -114,17 +120,16 @@ def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
 
 def _movements(tables: list[Finding], folder: Path) -> dict[Path, Finding]:
     """Return tables with measured and commanded angles, else folders with tables of equal names."""
-    whole, folders = {}, {}
+    whole, folders = {}, defaultdict(dict)
     for one in tables:
         guessed = {*re.findall("(actual|target): ", one.suggested.get("signals", ""))}
         if {"actual", "target"} <= {*one.facts.get("signals", ())} | guessed:
             whole[one.file] = one
         if one.file.parent != folder:
-            folders.setdefault(one.file.parent, {})[one.file.name] = one
+            folders[one.file.parent][one.file.name] = one
     alike = Counter(tuple(sorted(names)) for names in folders.values() if len(names) > 1)
-    names = alike.most_common(1)[0][0] if alike else None
     return whole or {
         path: Finding(path, "movement", Kind.TABLE, facts={"tables": inside})
         for path, inside in folders.items()
-        if tuple(sorted(inside)) == names
+        if [(*sorted(inside),)] == [names for names, _ in alike.most_common(1)]
     }

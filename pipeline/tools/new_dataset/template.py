@@ -56,29 +56,28 @@ def fill_template(template: str, entries: Mapping[str, Entry]) -> str:
             left_out = below
         else:
             value, note, certain = entries.get(key, Entry(""))
-            nested = value if isinstance(value, Mapping) else {}
+            if isinstance(value, Mapping):
+                lines += [_line(parts, "", note, parts["hint"])]
+                lines += _block(value, f"{parts['indent']}  ")
+                continue
             suggested = f"suggested is {value}" if value and not certain else ""
-            if not nested:
-                value = (value or parts["value"] or "") if certain and value is not None else OPEN
-            lines.append(_line(parts, "" if nested else value, suggested, note, parts["hint"]))
-            lines += _block(nested, f"{parts['indent']}  ")
+            value = (value or parts["value"] or "") if certain and value is not None else OPEN
+            lines.append(_line(parts, value, suggested, note, parts["hint"]))
     return "\n".join(lines) + "\n"
 
 
-def place_of(text: str, key: str) -> str:
-    """Return the longest part of the dotted ``key`` that has a line in ``text``."""
-    keys = {own for _, own, parts in keyed_lines(text) if parts}
-    while key and key not in keys:
-        key = key.rpartition(".")[0]
-    return key
-
-
 def set_value(text: str, key: str, value: str) -> str:
-    """Return ``text`` with the ``value`` (YAML) of ``key`` in its line, else in a new line of its
-    section or at the end. Raises ConfigError for a key with parts, and for one below a value.
+    """Return ``text`` with the ``value`` (YAML) of ``key`` in its line, else in a new line below
+    the first line of its section, or at the end. Raises ConfigError for a key with parts, and for
+    one below a value.
     """
-    lines, above = text.splitlines(), place_of(text, key)
-    places = {own: (n, parts) for n, (_, own, parts) in enumerate(keyed_lines(text)) if parts}
+    lines, places = text.splitlines(), {}
+    for number, (_, own, parts) in enumerate(keyed_lines(text)):
+        if parts:
+            places.setdefault(own, (number, parts))
+    above = key
+    while above and above not in places:
+        above = above.rpartition(".")[0]
     number, parts = places.get(above, (len(lines) - 1, None))
     stated = parts is not None and parts["value"]
     if above == key and stated:
@@ -89,10 +88,9 @@ def set_value(text: str, key: str, value: str) -> str:
         raise ConfigError(f"{above} is {stated}: set {above} to {{key: value, …}}", key=key)
     else:
         indent = f"{parts['indent']}  " if parts else ""
-        name, more, _ = key.removeprefix(above).strip(".").partition(".")
-        lines.insert(number + 1, f"{indent}{name}:{'' if more else f' {value}'}")
-        if more:
-            return set_value("\n".join(lines), key, value)
+        names = key.removeprefix(above).strip(".").split(".")
+        added = [f"{indent}{'  ' * depth}{name}:" for depth, name in enumerate(names)]
+        lines[number + 1 : number + 1] = [*added[:-1], f"{added[-1]} {value}"]
     return "\n".join(lines) + "\n"
 
 

@@ -1,7 +1,7 @@
 """Values of a dataset's keys that the recordings state or suggest."""
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from os.path import relpath
@@ -17,7 +17,7 @@ from pipeline.formats.joints.names import match_joints, states_joints
 from pipeline.recordings.commands import UNFILLED, named_joints
 from pipeline.tools.inspect.command import describe_file
 from pipeline.tools.inspect.finding import ROBOT, Finding, printable_path
-from pipeline.tools.new_dataset.layout import Group, RecordingLayout, logs_of, shared_pattern
+from pipeline.tools.new_dataset.layout import PlacedTake, RecordingLayout, shared_pattern
 from pipeline.tools.new_dataset.template import Entry, text_of
 
 KEYS = ("motion.steps", "joint_log.start", "joint_log.end", "joint_log.rest")  # keys of a motion
@@ -45,9 +45,9 @@ def _one_of(choices: Iterable[str], suggested: str | None = None) -> Entry:
     return Entry(listed[0]) if len(listed) == 1 else _suggestion(note, suggested)
 
 
-def _consensus(values: Iterable[float | None]) -> Entry:
-    """Return the value that all recordings state, else ???."""
-    stated = {*values}
+def _consensus(takes: Iterable[PlacedTake], fact: str) -> Entry:
+    """Return the number that all recordings state, else ???."""
+    stated = {take.finding.facts.get(fact) for take in takes}
     return Entry(f"{stated.pop():.10g}" if len(stated) == 1 and None not in stated else None)
 
 
@@ -59,8 +59,9 @@ def entries(
     name: str, recorded: RecordingLayout, folder: Path, values: Mapping[str, Any]
 ) -> Entries:
     """Return key → entry of dataset ``name``, from recordings, URDF and filled-in ``values``."""
-    takes, depth = recorded.takes("mocap"), recorded.takes("depth")
-    logs, force = logs_of(recorded.takes("joint_log")), recorded.single.get(Kind.FORCE, [])
+    takes, depth = recorded.of("mocap"), recorded.of("depth")
+    logs = [log for take in recorded.of("joint_log") for log in take.files]
+    force, robots = (recorded.single.get(kind, []) for kind in (Kind.FORCE, ROBOT))
     trajectories, calibrations, cameras = (
         [printable_path(one.file, folder) for one in recorded.single.get(kind, [])]
         for kind in (Kind.TRAJECTORY, Kind.CALIBRATION, Kind.INTRINSICS)
@@ -69,26 +70,26 @@ def entries(
     # rigid bodies track the links if no marker names match three links, and there is no depth
     # camera, which requires a planar arm
     bodies = [] if depth or links else recorded.shared("bodies")
-    robots = recorded.single.get(ROBOT, [])
-    urdf, facts = _urdf(robots, values)
+    only = str(robots[0].file.resolve()) if len(robots) == 1 else UNFILLED
+    urdf = get_filled(values, "robot.urdf") or only
+    facts = {} if urdf == UNFILLED else account_of(Path(urdf)).facts
     robot = _robot(facts, bool(depth or (takes and not bodies)))
-    if len(robots) == 1:
-        robot.setdefault("robot.urdf", Entry(text_of(Path(relpath(urdf)).as_posix())))
-    groups = recorded.groups["joint_log"]
-    sections = {
+    if only != UNFILLED:
+        robot["robot.urdf"] = Entry(text_of(Path(relpath(urdf)).as_posix()))
+    found = {
         "mocap": takes and _mocap(recorded, links, bodies),
-        "encoders": recorded.groups["encoders"] and _encoders(recorded),
-        "depth": depth and _depth(recorded.groups["depth"], cameras),
+        "encoders": recorded.of("encoders") and _encoders(recorded),
+        "depth": depth and _depth(depth, recorded.patterns("depth"), cameras),
         "force": force and _force(force, calibrations, folder),
-        "joint_log": logs and _joint_log(groups, folder, urdf, robot, facts),
+        "joint_log": logs and _joint_log(recorded, folder, urdf, robot, facts),
+        "motion": {"rate": _rate(takes, logs, get_filled(values, "joint_log.time_unit"))},
     }
-    found = {f"{part}.{key}": one for part in sections for key, one in dict(sections[part]).items()}
-    kept = {section for section, known in sections.items() if known} | {"motion"}
-    single = [{"": one} for one in (*takes, *force, *depth)]
-    for key, entry in _questions([*single, *(group.named for group in groups)]).items():
+    found = {f"{part}.{k}": one for part, known in found.items() for k, one in dict(known).items()}
+    kept, asked = {key.partition(".")[0] for key in found}, _questions(recorded)
+    for key in asked:
         known = found.get(key, Entry())
         if key.partition(".")[0] in kept and (known.value is None or not known.certain):
-            found[key] = entry
+            found[key] = asked[key]
     near = Path(relpath(folder.resolve()))  # in the project or beside it
     place = folder.resolve() if ".." in near.parts[1:] else near
     found |= {"name": Entry(text_of(name)), "recordings": Entry(text_of(str(place)))}
@@ -99,16 +100,15 @@ def entries(
             found["about.licence"] = _suggestion("", text_of(", ".join(words[:2])))
     if trajectories or takes:
         found["trajectory"] = _one_of(trajectories)
-    if recorded.groups["encoders"]:
+    if recorded.of("encoders"):
         found["measurement"] = Entry("")
-    found["motion.rate"] = _rate(takes, logs, get_filled(values, "joint_log.time_unit"))
-    found["motion.steps"] = _consensus(take.facts["steps"] for take in takes)
-    return found | robot
+    return found | {"motion.steps": _consensus(takes, "steps")} | robot
 
 
-def _rate(takes: Sequence[Finding], logs: Sequence[Finding], unit: str | None) -> Entry:
+def _rate(takes: Sequence[PlacedTake], logs: Sequence[Finding], unit: str | None) -> Entry:
     """Return the one rate of all recordings; a suggestion if no log states the unit of times."""
-    rates, with_roles = {take.rate for take in takes}, any("role" in log.facts for log in logs)
+    rates = {take.finding.rate for take in takes}
+    with_roles = any("role" in log.facts for log in logs)
     for log in logs:
         suggested, step = log.suggested.get("time_unit"), log.facts.get("step_of_time")
         second = TIME_UNITS.get(str(unit or suggested))
@@ -121,35 +121,39 @@ def _rate(takes: Sequence[Finding], logs: Sequence[Finding], unit: str | None) -
     return Entry(stated.pop() if len(stated) == 1 else None, certain=certain)
 
 
-def _questions(groups: Sequence[Mapping[str, Finding]]) -> Entries:
-    """Return key → entry of the takes' open questions, with a suggestion for all or per take."""
+def _questions(recorded: RecordingLayout) -> Entries:
+    """Return key → entry of the open questions, with a suggestion for all or per movement."""
+    asking = [
+        (take.name if take.section == "joint_log" else "", log)
+        for take in recorded.takes
+        for log in take.files * (take.section != "encoders")
+    ]
     notes: dict[str, str] = {}
-    values: dict[str, dict[str, str]] = {}
-    for name, take in (each for named in groups for each in named.items()):
-        for question, option, value in (one for log in logs_of([take]) for one in log.open):
+    suggested: dict[str, dict[str, str]] = defaultdict(dict)
+    for name, log in asking + [("", one) for one in recorded.single.get(Kind.FORCE, [])]:
+        for question, option, value in log.open:
             key = option.removeprefix("dataset.")
-            if key not in KEYS:
-                notes.setdefault(key, question)
-                named = values.setdefault(key, {})
-                if value is not None:
-                    named.setdefault(name, value)
+            notes.setdefault(key, question)
+            if value is not None:
+                suggested[key].setdefault(name, value)
     found = {}
-    for key, named in values.items():
-        value = f"{{{', '.join(f'{text_of(name)}: {one}' for name, one in named.items())}}}"
-        if len({*named.values()}) < 2:
-            value = next(iter(named.values()), None)
-        elif key == "motion.pose_noise":
-            value = max(named.values(), key=float)
+    for key in [key for key in notes if key not in KEYS]:
+        values = suggested[key]
+        if key == "motion.pose_noise" and values:
+            value = max(values.values(), key=float)
+        elif len({*values.values()}) > 1:
+            value = f"{{{', '.join(f'{text_of(name)}: {one}' for name, one in values.items())}}}"
+        else:
+            value = next(iter(values.values()), None)
         found[key] = _suggestion(notes[key], value)
     return found
 
 
 def _links_of(names: list[str]) -> dict[str, list[str]]:
     """Return link → markers, by marker names without the last part; empty unless 3 × 3 markers."""
-    links: dict[str, list[str]] = {}
+    links: dict[str, list[str]] = defaultdict(list)
     for name in names:
-        link = re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)
-        links.setdefault(link, []).append(name)
+        links[re.sub(r"[_:. -]*(\d+|[A-Za-z]|[Mm]arker ?\d+)$", "", name)].append(name)
     return links if all(links) and [*map(len, links.values())] == [3, 3, 3] else {}
 
 
@@ -171,41 +175,42 @@ def _parts(recorded: RecordingLayout, section: str, none: Entry) -> Entries:
     """Return the patterns of training and test part. Takes named as a depth sequence are the test
     part (``none`` without such takes); the others are the training part if they are one group.
     """
-    filmed = {name for group in recorded.groups["depth"] for name in group.named}
-    groups = recorded.groups[section]
-    test = [group.pattern for group in groups if filmed & {*group.named}]
-    training = [group.pattern for group in groups if group.pattern not in test]
+    filmed, patterns = {take.name for take in recorded.of("depth")}, recorded.patterns(section)
+    test = {take.pattern for take in recorded.of(section) if take.name in filmed}
+    training = [pattern for pattern in patterns if pattern not in test]
     if len(training) == 1 and len(test) <= 1:
         return {"training": _one_of(training), "test": _one_of(test) if test else none}
-    return dict.fromkeys(("training", "test"), _one_of(group.pattern for group in groups))
+    return dict.fromkeys(("training", "test"), _one_of(patterns))
 
 
 def _encoders(recorded: RecordingLayout) -> Entries:
-    found = _parts(recorded, "encoders", Entry())
-    first = recorded.takes("encoders")[0].facts
-    labels = [str(label) for label in first.get("labels", [])]
-    found["time"] = Entry(text_of(first["time"]) if "time" in first else "0")
-    measured = first.get("signals", {}).get("actual", []) if labels else []
-    stated = Entry(f"[{_name_list(measured)}]") if measured else None
-    return found | {"actual": stated or _suggestion(f"of {_name_list(labels)}")}
+    facts = recorded.of("encoders")[0].finding.facts
+    labels = [str(label) for label in facts.get("labels", [])]
+    measured = facts.get("signals", {}).get("actual", []) if labels else []
+    of = _suggestion(f"of {_name_list(labels)}")
+    return _parts(recorded, "encoders", Entry()) | {
+        "time": Entry(text_of(facts["time"]) if "time" in facts else "0"),
+        "actual": Entry(f"[{_name_list(measured)}]") if measured else of,
+    }
 
 
-def _depth(groups: Sequence[Group], calibrations: Sequence[str]) -> Entries:
-    group = max(groups, key=lambda group: len(group.takes))
-    takes, (place, first) = list(group.takes.values()), next(iter(group.takes.items()))
-    found = {"takes": _one_of(each.pattern for each in groups)}
+def _depth(takes: Sequence[PlacedTake], patterns: Sequence[str], cameras: Sequence[str]) -> Entries:
+    found = {"takes": _one_of(patterns)}
+    ((pattern, _),) = Counter(take.pattern for take in takes).most_common(1)
+    takes = [take for take in takes if take.pattern == pattern]
+    place, first = takes[0].path, takes[0].finding
     if first.kind == Kind.SEQUENCE:
         key = "index" if first.option == "index" else "frames"
         found[key] = _one_of([first.file.relative_to(place).as_posix()])
-        if rates := sorted(take.rate for take in takes if take.rate):
+        if rates := sorted(take.finding.rate for take in takes if take.finding.rate):
             found["rate"] = Entry(f"{rates[len(rates) // 2]:.4g}", "as the indexes state")
     for key in {"topic", "camera_info"} & first.facts.keys():
         found[key] = _one_of([first.facts[key]])
     if first.facts.get("frames_are") == Kind.CLOUD:
         return found | {"encoding": Entry("plain")}
-    if calibrations or first.kind == Kind.SEQUENCE:
-        found["intrinsics"] = _one_of(calibrations)
-    return found | {k: _consensus(one.facts.get(k) for one in takes) for k in ("width", "height")}
+    if cameras or first.kind == Kind.SEQUENCE:
+        found["intrinsics"] = _one_of(cameras)
+    return found | {key: _consensus(takes, key) for key in ("width", "height")}
 
 
 def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -> Entries:
@@ -223,13 +228,12 @@ def _force(logs: Sequence[Finding], calibrations: Sequence[str], folder: Path) -
 
 
 def _joint_log(
-    movements: Sequence[Group], folder: Path, urdf: str, robot: Entries, facts: Mapping[str, Any]
+    recorded: RecordingLayout, folder: Path, urdf: str, robot: Entries, facts: Mapping[str, Any]
 ) -> Entries:
-    takes = {path: take for group in movements for path, take in group.takes.items()}
-    pattern = shared_pattern([*takes], folder)
-    patterns = [group.pattern for group in movements]
-    found = {"movements": _one_of(patterns, pattern and text_of(pattern))}
-    first = next(iter(takes.values()))
+    takes = recorded.of("joint_log")
+    pattern = shared_pattern([take.path for take in takes], folder)
+    found = {"movements": _one_of(recorded.patterns("joint_log"), pattern and text_of(pattern))}
+    first = takes[0].finding
     signals, count = first.facts.get("signals", {}), first.facts.get("joints")
     if tables := first.facts.get("tables", {}):
         choice = _one_of(sorted(tables))
@@ -248,10 +252,11 @@ def _joint_log(
         none = _suggestion("null: rows are evenly spaced at motion.rate")
         found["time"] = _one_of([first.facts["time"]]) if "time" in first.facts else none
     named = signals.get("actual", ()) if isinstance(signals, Mapping) else ()
-    stated = {tuple(take.facts.get("joint_names", named)) for take in takes.values()}
-    arm = robot.get("robot.joints", Entry()).value or ""
-    names = [*stated.pop()] if len(stated) == 1 else []
-    found["joints"] = _joints(names, count, arm, urdf, facts, first)
+    stated = {(*take.finding.facts.get("joint_names", named),) for take in takes}
+    moving = [joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])]
+    arm = robot.get("robot.joints", Entry()).value
+    names = stated.pop() if len(stated) == 1 else ()
+    found["joints"] = _joints(names, count, arm, urdf, moving, first)
     for key, known in UNITS.items():
         own = {spelled(unit) for unit in first.units.values()} & {*known}
         if len(own) == 1:
@@ -262,59 +267,52 @@ def _joint_log(
 
 
 def _joints(
-    names: Sequence[str], count: int | None, arm: str, urdf: str, facts: Mapping, log: Finding
+    names: Sequence[str],
+    count: int | None,
+    arm: str | None,
+    urdf: str,
+    moving: Sequence[str],
+    log: Finding,
 ) -> Entry:
     """Return the joints of the ``count`` columns of a ``log``: by the ``names`` in it, else by the
-    positions in the ``arm``, with the ranges and limits that support the positions.
+    positions in the ``arm`` (YAML), with the ranges and limits that support the positions.
     """
-    moving = [joint for kind in SINGLE for joint in facts.get("joints", {}).get(kind, [])]
-    order, logs = parse_yaml(arm) if arm else [], log.kind == Kind.JOINTS
+    order, is_log = parse_yaml(arm or "[]"), log.kind == Kind.JOINTS
     joints = match_joints(names, moving) if moving else []
-    if not {*order} <= {*joints}:
-        joints = []
-    if joints or (logs and names):
+    joints = joints if {*order} <= {*joints} else []
+    if joints or (is_log and names):
         value = f"[{_name_list(joints or names)}]"
-        return Entry(value, "as the logs name them", certain=logs or states_joints(names))
+        return Entry(value, "as the logs name them", is_log or states_joints(names))
     if states_joints(names):
         return _suggestion(f"the logs name, in this order, {_name_list(names)}")
     if not order or count not in (None, len(order)):
         return _suggestion(f"{count} joints" if count else "")
     ends = [*zip(*log.facts.get("range", ()), strict=True)]
-    ranges = dict(zip(order, ends, strict=False)) if len(ends) == len(order) else {}
-    known = named_joints(urdf, order)
-    limited = {joint.name: joint for joint in known if joint and joint.kind in LIMITED}
+    ends = ends if len(ends) == len(order) else []
+    places = ", ".join(f"{n} {a:.3g} to {b:.3g}" for n, (a, b) in zip(order, ends, strict=False))
     beyond = [
-        name
-        for name, (least, most) in ranges.items()
-        if (joint := limited.get(name))
-        and not joint.lower - NEAR < least <= most < joint.upper + NEAR
+        joint.name
+        for joint, (least, most) in zip(named_joints(urdf, order), ends, strict=False)
+        if joint and joint.kind in LIMITED
+        if not joint.lower - NEAR < least <= most < joint.upper + NEAR
     ]
-    places = ", ".join(f"{name} {a:.3g} to {b:.3g}" for name, (a, b) in ranges.items())
     note = f"no name states the joint of a column; in the URDF's order, rad: {places or 'unknown'}"
     note += f"; beyond the limits: {', '.join(beyond) or 'none'}"
     return _suggestion(note, None if beyond else arm)
 
 
-def _urdf(robots: Sequence[Finding], values: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
-    """Return file and facts of the URDF in ``values``, else of the only one of ``robots``."""
-    if urdf := get_filled(values, "robot.urdf"):
-        return urdf, account_of(Path(urdf)).facts
-    return (str(robots[0].file.resolve()), robots[0].facts) if len(robots) == 1 else (UNFILLED, {})
-
-
 def _robot(facts: Mapping[str, Any], planar: bool) -> Entries:
     """Return the entries of the arm or planar chain in a URDF with these ``facts``."""
-    found: Entries = {}
     arms, chains = facts.get("arms", []), facts.get("chains", [])
     if not planar and (not arms or [arms[0]["joints"]] != [one["joints"] for one in chains]):
-        if arms:
-            joints = arms[0]["joints"]
-            found["robot.joints"] = Entry(f"[{_name_list(joints)}]", "all that move the last link")
-            found["robot.tool"] = _one_of(arm["tip"] for arm in arms)
-            if len(joints) < SPACE:
-                found["robot.task"] = _suggestion("", "[x, y, z]" if len(joints) >= 3 else None)
-        return found
-    others = facts.get("joints", {}).get("revolute", [])
+        if not arms:
+            return {}
+        joints = arms[0]["joints"]
+        found = {"robot.joints": Entry(f"[{_name_list(joints)}]", "all that move the last link")}
+        if len(joints) < SPACE:
+            found["robot.task"] = _suggestion("", "[x, y, z]" if len(joints) >= 3 else None)
+        return found | {"robot.tool": _one_of(arm["tip"] for arm in arms)}
+    found, others = {"robot.plane": Entry("")}, facts.get("joints", {}).get("revolute", [])
     chain = _suggestion(f"three parallel ones of {_name_list(others) or 'the URDF'}")
     if len(chains) == 1:
         own = chains[0]["joints"]
@@ -322,4 +320,4 @@ def _robot(facts: Mapping[str, Any], planar: bool) -> Entries:
         found["robot.tool"] = _one_of(chains[0]["tools"])
         others = [joint for joint in others if joint not in own]
     locked = _suggestion(_name_list(others)) if others or not chains else Entry("{}")
-    return found | {"robot.plane": Entry(""), "robot.joints": chain, "robot.locked": locked}
+    return found | {"robot.joints": chain, "robot.locked": locked}
