@@ -20,7 +20,7 @@ from functools import partial
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, get_args
 
 import pipeline.core.environment  # noqa: F401 - before NumPy, whose arithmetic depends on it
 from pipeline.core.errors import PipelineError
@@ -175,16 +175,27 @@ def _find_call(name: str, words: list[str]) -> Callable[[], object]:
 
 
 def tool_call(folder: str, words: list[str]) -> Callable[[], None]:
-    """Return the call of the tool in ``folder`` with the command line ``words``; its ARGUMENTS map
-    names or flags to options of ``add_argument``.
+    """Return the call of the tool in ``folder`` with the command line ``words``. Its arguments.yaml
+    maps names or flags to options of ``add_argument``; types and defaults are those of its ``run``.
     """
+    from pipeline.core.typed_yaml import read_yaml  # needs more than the standard library
+
     tool = import_module(f"pipeline.tools.{folder}.command")
     text = _docstring(f"tools.{folder}.command")
     description, _, epilog = text.partition(": ")[2].partition("\n\n")
     program = f"python -m pipeline {folder.replace('_', '-')}"
     parser = argparse.ArgumentParser(prog=program, description=description, epilog=epilog)
-    for name, options in tool.ARGUMENTS.items():
-        parser.add_argument(name, **options)
+    for name, stated in read_yaml(HERE / f"tools/{folder}/arguments.yaml").items():
+        parameter = signature(tool.run).parameters[stated.get("dest", name.strip("-"))]
+        kinds = {parameter.annotation, *get_args(parameter.annotation)}
+        options = dict([("type", kind) for kind in (Path, int, float) if kind in kinds])
+        if parameter.default is not parameter.empty:
+            options["default"] = parameter.default
+        if bool in kinds:
+            options["action"] = "store_true"
+        elif name[0] != "-":
+            options |= {"metavar": name.upper(), "nargs": "?" if "default" in options else None}
+        parser.add_argument(name, **options | stated)
     return partial(tool.run, **vars(parser.parse_args(words)))
 
 

@@ -43,11 +43,6 @@ LEVEL = 0.05
 MOST_CHANCE = 0.25  # greatest false positive rate; with a greater rate nothing can be shown
 FEWEST = round(2 / MOST_CHANCE) - 1  # least number of takes to compare with
 SPANS = 10  # number of parts of the motion that are compared
-MODEL = f"exported model (default: the only one of params.yaml's dataset in {EXPORTS})"
-ARGUMENTS = {
-    "file": {"type": Path, "metavar": "FILE", "help": "recording in the dataset's format"},
-    "--model": {"type": Path, "metavar": "FILE", "help": MODEL},
-}
 
 
 def run(file: Path, model: Path | None = None) -> None:

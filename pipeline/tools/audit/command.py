@@ -16,11 +16,9 @@ from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.tools.lock.command import stage_names
 
-HELP = "folder of the clone (not deleted afterwards)"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 # difference of numbers where the instruction set is not the commit's: searches end within 1e-6
 ROUNDING = 1e-5
-ARGUMENTS = {"folder": {"type": Path, "metavar": "FOLDER", "help": HELP}}
 
 
 def run(folder: Path) -> None:

@@ -8,7 +8,7 @@ do not change the results of the dataset in params.yaml.
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir, contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -38,7 +38,7 @@ from pipeline.tools.export.command import (
     exported_record,
     write_export,
 )
-from pipeline.tools.new_dataset.command import FILLING, assigned_values, open_draft
+from pipeline.tools.new_dataset.command import assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
@@ -50,19 +50,17 @@ HEADING, TO_EXPORT = (
     "## Predicted and measured errors on held-out motions\n",
     re.compile(r"Export: `python.*\n*"),
 )
-SCALE = "size of the computation (default paper); smoke is quick, but its intervals are not valid"
-ARGUMENTS = {
-    "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
-    "--urdf": {"type": Path, "metavar": "FILE", "help": "URDF of the arm (default: in FOLDER)"},
-    "--name": {"help": "name of the dataset (default: from FOLDER)"},
-    **FILLING,
-    "--scale": {"default": "paper", "help": SCALE},
-    "--model": {"help": "model to export (default: the recommended one)"},
-}
 
 
 def run(
-    folder: Path, urdf: Path | None, name: str | None, scale: str, model: str | None, **options: Any
+    folder: Path,
+    set: Sequence[str],
+    urdf: Path | None = None,
+    name: str | None = None,
+    motion: int | None = None,
+    ask: bool = False,
+    scale: str = "paper",
+    model: str | None = None,
 ) -> None:
     """Write the dataset if it does not exist, run the stages, write model card and export."""
     if not folder.is_dir():
@@ -73,7 +71,7 @@ def run(
         raise ConfigError(f"no scale {scale!r}; there are {', '.join(scales)}", key="--scale")
     name = name or re.sub(r"\W+", "_", folder.resolve().name)
     assigned = {"robot.urdf": str(urdf)} if urdf else {}
-    assigned |= assigned_values(options.pop("set"))
+    assigned |= assigned_values(set)
     logged = _logged_runs(folder, assigned)
     if logged and not urdf:
         # the report of a dataset that exists is not overwritten
@@ -83,7 +81,7 @@ def run(
         exported = model or chosen_law(card.tables["joint_scores"])[0]
         record = exported and _record_of_runs(exported, logged, name)
     else:
-        _write_dataset(name, folder, assigned, **options)
+        _write_dataset(name, folder, assigned, ask, motion)
         with _project(name, folder.resolve(), scale) as place:
             settings = config.composed_config()
             tables, metrics = _results(settings, logged)
@@ -158,7 +156,7 @@ def _record_of_runs(model: str, logged: RunsOfLogs, name: str) -> dict[str, Any]
 
 
 def _write_dataset(
-    name: str, folder: Path, assigned: dict[str, str], *, ask: bool, motion: int | None
+    name: str, folder: Path, assigned: dict[str, str], ask: bool, motion: int | None
 ) -> None:
     """Write the dataset's files if missing or incomplete; ConfigError if a value is still ???."""
     option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)

@@ -25,8 +25,6 @@ from pipeline.recordings.ingest import attempt, read_part
 from pipeline.recordings.inventory import raw_folder
 
 PARAMS = Path("params.yaml")
-HELP = "name of the dataset (default: the one in params.yaml)"
-ARGUMENTS = {"name": {"nargs": "?", "metavar": "DATASET", "help": HELP}}
 
 
 def run(name: str | None = None) -> None:

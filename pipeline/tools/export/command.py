@@ -42,15 +42,6 @@ UNITS = {
     "length where it has one), then of the joints where it is longer",
     "joint step": "commanded step of each joint in 1/rate_per_s, rad",
 }
-MODEL = (
-    "model: an option of pipeline/conf/model, of the kind joint_error fitted to all runs; "
-    "MODEL_closed for its closed-loop form"
-)
-TO = f"output file (default {EXPORTS}/DATASET_MODEL.json)"
-ARGUMENTS = {
-    "model": {"metavar": "MODEL", "help": MODEL},
-    "--to": {"type": Path, "metavar": "FILE", "help": TO},
-}
 READER_NAME, READER = "read_motion_model.py", "pipeline.models.exported"
 # modules that are not copied: only fits and annotations need them, or reader.txt replaces them
 LEFT_OUT = (

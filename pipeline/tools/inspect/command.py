@@ -40,13 +40,6 @@ from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
 INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
-DEFAULTS = " ".join(f"{name}={most:g}" for name, most in vars(Reading()).items())
-BOUNDS = f"bounds on a file and on its reader, as in dataset.reading (default {DEFAULTS})"
-ARGUMENTS = {
-    "place": {"type": Path, "metavar": "FILE|FOLDER", "help": "recording or folder of recordings"},
-    "--json": {"action": "store_true", "help": "all facts as JSON (default a table)"},
-    "--reading": {"nargs": "+", "default": [], "metavar": "NAME=VALUE", "help": BOUNDS},
-}
 LENGTH = "dataset.mocap.unit"
 TOTALS = ("marker_samples", "pose_samples")  # no faults
 DEPTH_TYPES = (rosbag.IMAGE, rosbag.CLOUD)
@@ -63,7 +56,7 @@ BINARY = (
 )
 
 
-def run(place: Path, json: bool, reading: Sequence[str]) -> None:
+def run(place: Path, reading: Sequence[str], json: bool = False) -> None:
     """Print the findings as a table or as JSON."""
     bounds = Reading(**dict(word.partition("=")[::2] for word in reading))
     findings = within(bounds, inspect, place)

@@ -7,11 +7,6 @@ from pathlib import Path
 from pipeline.core import contracts
 from pipeline.recordings.inventory import listing, raw_folder
 
-ARGUMENTS = {
-    "folder": {"type": Path, "metavar": "FOLDER", "help": "folder of the recordings"},
-    "file": {"type": Path, "metavar": "FILE", "help": "output file, CSV"},
-}
-
 
 def run(folder: Path, file: Path) -> None:
     """Write the inventory of ``folder`` to ``file``; without recordings, keep ``file``."""

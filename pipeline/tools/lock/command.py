@@ -15,8 +15,6 @@ from pathlib import Path
 from pipeline.core import contracts
 from pipeline.core.typed_yaml import read_yaml
 
-ARGUMENTS: dict = {}
-
 
 def run() -> None:
     """Mend DVC's state, sort the entries of all lock files and print the names of changed files."""

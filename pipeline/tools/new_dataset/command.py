@@ -39,31 +39,22 @@ from pipeline.tools.new_dataset.template import (
 )
 from pipeline.tools.new_dataset.values import KEYS, entries
 
-FROM = "folder of the recordings (default: fill in the ??? of the existing dataset NAME)"
-VALUE = "value of a key, such as robot.tool=flange; may be repeated (default none)"
-SUGGESTED = "accept all suggested values (default: they stay ???)"
-MOTION = "printed number of the motion to analyse (default: new-dataset none, characterize 1)"
-# arguments that new-dataset and characterize share
-FILLING = {
-    "--set": {"action": "append", "default": [], "metavar": "KEY=VALUE", "help": VALUE},
-    "--motion": {"type": int, "metavar": "NUMBER", "help": MOTION},
-    "--ask": {"action": "store_true", "help": "questions on the terminal (default none)"},
-}
-ARGUMENTS = {
-    "name": {"metavar": "NAME", "help": "name of the dataset, as in params.yaml"},
-    "--from": {"dest": "folder", "type": Path, "metavar": "FOLDER", "help": FROM},
-    "--suggested": {"action": "store_true", "help": SUGGESTED},
-    **FILLING,
-}
 BETWEEN = "\n---\n"  # line between the texts of datasheet and option file
 UNPLACED = 12  # greatest number of unplaced recordings that the datasheet lists
 
 
-def run(name: str, folder: Path | None, set: Sequence[str], **options: Any) -> None:
-    """Write the two files, or fill in their open values; ``options`` as :meth:`Draft.fill`."""
+def run(
+    name: str,
+    set: Sequence[str],
+    folder: Path | None = None,
+    suggested: bool = False,
+    motion: int | None = None,
+    ask: bool = False,
+) -> None:
+    """Write the two files, or fill in their open values; arguments as :meth:`Draft.fill`."""
     assigned = assigned_values(set)
     draft = open_draft(name, folder, assigned)
-    draft.fill(assigned, **options)
+    draft.fill(assigned, suggested, motion, ask)
     draft.write()
     keys = draft.open_values()
     if "joint_log.start" in keys:

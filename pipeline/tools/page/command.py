@@ -20,8 +20,6 @@ from pipeline.core.errors import ContractError
 
 REPORTS, RESULTS = Path("reports"), ("report.md", "model_card.md")
 TEMPLATE = Path(__file__).with_name("page.html")
-PARTS, HELP = ["results", "studies"], "content of the page (default results)"
-ARGUMENTS = {"part": {"nargs": "?", "choices": PARTS, "default": PARTS[0], "help": HELP}}
 COLOURS = 64  # of a figure on the page, enough for its lines and shades
 WIDE = 900  # px, least width of a figure of two columns, which scrolls on a narrow screen
 # attributes of a frame that scrolls and can be focused by keyboard

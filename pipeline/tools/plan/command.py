@@ -25,37 +25,21 @@ from pipeline.formats.format import format_of
 from pipeline.formats.trajectory import FORMAT, read_poses, read_trajectory, write_trajectory
 from pipeline.models.kinds import fitted_model
 from pipeline.planning.motions import POINTS, Planned, least_uncertain
-from pipeline.planning.problem import OBJECTIVES, Problem, uncertainty
+from pipeline.planning.problem import Problem, uncertainty
 
 FITS = Path("data/fit")
 JOINTS, PICTURE = "joints.csv", "plan.png"
 UNITS = {"trace": "tr Cov (rad²)", "log_det": "ln det Cov"}
-PATH = (
-    "CSV file with the columns t (s) and the task coordinates: x, y, z (m), rx, ry, rz (rad, "
-    "rotation vector of the tip in the base's axes), of a planar arm x, z, phi; or a commanded "
-    "joint trajectory with the columns t and q:JOINT, whose tip poses are the path"
-)
-OUT = "output folder, new or with an earlier plan, which is replaced"
-OBJECTIVE = (
-    "objective, summed over the steps (default trace); log_det is ln det Cov in the row space of "
-    "the Jacobian if Cov has the Jacobian's rank"
-)
-MARGIN = "least singular value of the Jacobian in m, angular rows times the length (default 0.01)"
-SMOOTH = "weight of the squared steps in the null space, objective per rad² (default 0)"
-GRID = f"number of grid points per step (default {POINTS})"
-ARGUMENTS = {
-    "model": {"metavar": "MODEL", "help": f"name of a model in {FITS}, or folder of a model"},
-    "path": {"metavar": "PATH", "type": Path, "help": PATH},
-    "out": {"metavar": "OUT", "type": Path, "help": OUT},
-    "--objective": {"choices": OBJECTIVES, "default": OBJECTIVES[0], "help": OBJECTIVE},
-    "--margin": {"type": float, "default": 0.01, "help": MARGIN},
-    "--smoothness": {"type": float, "default": 0.0, "help": SMOOTH},
-    "--points": {"type": int, "default": POINTS, "help": GRID},
-}
 
 
 def run(
-    model: str, path: Path, out: Path, objective: str, points: int, margin: float, smoothness: float
+    model: str,
+    path: Path,
+    out: Path,
+    objective: str = "trace",
+    margin: float = 0.01,
+    smoothness: float = 0.0,
+    points: int = POINTS,
 ) -> None:
     """Write the plan, and print its cost and least singular value."""
     if out.is_file() or {file.name for file in out.glob("*")} - {JOINTS, PICTURE}:

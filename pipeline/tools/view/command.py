@@ -24,10 +24,6 @@ TRACK, FILTER, ARTICULATE = Path("data/track"), Path("data/filter"), Path("data/
 DEPTH = Path("data/ingest/depth")
 MEASURED = (40, 40, 40)
 COLOURS = ((0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (230, 159, 0))
-ARGUMENTS = {
-    "take": {"nargs": "?", "metavar": "TAKE", "help": "name of a take (default the first test)"},
-    "--open": {"action": "store_true", "help": "open the file in the viewer (default: no)"},
-}
 Clouds = list[tuple[float, np.ndarray]]  # time (s) and points (I, 3) m of each depth frame
 
 
