@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from omegaconf import OmegaConf
 
 from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import OPEN, get_filled, unfilled_keys
@@ -128,9 +127,12 @@ def _template(file: str, name: str) -> str:
 
 def values_of(text: str, name: str) -> dict[str, Any]:
     """Return the merged keys and values of both files; ConfigError for a text that is no YAML."""
-    parts = zip(text.split(BETWEEN, 1), dataset_files(name), strict=True)
-    merged = OmegaConf.merge(*(parse_yaml(part, file=file) or {} for part, file in parts))
-    return OmegaConf.to_container(merged)
+    merged: dict[str, Any] = {}
+    for file, part in zip(dataset_files(name), text.split(BETWEEN, 1), strict=True):
+        for key, value in (parse_yaml(part, file=file) or {}).items():
+            both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+            merged[key] = merged[key] | value if both else value
+    return merged
 
 
 @dataclass
