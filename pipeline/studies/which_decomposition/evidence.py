@@ -13,14 +13,14 @@ independently. The likelihood of a decomposition is the mean over the paths of �
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import permutations
+from functools import partial
+from itertools import permutations, product
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.core.errors import ConfigError
 from pipeline.models.model import frobenius
 from pipeline.models.wishart.decomposition import Decomposition, split
 from pipeline.models.wishart.law import step_variances
@@ -84,17 +84,10 @@ class Published(NamedTuple):
     u: float  # û, the bound on ‖J⁻¹‖_F
     covariance: np.ndarray  # (n, n) Σ̂_ω of the additive model, rad²
 
-    @property
-    def total_std(self) -> float:
-        """Root of the trace of Σ̂_ω in rad."""
-        return np.sqrt(np.trace(self.covariance))
-
 
 def published_values(claims: Sequence[Claim]) -> Published:
-    """Return the published values of ``claims``; raises ConfigError for a missing value."""
+    """Return the published values of ``claims``."""
     stated = {claim.id: claim for claim in claims}
-    if absent := {"sigma-b", "alpha", "u", "sigma-omega"} - set(stated):
-        raise ConfigError("no claim with a published value", claim=", ".join(sorted(absent)))
     entries = [[int(x) - 1 for x in case["entry"]] for case in stated["sigma-omega"].cases()]
     matrix = np.full((1 + np.max(entries),) * 2, np.nan)
     for (i, j), value in zip(entries, stated["sigma-omega"].published, strict=True):
@@ -125,12 +118,12 @@ def log_quantities(
     """Return the logarithm (R, P) or (P,) of each quantity of the WIDTHS ``drawn``; 0 equals the
     printed numbers. ``widening`` is added to the logarithm of the Gaussian model's width.
     """
-    n, total = len(stated.covariance), np.linalg.norm(drawn["wishart"], axis=-1).T
-    joints = np.moveaxis(drawn["wishart"], 0, -1) / np.sqrt(np.diag(stated.covariance))[:, None]
-    gaussian = np.exp(widening) * np.sqrt(n) * drawn["gaussian"]
-    quantities = {f"joint {j + 1}": joints[:, j] for j in range(n)} | {
-        "trace": total / stated.total_std,
-        "gaussian": gaussian / stated.total_std,
+    printed, total = np.diag(stated.covariance), np.linalg.norm(drawn["wishart"], axis=-1).T
+    joints = np.moveaxis(drawn["wishart"], 0, -1) / np.sqrt(printed)[:, None]
+    gaussian = np.exp(widening) * np.sqrt(len(printed)) * drawn["gaussian"]
+    quantities = {f"joint {j}": joints[:, j - 1] for j in range(1, len(printed) + 1)} | {
+        "trace": total / np.sqrt(np.trace(stated.covariance)),
+        "gaussian": gaussian / np.sqrt(np.trace(stated.covariance)),
         "difference": total / gaussian,
     }
     return {name: np.log(values) for name, values in quantities.items()}
@@ -153,44 +146,38 @@ def evidence_rows(
     """
     quantities, pivoted = log_quantities(drawn, stated), READINGS.index(PIVOTED)
     grid, rows = np.exp(np.geomspace(*np.log(span), SPAN)), []
-    for size, first in SIZES.items():
-        for name, further in SETS.items():
-            cases = {f: densities(quantities, (*first, *further), f) for f in (*tolerances, *grid)}
-            cases[INTEGRATED] = np.mean([cases[f] for f in grid], axis=0)
-            for tolerance in (*tolerances, INTEGRATED):
-                density = cases[tolerance]
-                mean = density.mean(axis=1)
-                share, ratio = density / mean[:, None], mean / mean[pivoted]
-                error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(density.shape[1])
-                low, high = (ratio * np.exp(x * NORMAL_QUANTILE * error) for x in (-1, 1))
-                place = {"size": size, "quantities": name, "tolerance": tolerance}
-                columns = {"likelihood": ratio, "low": low, "high": high}
-                rows.append(pd.DataFrame({"reading": READINGS} | columns).assign(**place))
+    for (size, first), (name, further) in product(SIZES.items(), SETS.items()):
+        density_at = partial(densities, quantities, (*first, *further))
+        cases = {f: density_at(f) for f in tolerances}
+        cases[INTEGRATED] = np.mean([density_at(f) for f in grid], axis=0)
+        for tolerance, density in cases.items():
+            mean = density.mean(axis=1)
+            share, ratio = density / mean[:, None], mean / mean[pivoted]
+            error = (share - share[pivoted]).std(axis=1, ddof=1) / np.sqrt(density.shape[1])
+            low, high = (ratio * np.exp(x * NORMAL_QUANTILE * error) for x in (-1, 1))
+            columns = {"reading": READINGS, "likelihood": ratio, "low": low, "high": high}
+            place = {"size": size, "quantities": name, "tolerance": tolerance}
+            rows.append(pd.DataFrame(columns).assign(**place))
     return pd.concat(rows, ignore_index=True)
 
 
 def width_rows(drawn: np.ndarray, stated: Published) -> pd.DataFrame:
     """Return rows of the table ``widths`` for the prior of the paths ``drawn``."""
-    quantities, rows = log_quantities(drawn, stated), []
-    difference = np.exp(quantities["difference"]).min(axis=1)
-    models = zip((*READINGS, GAUSSIAN), (*quantities["trace"], quantities["gaussian"]), strict=True)
-    for (reading, logs), least in zip(models, (*difference, 1.0), strict=True):
-        width, row = np.exp(logs), {"reading": reading, "paths": len(drawn), "least_ratio": least}
-        levels = {"low": 0.05, "median": 0.5, "high": 0.95, "best": 0.99}
-        row |= {name: np.quantile(width, level) for name, level in levels.items()}
-        rows.append(row | {"reached": np.mean(width >= 1)})
-    return pd.DataFrame(rows)
+    quantities = log_quantities(drawn, stated)
+    width = np.exp([*quantities["trace"], quantities["gaussian"]])
+    least = [*np.exp(quantities["difference"]).min(axis=1), 1.0]
+    columns = {"reading": (*READINGS, GAUSSIAN), "paths": len(drawn), "least_ratio": least}
+    levels = {"low": 0.05, "median": 0.5, "high": 0.95, "best": 0.99}
+    columns |= {name: np.quantile(width, level, axis=1) for name, level in levels.items()}
+    return pd.DataFrame(columns | {"reached": np.mean(width >= 1, axis=1)})
 
 
 def unsquared_rows(drawn: np.ndarray, stated: Published, tolerances: Sequence[float]):
     """Return the table ``unsquared``: pivoted LU and Σ_k = α(u² − ‖J⁻¹‖²)/n² over α² for α."""
     names, pivoted = (*SIZES["joints 1 and 2"], *SETS["small_difference"]), READINGS.index(PIVOTED)
-    squared = log_quantities(drawn, stated)
-    other = log_quantities(drawn, stated, widening=-np.log(stated.alpha) / 2)
+    widenings = -np.log(stated.alpha) / 2, 0.0
+    both = other, _ = [log_quantities(drawn, stated, each) for each in widenings]
+    means = [[densities(each, names, f)[pivoted].mean() for f in tolerances] for each in both]
     low, high = np.exp(np.quantile(other["difference"][pivoted], [0.05, 0.95]))
-    rows = []
-    for f in tolerances:
-        wider, due = (densities(each, names, f)[pivoted].mean() for each in (other, squared))
-        row = {"tolerance": f, "likelihood": wider / due}
-        rows.append(row | {"low_ratio": low, "high_ratio": high})
-    return pd.DataFrame(rows)
+    columns = {"tolerance": tolerances, "likelihood": np.divide(*means)}
+    return pd.DataFrame(columns | {"low_ratio": low, "high_ratio": high})

@@ -1,7 +1,7 @@
 """which_decomposition: decompositions of the Jacobian that agree with the paper's numbers."""
 
-from collections.abc import Iterable
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,32 +44,30 @@ SHOWN = (laws.PIVOTED, "lu_xzp", "lu_zxp", laws.QR, laws.QR_TRANSPOSED)  # in th
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
-    stated, chain = (
-        laws.published_values(read_claims()),
-        arm_of(dataset_option(Robot, PAPER_ARM, "robot")).chain,
-    )
-    common = {"chain": chain, "options": options, "stated": stated, "seed": settings.seed}
+    stated = laws.published_values(read_claims())
+    common = {"chain": arm_of(dataset_option(Robot, PAPER_ARM, "robot")).chain, "options": options}
+    common |= {"stated": stated, "seed": settings.seed}
     label = "which_decomposition: paths"
     chunks = trials(settings, label, widths_of_chunk, range(options.chunks), **common)
     drawn = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
     ramped = drawn[RAMPED]
-    priors = {RAMPED: ramped}
-    priors |= {f"{kind}s alone": ramped[ramped["kind"] == kind] for kind in KINDS}
-    near = ramped["norm"] > options.least_norm
-    priors[f"greatest ‖J⁻¹‖ above {options.least_norm:g}"] = ramped[near]
-    priors[FULL_SPEED] = drawn[FULL_SPEED]
+    near = f"greatest ‖J⁻¹‖ above {options.least_norm:g}"
+    priors = {
+        RAMPED: ramped,
+        **{f"{kind}s alone": ramped[ramped["kind"] == kind] for kind in KINDS},
+    }
+    priors |= {near: ramped[ramped["norm"] > options.least_norm], FULL_SPEED: drawn[FULL_SPEED]}
     likelihoods = [
         laws.evidence_rows(part, stated, options.tolerances, options.span).assign(prior=name)
         for name, part in priors.items()
     ]
-    sizes = [laws.width_rows(part, stated).assign(prior=name) for name, part in drawn.items()]
     q = np.linspace(options.start, options.end, options.poses)
-    space = dataset_option(Robot, SPACE_ARM, "robot")
+    space = chain_of(dataset_option(Robot, SPACE_ARM, "robot"))
     return {
         "evidence": concatenate(likelihoods),
-        "widths": concatenate(sizes),
+        "widths": concatenate(laws.width_rows(x, stated).assign(prior=n) for n, x in drawn.items()),
         "unsquared": laws.unsquared_rows(ramped, stated, options.tolerances),
-        "units": unit_rows(chain_of(space), q, options.turns, stated.sigma_b),
+        "units": unit_rows(space, q, options.turns, stated.sigma_b),
     }
 
 
@@ -101,12 +99,10 @@ def unit_rows(chain: Chain, q: np.ndarray, turns: list[float], sigma_b: float) -
         turn = Rotation.from_euler("z", -degrees, degrees=True).as_matrix()
         cases.append(("m", degrees, np.kron(np.eye(2), turn)))
     nominal, rows = np.matvec(chain.inverse_jacobian(q), np.matvec(jacobian, step)), []
-    for unit, degrees, change in cases:
+    for (unit, degrees, change), reading in product(cases, GENERAL):
         v = np.matvec(change @ jacobian, step)
-        for reading in GENERAL:
-            variance = laws.wishart_variance(reading, change @ jacobian, v, sigma_b)
-            noise = np.sqrt(variance.sum() / np.sum(nominal**2))
-            rows.append((reading, unit, degrees, noise))
+        variance = laws.wishart_variance(reading, change @ jacobian, v, sigma_b)
+        rows.append((reading, unit, degrees, np.sqrt(variance.sum() / np.sum(nominal**2))))
     return pd.DataFrame(rows, columns=["reading", "unit", "turn", "noise"])
 
 
@@ -114,15 +110,13 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
     integrated = evidence[evidence["tolerance"] == 0]
-    rows = rows_of_first(integrated, "size")
+    rows, best, choices = rows_of_first(integrated, "size"), [], []
     later = rows[rows["reading"].isin(PHI_LATER)]
-    best = []
     for name, words in QUANTITIES.items():
         part = rows_of_first(later[later["quantities"] == name], "prior")
         most = part.loc[part["likelihood"].idxmax()]
         value, low, high = map(number, most[["likelihood", "low", "high"]])
         best.append(f"{words}: {value} ({low} to {high}, {NAMES[most['reading']]})")
-    choices = []
     for size, part in integrated.groupby("size", sort=False):
         sets = rows_of_first(part, "prior").groupby("quantities")
         first, last = (odds(sets.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
@@ -167,17 +161,16 @@ def evidence_table(rows: pd.DataFrame) -> str:
     """Return a row for each reading: likelihoods under the first prior, range over all priors."""
     tolerances, lines = sorted(set(rows["tolerance"]) - {0.0}), []
 
-    def several(texts: Iterable[str]) -> str:
-        first, *others = texts
+    def several(first: str, *others: str) -> str:
         return f"{first} ({', '.join(others)})"
 
     for reading in SHOWN:
         here = rows[rows["reading"] == reading]
         main = rows_of_first(here, "prior").set_index(["quantities", "tolerance"])["likelihood"]
-        cells = [several(number(main[name, f]) for f in tolerances) for name in QUANTITIES]
-        ends = here[here["tolerance"] == 0]["likelihood"]
-        lines.append([NAMES[reading], *cells, f"{number(ends.min())}–{number(ends.max())}"])
-    over = f"over pivoted LU, f = {several(f'{f:g}' for f in tolerances)}"
+        cells = [several(*(number(main[name, f]) for f in tolerances)) for name in QUANTITIES]
+        ends = here.loc[here["tolerance"] == 0, "likelihood"].agg(["min", "max"]).map(number)
+        lines.append([NAMES[reading], *cells, "–".join(ends)])
+    over = f"over pivoted LU, f = {several(*map('{:g}'.format, tolerances))}"
     return table([over, *QUANTITIES.values(), "integrated, all sets and priors"], lines)
 
 
