@@ -27,19 +27,11 @@ from pipeline.planning.motions import best_conditioned, least_uncertain, minimum
 from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
-from pipeline.studies.frame import (
-    MISSING,
-    Tables,
-    concatenate,
-    dataset_option,
-    interval,
-    number,
-    trials,
-)
+from pipeline.studies.frame import Tables, concatenate, dataset_option, interval, number, trials
 from pipeline.studies.simulated import PhysicsFactors, disturb
-from pipeline.verdicts.wording import join_names, table
+from pipeline.verdicts.wording import MISSING, join_names, table
 
-RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
+FIXED = RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # least share of the resamplings of a reliable result
 DIGITS = 9  # significant digits of a prediction that are compared
 KEYS = ["arm", "physics"]
@@ -87,11 +79,11 @@ class Bench:
 
         Raises ConfigError if the arm cannot follow, SingularJacobianError at a singular pose.
         """
-        motion, built, dynamics = JointPath(path, self.trajectory.rate), self.built, self.dynamics
-        motion.require_followable(built)
-        session = open_session(built, dynamics, rng.stream(self.seed, "planning.session"))
+        motion, dynamics = JointPath(path, self.trajectory.rate), self.dynamics
+        motion.require_followable(self.built)
+        session = open_session(self.built, dynamics, rng.stream(self.seed, "planning.session"))
         streams = (rng.stream(self.seed, f"planning.{name}", n) for n in range(self.takes))
-        takes = (perform(session, motion, dynamics, stream) for stream in streams)
+        takes = [perform(session, motion, dynamics, stream) for stream in streams]
         return np.stack([take.motion_capture for take in takes])
 
     def steps(self, path: np.ndarray, name: str) -> Recorded:
@@ -103,10 +95,8 @@ class Bench:
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables."""
-    benches = {
-        arm: Bench.of_dataset(arm, task, options, settings.seed)
-        for arm, task in options.arms.items()
-    }
+    arms, of_dataset = options.arms.items(), Bench.of_dataset
+    benches = {arm: of_dataset(arm, task, options, settings.seed) for arm, task in arms}
     fixed = trials(settings, "planning: arms", fixed_motions, benches.values(), options=options)
     cases = [(arm, name) for name in options.physics for arm in benches]
     common = {"benches": benches, "fixed": dict(zip(benches, fixed, strict=True))}
@@ -117,10 +107,9 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 def problem_of(bench: Bench, options: SimpleNamespace, smoothness: float) -> Problem:
     """Return the planning problem: task path of the recorded motion and the study's margin."""
-    least = np.linalg.svd(bench.chain.jacobian(bench.recorded), compute_uv=False)[:, -1].min()
-    path = bench.chain.pose(bench.recorded)
-    rate, margin = bench.trajectory.rate, options.margin * float(least)
-    return Problem(bench.chain, path, rate, margin, smoothness)
+    chain, recorded = bench.chain, bench.recorded
+    margin = options.margin * float(chain.least_singular_value(recorded).min())
+    return Problem(chain, chain.pose(recorded), bench.trajectory.rate, margin, smoothness)
 
 
 def fixed_motions(bench: Bench, options: SimpleNamespace) -> Motions:
@@ -171,10 +160,8 @@ def tables_of(
         for model, law in laws.items()
         for name, path in motions.items()
     ]
-    tables = {
-        "planning": sum_rows(sums),
-        "planning_predictions": pd.DataFrame(rows, columns=["model", "motion", "sum"]),
-    }
+    predictions = pd.DataFrame(rows, columns=["model", "motion", "sum"])
+    tables = {"planning": sum_rows(sums), "planning_predictions": predictions}
     return {name: rows.assign(arm=arm, physics=physics) for name, rows in tables.items()}
 
 
@@ -229,78 +216,76 @@ def sum_rows(sums: Motions) -> pd.DataFrame:
     """Return the table ``planning`` of one arm in one physics."""
     if MINIMUM not in sums:
         raise ConfigError("the arm cannot perform the minimum-norm motion", key="arms")
-    least = np.array(list(sums))[np.argmin(np.stack(list(sums.values()))[:, 1:], axis=0)]
+    least = np.argmin(np.stack(list(sums.values()))[:, 1:], axis=0)
     rows = []
-    for motion, values in sums.items():
+    for place, (motion, values) in enumerate(sums.items()):
         ratios = values / sums[MINIMUM]
-        ends, share = percentile_interval(ratios[1:]), float(np.mean(least == motion))
-        rows.append((motion, values[0], ratios[0], *ends, share))
-    return pd.DataFrame(rows, columns=["motion", "sum", "ratio", "low", "high", "least"])
+        low, high = percentile_interval(ratios[1:])
+        row = {"motion": motion, "sum": values[0], "ratio": ratios[0], "low": low, "high": high}
+        rows.append(row | {"least": float(np.mean(least == place))})
+    return pd.DataFrame(rows)
 
 
 def motion_label(motion: str) -> str:
     """Return the name of a motion on the page."""
-    if motion in (RECORDED, MINIMUM, BEST):
-        return f"{motion.replace('_', '-')} motion"
-    return f"plan of {motion}"
+    return f"{motion.replace('_', '-')} motion" if motion in FIXED else f"plan of {motion}"
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
-    rows = tables["planning"]
+    rows, pairs = tables["planning"], {"by": KEYS, "sort": False}
     both = compared(rows, tables["planning_predictions"]).groupby([*KEYS, "model"], sort=False)
     taus = both[["predicted", "ratio"]].apply(agreement).dropna()
-    ends = zip(rows["ratio"], rows["low"], rows["high"], strict=True)
+    texts = map(interval, rows["ratio"], rows["low"], rows["high"])
     rows = rows.assign(
-        text=[interval(*each).replace("+", "") for each in ends],
+        text=[text.replace("+", "") for text in texts],
         label=rows["motion"].map(motion_label),
-        plan=~rows["motion"].isin([RECORDED, MINIMUM, BEST]),
+        plan=~rows["motion"].isin(FIXED),
     )
-    least = rows.loc[rows.groupby(KEYS, sort=False)["ratio"].idxmin()]
-    best = rows[rows["plan"]]
-    best = best.loc[best.groupby(KEYS, sort=False)["ratio"].idxmin()]
-    shown = least.merge(best[[*KEYS, "label", "text"]], "left", KEYS, suffixes=("", " of plan"))
+    plans = rows[rows["plan"]]
+    least = rows.loc[rows.groupby(**pairs)["ratio"].idxmin()]
+    best = plans.loc[plans.groupby(**pairs)["ratio"].idxmin(), [*KEYS, "label", "text"]]
+    shown = least.merge(best, "left", KEYS, suffixes=("", " of plan"))
     shown["label"] += [f" ({share:.0%})" for share in shown["least"]]
-    cells = [*KEYS, "label", "text", "label of plan", "text of plan"]
+    cells = shown[[*KEYS, "label", "text", "label of plan", "text of plan"]].fillna(MISSING)
     header = ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"]
     sure = (least["plan"] & (least["least"] >= SURE)).sum()
-    medians = taus.groupby("model", sort=False).median()
-    medians = [f"{number(tau)} ({model})" for model, tau in medians.items()]
+    medians = taus.groupby("model", sort=False).median().map(number)
     few = " These plans do not reliably reduce the uncertainty."
     return {
         "takes": options.takes,
         "sure": sure,
         "pairs": len(least),
         "share": SURE,
-        "medians": join_names(medians or ["undefined"]),
+        "medians": join_names([f"{x} ({n})" for n, x in medians.items()] or ["undefined"]),
         "verdict": few if sure < SURE * len(least) else "",
-        "table": table(header, shown[cells].fillna(MISSING).to_numpy()),
+        "table": table(header, cells.to_numpy()),
     }
 
 
 def draw(planning: pd.DataFrame, planning_predictions: pd.DataFrame) -> Figure:
     """Draw the figure of the page."""
-    both = compared(planning, planning_predictions)
-    arms, black, grey = list(dict.fromkeys(planning["arm"])), style.BLACK, style.GREY
-    colours = (black, grey, style.GREEN, style.BLUE, style.VERMILLION, style.ORANGE, style.PURPLE)
-    motions = dict(zip(dict.fromkeys(planning["motion"]), colours, strict=False))
-    models = dict(zip(dict.fromkeys(both["model"]), "osD^vP", strict=False))
-    figure, grid = style.panels(style.TWO_COLUMNS, 3.2, columns=len(arms))
+    both, arms = compared(planning, planning_predictions), planning["arm"].unique()
+    grey, colours = style.GREY, (style.BLACK, style.GREY, style.GREEN, style.BLUE)
+    colours += (style.VERMILLION, style.ORANGE, style.PURPLE)
+    motions = dict(zip(planning["motion"].unique(), colours, strict=False))
+    models = dict(zip(both["model"].unique(), "osD^vP", strict=False))
+    figure, (row,) = style.panels(style.TWO_COLUMNS, 3.2, columns=len(arms))
     dotted = {"color": grey, "ls": ":", "lw": 0.8, "label": "prediction holds"}
-    for axes, arm in zip(grid[0], arms, strict=True):
-        for row in both[both["arm"] == arm].itertuples():
-            look = {"color": motions[row.motion], "marker": models[row.model]}
-            axes.plot([row.predicted], [row.ratio], ls="none", ms=4, alpha=0.8, **look)
+    for axes, arm in zip(row, arms, strict=True):
+        for each in both[both["arm"] == arm].itertuples():
+            look = {"color": motions[each.motion], "marker": models[each.model]}
+            axes.plot([each.predicted], [each.ratio], ls="none", ms=4, alpha=0.8, **look)
         axes.set(xscale="log", yscale="log", xlabel="predicted over minimum norm (1)", title=arm)
         axes.axline((1, 1), (2, 2), **dotted)
         for ticks in (axes.xaxis, axes.yaxis):
             ticks.set_major_formatter("{x:g}")
             ticks.set_minor_formatter("{x:g}")
         axes.tick_params(which="both", labelsize=7)
-    style.letters(grid[0])
-    grid[0, 0].set_ylabel("realised over minimum norm (1)")
+    style.letters(row)
+    row[0].set_ylabel("realised over minimum norm (1)")
     looks = {motion_label(x): {"marker": "o", "color": color} for x, color in motions.items()}
-    hollow = {"mfc": "none", "mec": black}
+    hollow = {"mfc": "none", "mec": style.BLACK}
     looks |= {f"predicted by {x}": {"marker": mark} | hollow for x, mark in models.items()}
     entries = [Line2D([], [], ls="none", label=x, **look) for x, look in looks.items()]
     figure.legend(handles=[*entries, Line2D([], [], **dotted)], loc="outside lower center", ncols=3)
