@@ -9,14 +9,7 @@ from pipeline.arm.model import Arm, arm_of
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.perception.depth_noise import errors_of, leave_one_out
-from pipeline.recordings.depth_takes import (
-    DEPTH,
-    TRACK,
-    arm_points,
-    articulate_takes,
-    bias_warning,
-    kept_takes,
-)
+from pipeline.recordings import depth_takes
 
 OUT = Path("data/articulate")
 
@@ -29,11 +22,11 @@ def run() -> None:
         if settings.dataset.depth is None:
             print("articulate: the dataset has no depth camera; nothing to do")
             return
-        takes = kept_takes()
-        angles = articulate_takes(takes, robot, o, settings.compute)
+        takes = depth_takes.kept_takes()
+        angles = depth_takes.articulate_takes(takes, robot, o, settings.compute)
         contracts.write(angles, "angles", folder)
-        errors = errors_of(angles, contracts.read("joints", TRACK))
-        if warning := bias_warning(errors):
+        errors = errors_of(angles, contracts.read("joints", depth_takes.TRACK))
+        if warning := depth_takes.bias_warning(errors):
             print(f"articulate: {warning}")
         noise = leave_one_out(errors, window=o.noise_window)
         contracts.write(noise, "kinect_noise", folder)
@@ -50,7 +43,7 @@ def _view(
     origin = arm.chain.origin
     reach = np.hypot(take["xe"] - origin[0], take["ze"] - origin[1])
     shown = take.iloc[0 if name == "initial" else int(reach.argmax())]
-    clouds = dict(zip(rows["frame"], arm_points(rows, DEPTH), strict=True))
+    clouds = dict(zip(rows["frame"], depth_takes.arm_points(rows, depth_takes.DEPTH), strict=True))
     points = clouds[int(shown["frame"])]
     nodes = np.vstack([origin, *([shown[f"x{node}"], shown[f"z{node}"]] for node in "23e")])
     cloud = pd.DataFrame({"view": name, "x": points[:, 0], "z": points[:, 1]})

@@ -45,8 +45,9 @@ Scored = tuple[dict[str, float], Tables]  # numbers, and tables of the report
 def run() -> None:
     """Compare every model with the recordings, in mean, in standard deviation and in the filter."""
     settings = config.sections("score")
+    dataset, robot = settings.dataset, settings.dataset.robot
     with contracts.replacing(OUT) as folder:
-        if settings.dataset.robot is None:
+        if robot is None:
             print("score: the dataset has no robot; only its forces are scored")
             scored = {"motion": ({}, {}), "filter": ({}, {}), "recordings": ({}, _quality())}
         else:
@@ -70,7 +71,17 @@ def run() -> None:
             contracts.write_metrics(numbers, folder / f"metrics/{stem}.json")
         for name, table in tables.items():
             contracts.write_text(table.to_csv(index=False), folder / f"tables/{name}.csv")
-        contracts.write_text(_run(settings, metrics, tables).to_json(), folder / "evidence.json")
+        own = Run(
+            dataset=dataset.name,
+            scale=settings.scale.name,
+            synthetic=truth_of(dataset).is_dir(),  # only a synthetic dataset has a truth
+            joints=robot.joints if robot else [],
+            task=members(contracts.read("trajectory", MOTION), "v") if robot else [],
+            models={name: options.kind for name, options in settings.models.items()},
+            metrics=metrics,
+            tables=tables,
+        )
+        contracts.write_text(own.to_json(), folder / "evidence.json")
 
 
 def _score_robot(settings, folder: Path) -> dict[str, Scored]:
@@ -94,17 +105,18 @@ def _score_robot(settings, folder: Path) -> dict[str, Scored]:
 def _score_motion(models: list[str], takes: Takes, settings, folder: Path) -> Scored:
     """Score mean and standard deviation over time of every model against the recordings."""
     recorded, mode = takes.training, settings.simulation.mode
-    middle = takes.poses.mean(axis=0)
     std = {"recorded": recorded_deviation(takes.poses, recorded.noise, mode)}
     outcomes, off, bias = {}, {}, {}
     for model in models:
         moments = contracts.read("moments", FIT / model)
-        estimates = json.loads((FIT / model / "fit.json").read_text())
-        own = Outcome(
-            estimates=estimates, mean=values(moments, "m"), deviation=values(moments, "s")
+        mean, std[model], bias[model] = (
+            values(moments, "m"),
+            values(moments, "s"),
+            moments["bias"],
         )
-        outcomes[model], std[model], bias[model] = own, own.deviation, moments["bias"].to_numpy()
-        off[model] = np.linalg.norm(own.mean - middle, axis=1)
+        estimates = json.loads((FIT / model / "fit.json").read_text())
+        own = outcomes[model] = Outcome(estimates=estimates, mean=mean, deviation=std[model])
+        off[model] = np.linalg.norm(mean - takes.poses.mean(axis=0), axis=1)
         if mode == "one_step":
             stream = rng.stream(settings.seed, f"score.following.{model}")
             try:
@@ -130,14 +142,11 @@ def _score_motion(models: list[str], takes: Takes, settings, folder: Path) -> Sc
 
 def _score_filters(models: list[str], takes: Takes, settings, folder: Path) -> Scored:
     """Score errors, bounds and posteriors of all filters, the training mean and a linear filter."""
-    names = takes.training.joints
+    names, posteriors = takes.training.joints, {}
     places = {model: FILTER / model for model in models}
-    places |= {closed(model): FILTER / model / FOLDER for model in models}
-    posteriors = {
-        name: contracts.read("posterior", place)
-        for name, place in places.items()
-        if contracts.exists("posterior", place)
-    }
+    for name, place in (places | {closed(n): p / FOLDER for n, p in places.items()}).items():
+        if contracts.exists("posterior", place):
+            posteriors[name] = contracts.read("posterior", place)
     if not posteriors:
         return {}, {}
     steps = next(iter(posteriors.values()))[["take", "part", "k", "t"]]
@@ -166,12 +175,11 @@ def _score_filters(models: list[str], takes: Takes, settings, folder: Path) -> S
 def _score_recordings(takes: Takes, dataset) -> Scored:
     """Score losses, repairs, depth noise and the speeds of the truth."""
     metrics, tables, recorded, rate = {}, _quality(), takes.training, dataset.motion.rate
-    chain = recorded.chain
     if contracts.exists("true_joints", truth_of(dataset)):
         _, q = contracts.stacked(contracts.read("true_joints", truth_of(dataset)), "q")
-        nominal = chain.nominal_step(q[:, :-1], recorded.v)
-        known = chain.max_speed, rate, recorded.joints
+        nominal = recorded.chain.nominal_step(q[:, :-1], recorded.v)
         steps, still = np.diff(q, axis=1), ~np.any(recorded.v, axis=-1)
+        known = recorded.chain.max_speed, rate, recorded.joints
         metrics |= speed_scores(steps, nominal, *known)
         if still.any():
             variances = steps[:, still].var(axis=0, ddof=1).mean(axis=0)
@@ -202,19 +210,3 @@ def _quality() -> Tables:
     folders = [*sorted(INGEST.iterdir()), TRACK]
     records = [contracts.read("quality", p) for p in folders if contracts.exists("quality", p)]
     return {"recording_quality": quality.summarise(pd.concat(records, ignore_index=True))}
-
-
-def _run(settings, metrics: dict[str, dict], tables: Tables) -> Run:
-    """Return every metric and every short table of the run."""
-    dataset = settings.dataset
-    robot = dataset.robot
-    return Run(
-        dataset=dataset.name,
-        scale=settings.scale.name,
-        synthetic=truth_of(dataset).is_dir(),  # only a synthetic dataset has a truth
-        joints=robot.joints if robot else [],
-        task=members(contracts.read("trajectory", MOTION), "v") if robot else [],
-        models={name: options.kind for name, options in settings.models.items()},
-        metrics=metrics,
-        tables=tables,
-    )

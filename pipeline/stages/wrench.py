@@ -13,13 +13,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
 from pipeline.core.options.dataset import Force
 from pipeline.wrench import measured_force as measuring
-from pipeline.wrench.models import (
-    configuration_bounds,
-    draw_systems,
-    matrix_model,
-    nominal_system,
-    sample_wrenches,
-)
+from pipeline.wrench import models
 from pipeline.wrench.study import averaged_sigma_s, expected_sigma_s, run_study, sigma_s_rows
 
 INGEST, OUT = Path("data/ingest/force"), Path("data/wrench")
@@ -60,9 +54,10 @@ def _configuration(
     """Return the rows of one configuration: Σ_S, and moments, densities and tests of the wrench."""
     (number, name), arrangement = trial, force.configurations[trial[1]]
     stream = rng.stream(seed, "wrench.configuration", number)
-    bounds, nominal = configuration_bounds(force, arrangement), nominal_system(force, arrangement)
+    bounds = models.configuration_bounds(force, arrangement)
+    nominal = models.nominal_system(force, arrangement)
     agents, rows = len(arrangement.direction), measuring.rows_of(nominal)
-    estimates = averaged_sigma_s(draw_systems(bounds, options.systems, agents, stream))
+    estimates = averaged_sigma_s(models.draw_systems(bounds, options.systems, agents, stream))
     expected = expected_sigma_s(bounds, agents, stream.spawn(1)[0])
     record = contracts.read("force", INGEST)
     record = record[record["configuration"] == name]
@@ -72,11 +67,10 @@ def _configuration(
             key=f"dataset.force.configurations.{name}.attachment",
         )
     measured = measuring.measured_wrenches(record, nominal, force.length)
-    diagonal = estimates["diagonal"].mean
-    modelled = sample_wrenches(matrix_model(nominal), diagonal, len(measured), stream)
-    wrenches = {"measured": measured, "modelled": modelled}
     tested = {form: estimate.mean for form, estimate in estimates.items()}
     tested["none"] = np.zeros((len(rows), len(rows)))  # the actuation without a random matrix
+    sample = (models.matrix_model(nominal), tested["diagonal"], len(measured), stream)
+    wrenches = {"measured": measured, "modelled": models.sample_wrenches(*sample)}
     tests = [
         {"configuration": name, "form": form}
         | measuring.force_test(measured, nominal, sigma_s, stream)

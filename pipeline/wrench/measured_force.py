@@ -7,6 +7,7 @@ after a table returns the rows of one ``configuration`` in the table.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -15,14 +16,7 @@ from numpy import ndarray
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Force
 from pipeline.statistics import densities
-from pipeline.wrench.models import (
-    CableSystem,
-    matrix_model,
-    nominal_system,
-    sample_wrenches,
-    wrench_covariance,
-    wrench_mean,
-)
+from pipeline.wrench import models
 
 # rows of forces and of moments in the plane and in space
 ROWS = {2: (("fx", "fy"), ("mz",)), 3: (("fx", "fy", "fz"), ("mx", "my", "mz"))}
@@ -34,13 +28,13 @@ MISSED, NEARER = 0.5, 0.5
 Wrenches = Mapping[str, ndarray]
 
 
-def rows_of(system: CableSystem) -> tuple[str, ...]:
+def rows_of(system: models.CableSystem) -> tuple[str, ...]:
     """Return the names of the n wrench rows: forces, then moments if cables have attachments."""
     forces, moments = ROWS[system.dimension]
     return forces if system.attachment is None else forces + moments
 
 
-def measured_wrenches(record: pd.DataFrame, system: CableSystem, length: float) -> ndarray:
+def measured_wrenches(record: pd.DataFrame, system: models.CableSystem, length: float) -> ndarray:
     """Return the rows (N, n) in N of ``record`` that ``system`` has; moments over ``length`` m."""
     rows = rows_of(system)
     return record[list(rows)].to_numpy() / [1.0 if row[0] == "f" else length for row in rows]
@@ -52,9 +46,9 @@ def require_own_configuration(record: pd.DataFrame, force: Force) -> None:
     """
     kappa, laws = float(np.sqrt(np.prod(force.kappa_bounds))), {}
     for name, robots in force.configurations.items():
-        system = replace(nominal_system(force, robots), attachment=None)
+        system = replace(models.nominal_system(force, robots), attachment=None)
         system = replace(system, concentration=np.full_like(system.concentration, kappa))
-        laws[name] = wrench_mean(system), wrench_covariance(system)
+        laws[name] = models.wrench_mean(system), models.wrench_covariance(system)
     for name, rows in record.groupby("configuration"):
         own = rows[["fx", "fy", "fz"][: len(laws[name][0])]].to_numpy()
         found = own.mean(axis=0), np.cov(own.T)
@@ -84,7 +78,7 @@ def force_moments(configuration: str, wrenches: Wrenches, rows: Sequence[str]) -
     for source, sample in wrenches.items():
         covariance, row = np.cov(sample, rowvar=False), {"configuration": configuration}
         row |= {"source": source} | dict(zip(rows, sample.mean(axis=0), strict=True))
-        row |= {f"var_{name}": covariance[i, i] for i, name in enumerate(rows)}
+        row |= dict(zip([f"var_{name}" for name in rows], np.diag(covariance), strict=True))
         table.append(row | {"cov": covariance[0, 1], "samples": len(sample)})
     return pd.DataFrame(table)
 
@@ -116,16 +110,16 @@ def wrench_marginals(
 ) -> pd.DataFrame:
     """Return the table ``wrench_marginals``: density of each row at ``points`` common values."""
     tables, grid = [], common_grid([*wrenches.values()], points)
-    for i, row in enumerate(rows):
-        for source, sample in wrenches.items():
-            density = densities.marginal_density(sample[:, i], grid[:, i])
-            columns = {"configuration": configuration, "source": source, "row": row}
-            tables.append(pd.DataFrame(columns | {"value": grid[:, i], "density": density}))
+    for (i, row), (source, sample) in product(enumerate(rows), wrenches.items()):
+        columns = {"configuration": configuration, "source": source, "row": row}
+        columns |= {"value": grid[:, i]}
+        density = densities.marginal_density(sample[:, i], grid[:, i])
+        tables.append(pd.DataFrame(columns | {"density": density}))
     return pd.concat(tables, ignore_index=True)
 
 
 def force_test(
-    measured: ndarray, system: CableSystem, sigma_s: ndarray, rng: np.random.Generator
+    measured: ndarray, system: models.CableSystem, sigma_s: ndarray, rng: np.random.Generator
 ) -> dict[str, float]:
     """Test whether the record ``measured`` (N, n) in N has the law of the matrix model at the
     nominal ``system`` (m,) with ``sigma_s`` (n, n).
@@ -134,10 +128,10 @@ def force_test(
     independent samples, and DRAWS times as many model samples; the effective samples N/τ, τ the
     autocorrelation time; and the share of each variance that Σ_S causes, which limits the power.
     """
-    model = matrix_model(system)
+    model = models.matrix_model(system)
     shares = 1 - np.diag(model.actuation_part()) / np.diag(model.covariance(sigma_s))
     independent = densities.thin_record(measured)
-    modelled = sample_wrenches(model, sigma_s, DRAWS * len(independent), rng)
+    modelled = models.sample_wrenches(model, sigma_s, DRAWS * len(independent), rng)
     distance, p_value = densities.energy_test(independent, modelled, rng)
     return {
         "energy_distance": distance,

@@ -15,21 +15,7 @@ from numpy.random import Generator
 
 from pipeline.core.errors import ConfigError, SolverError
 from pipeline.core.options.analysis import Wrench
-from pipeline.wrench.models import (
-    FORMS,
-    Bounds,
-    CableSystem,
-    draw_systems,
-    interpolate,
-    matrix_model,
-    mean_resultant_length,
-    optimal_sigma_s,
-    study_bounds,
-    systems_at,
-    unbounded_sigma_s,
-    wrench_covariance,
-    wrench_map,
-)
+from pipeline.wrench import models
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)
 SHARE_TOLERANCE = 1e-9  # absolute tolerance of the integral h, which lies between 0 and 1
@@ -47,15 +33,15 @@ class SigmaS(NamedTuple):
     clipped: int = 0  # number of eigenvalues that the bound Σ_S ≥ 0 sets to 0
 
 
-def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
+def averaged_sigma_s(systems: models.CableSystem) -> dict[str, SigmaS]:
     """Return the mean of the optimal Σ_S of ``systems`` (s, m) by form; raises ConfigError for
     fewer than two systems.
     """
     if (count := len(systems.tension)) < 2:
         raise ConfigError("the average of Σ_S needs at least 2 systems", systems=count)
-    unbounded, estimates = unbounded_sigma_s(systems), {}
-    for form in FORMS:
-        optimal, clipped = optimal_sigma_s(unbounded, form)
+    unbounded, estimates = models.unbounded_sigma_s(systems), {}
+    for form in models.FORMS:
+        optimal, clipped = models.optimal_sigma_s(unbounded, form)
         deviation = optimal.std(axis=0, ddof=1)
         moments = optimal.mean(axis=0), deviation / np.sqrt(count), deviation
         estimates[form] = SigmaS(*moments, count, int(clipped.sum()))
@@ -64,21 +50,22 @@ def averaged_sigma_s(systems: CableSystem) -> dict[str, SigmaS]:
 
 def _uniform_mean(function: Callable, bounds: Sequence[float]) -> ndarray:
     """Return E[f(X)], X uniform within ``bounds``, by Gauss–Legendre quadrature (last axis)."""
-    return function(interpolate(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
+    return function(models.interpolate(bounds, (NODES + 1) / 2)) @ WEIGHTS / 2
 
 
-def _at_attachments(matrix: ndarray, bounds: Bounds) -> ndarray:
+def _at_attachments(matrix: ndarray, bounds: models.Bounds) -> ndarray:
     """Return E[GXGᵀ] (n, n) for X = ``matrix`` (p, p); G is affine in the attachment."""
     if bounds.attachment is None:
         return matrix
     low, high = bounds.attachment
-    g = wrench_map(np.full(bounds.dimension, (low + high) / 2))
-    slopes = wrench_map(np.eye(bounds.dimension)) - wrench_map(np.zeros(bounds.dimension))
+    g = models.wrench_map(np.full(bounds.dimension, (low + high) / 2))
+    still = models.wrench_map(np.zeros(bounds.dimension))
+    slopes = models.wrench_map(np.eye(bounds.dimension)) - still
     variance = np.einsum("kip,pq,kjq->ij", slopes, matrix, slopes) * (high - low) ** 2 / 12
     return g @ matrix @ g.T + variance
 
 
-def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> ndarray:
+def expected_unbounded_sigma_s(bounds: models.Bounds, agents: int) -> ndarray:
     """Return E[M] (n, n), M the unbounded Σ_S of ``agents`` cables with values in ``bounds``.
 
     M = Σᵢ(T̲ᵢ²Uᵢ + σ_Tᵢ²Vᵢ)/D, D = Σᵢ(T̲ᵢ² + σ_Tᵢ²), V = G{(A/κ)(I − p·e̲e̲ᵀ)}Gᵀ and U = V +
@@ -89,8 +76,9 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> ndarray:
     from scipy.integrate import quad
 
     p = bounds.dimension
-    squared_length = _uniform_mean(lambda k: mean_resultant_length(k, p) ** 2, bounds.concentration)
-    ratio = _uniform_mean(lambda k: mean_resultant_length(k, p) / k, bounds.concentration)
+    length, kappa = partial(models.mean_resultant_length, dimension=p), bounds.concentration
+    squared_length = _uniform_mean(lambda k: length(k) ** 2, kappa)
+    ratio = _uniform_mean(lambda k: length(k) / k, kappa)
     nodes = bounds.directions(*np.meshgrid(*[(NODES + 1) / 2] * (p - 1))).reshape(-1, p)
     weights = np.prod(np.meshgrid(*[WEIGHTS / 2] * (p - 1)), axis=0).ravel()
     along = np.einsum("k,ki,kj->ij", weights, nodes, nodes)  # E[e̲e̲ᵀ]
@@ -114,7 +102,7 @@ def expected_unbounded_sigma_s(bounds: Bounds, agents: int) -> ndarray:
     return u * share + v * (1 - share)
 
 
-def expected_sigma_s(bounds: Bounds, agents: int, rng: Generator) -> dict[str, SigmaS]:
+def expected_sigma_s(bounds: models.Bounds, agents: int, rng: Generator) -> dict[str, SigmaS]:
     """Return E[Σ_S] by form for ``agents`` cables with values uniform within ``bounds``: E[M] by
     quadrature plus the small E[Σ_S − M] by scrambled Sobol sequences.
     """
@@ -122,13 +110,13 @@ def expected_sigma_s(bounds: Bounds, agents: int, rng: Generator) -> dict[str, S
 
     exact = expected_unbounded_sigma_s(bounds, agents)
     masks = {"diagonal": np.eye(len(exact)), "full": np.ones_like(exact)}
-    parts, by_form = {form: [] for form in FORMS}, {}
+    parts, by_form = {form: [] for form in models.FORMS}, {}
     for scramble in rng.spawn(SCRAMBLES):
         points = qmc.Sobol(bounds.coordinates * agents, rng=scramble).random_base2(LOG2_POINTS)
         shares = points.reshape(len(points), bounds.coordinates, agents)
-        unbounded = unbounded_sigma_s(systems_at(bounds, np.moveaxis(shares, 1, 0)))
+        unbounded = models.unbounded_sigma_s(models.systems_at(bounds, np.moveaxis(shares, 1, 0)))
         for form, mask in masks.items():
-            sigma_s, _ = optimal_sigma_s(unbounded, form)
+            sigma_s, _ = models.optimal_sigma_s(unbounded, form)
             correction = np.mean(sigma_s - unbounded * mask, axis=0)
             parts[form].append((correction, np.mean(sigma_s**2, axis=0)))
     for form, mask in masks.items():
@@ -191,12 +179,12 @@ def run_study(
 
 def _repeat(options: Wrench, trial: tuple[int, Generator]) -> tuple[list, list, list]:
     """Return the rows of the three tables of one ``trial`` (number of the repeat, stream)."""
-    (repeat, rng), tests, bounds = trial, options.test_systems, study_bounds(options)
+    (repeat, rng), tests, bounds = trial, options.test_systems, models.study_bounds(options)
     sigma_rows, errors, maxima = [], [], []
     for m, m_rng in zip(options.agents, rng.spawn(len(options.agents)), strict=True):
-        estimates = averaged_sigma_s(draw_systems(bounds, options.systems, m, m_rng))
-        fresh = draw_systems(bounds, tests, m, m_rng)
-        model, covariance = matrix_model(fresh), wrench_covariance(fresh)
+        estimates = averaged_sigma_s(models.draw_systems(bounds, options.systems, m, m_rng))
+        fresh = models.draw_systems(bounds, tests, m, m_rng)
+        model, covariance = models.matrix_model(fresh), models.wrench_covariance(fresh)
         error = variance_errors(model.covariance(estimates["diagonal"].mean), covariance)
         row = {"agents": m, "repeat": repeat, "mean": error.mean(), "maximum": error.max()}
         maxima.append(pd.DataFrame([row]))

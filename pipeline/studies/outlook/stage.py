@@ -23,13 +23,7 @@ from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
 from pipeline.studies.frame import Tables, concatenate, interval, number
 from pipeline.verdicts.wording import table
-from pipeline.wrench.models import (
-    Bounds,
-    draw_systems,
-    matrix_model,
-    study_bounds,
-    wrench_covariance,
-)
+from pipeline.wrench import models as cables
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
 LEGS = 6
@@ -46,7 +40,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; raises ConfigError for an impossible robot or motion."""
     motion, study = motion_of(options), settings.wrench
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
-    towed = replace(study_bounds(study), **ranges), options.agents
+    towed = replace(cables.study_bounds(study), **ranges), options.agents
     sizes = study.systems, study.test_systems
     streams = [rng.stream(settings.seed, "outlook.towing", n) for n in range(study.repeats)]
     parts = [error_rows(*towed, sizes, each).assign(repeat=n) for n, each in enumerate(streams)]
@@ -178,22 +172,21 @@ def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.D
     return concatenate(map(pd.DataFrame, parts))
 
 
-def lever(bounds: Bounds) -> float:
+def lever(bounds: cables.Bounds) -> float:
     """Return the root mean square distance in m of an attachment from the load's origin."""
     low, high = bounds.attachment
     return float(np.sqrt(bounds.dimension * (low**2 + low * high + high**2) / 3))
 
 
 def error_rows(
-    bounds: Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
+    bounds: cables.Bounds, agents: Sequence[int], sizes: tuple[int, int], rng: np.random.Generator
 ) -> pd.DataFrame:
     """Return rows of ``towing``: Σ_S over ``sizes[0]`` systems, tested on ``sizes[1]`` others."""
     rows = []
     for m, stream in zip(agents, rng.spawn(len(agents)), strict=True):
-        drawn, fresh = (
-            draw_systems(bounds, size, m, stream).in_units_of(lever(bounds)) for size in sizes
-        )
-        model, due = matrix_model(fresh), wrench_covariance(fresh)
+        both = (cables.draw_systems(bounds, size, m, stream) for size in sizes)
+        drawn, fresh = (systems.in_units_of(lever(bounds)) for systems in both)
+        model, due = cables.matrix_model(fresh), cables.wrench_covariance(fresh)
         estimates = averaged_sigma_s(drawn)
         for part, block in PARTS.items():
             parametric, row = due[:, block, block], {"part": part, "agents": m}

@@ -17,15 +17,7 @@ from pipeline.evidence import outcomes
 from pipeline.evidence.case import Choices, Recordings, recorded_takes
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Tables, trials
-from pipeline.studies.robustness.grid import (
-    BASE,
-    CHANCE,
-    cameras,
-    conditions,
-    decision_cases,
-    verdicts,
-    without_camera,
-)
+from pipeline.studies.robustness import grid
 from pipeline.studies.simulated import FACTORS, Laboratory
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
@@ -57,8 +49,8 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     else:
         parts += laboratory_verdicts(settings, options, claims)
     rows = pd.concat(
-        cases.drop_duplicates("claim").assign(grid=grid, factor=factor, level=level)
-        for grid, factor, level, cases in parts
+        cases.drop_duplicates("claim").assign(grid=part, factor=factor, level=level)
+        for part, factor, level, cases in parts
     )
     rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
     keys, counts = ["grid", "factor", "level", "claim", "about"], ["holds", "fails"]
@@ -75,17 +67,17 @@ def decision_verdicts(
     takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
     arm = ArmNames(tuple(joints), tuple(chain.task))
-    cases = decision_cases(base, chain.task, joints, options.others)
+    cases = grid.decision_cases(base, chain.task, joints, options.others)
     seen = {}
     if contracts.exists("angles", ARTICULATE):
         quality = contracts.read("quality", TRACK)
         offsets = quality[quality["quantity"] == "clock_offset"].set_index("take")["value"]
         angles, q = contracts.read("angles", ARTICULATE), contracts.read("joints", TRACK)
         periods = (1 / dataset.depth.rate, 1 / dataset.motion.rate)
-        seen = cameras(angles, q, offsets, periods, settings.articulation.noise_window)
+        seen = grid.cameras(angles, q, offsets, periods, settings.articulation.noise_window)
     else:
         print("robustness: no depth camera; decisions on camera and filter are not varied")
-        cases = [named for named in cases if without_camera(named[2], base)]
+        cases = [named for named in cases if grid.without_camera(named[2], base)]
     sizes = (dataset.motion.rate, options.filtered, settings.simulation.realizations)
     recordings = Recordings(takes, seen, *sizes, settings.seed)
     run = partial(run_trials, compute=settings.compute, label="robustness: decisions")
@@ -105,10 +97,10 @@ def laboratory_verdicts(
     common = {"laboratory": laboratory, "claims": claims, "options": options}
     common |= {"case": replace(Choices.of_run(settings), closed=True), "wrench": settings.wrench}
     varied = {"trajectory": list(options.trajectories)} | options.factors
-    grid = conditions(varied, options.seeds, "motion", options.combined)
-    grid += conditions(options.wrench, options.seeds, "wrench")
-    results = trials(settings, "robustness: conditions", verdicts, grid, **common)
-    for condition, rows in zip(grid, results, strict=True):
+    every = grid.conditions(varied, options.seeds, "motion", options.combined)
+    every += grid.conditions(options.wrench, options.seeds, "wrench")
+    results = trials(settings, "robustness: conditions", grid.verdicts, every, **common)
+    for condition, rows in zip(every, results, strict=True):
         factor = ", ".join(name for name, _ in condition.levels)
         level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
         yield condition.study, factor, level, rows
@@ -123,12 +115,12 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
     decisions = robustness["grid"] == "decisions"
     rows = robustness.assign(verdict=[words[pair] for pair in some])
     rows = rows.assign(part=rows["grid"].where(decisions, "laboratory"))
-    first = rows.loc[rows["factor"] == BASE, ["grid", "claim", "verdict"]]
+    first = rows.loc[rows["factor"] == grid.BASE, ["grid", "claim", "verdict"]]
     rows = rows.merge(first, on=["grid", "claim"], how="left", suffixes=("", "_of_base"))
     rows = rows.rename(columns={"verdict_of_base": "base"})
-    base = rows["factor"] == BASE
+    base = rows["factor"] == grid.BASE
     rows["changed"] = (rows["verdict"] != rows["base"]).where(~base, rows["verdict"] == BOTH)
-    lucky = rows[base & (rows["part"] == "laboratory")].assign(factor=CHANCE)
+    lucky = rows[base & (rows["part"] == "laboratory")].assign(factor=grid.CHANCE)
     keys = ["part", "grid", "claim", "about", "base", "factor"]
     varied = pd.concat([rows[~base], lucky])
     return varied.groupby(keys, sort=False)["changed"].any().reset_index()
@@ -137,11 +129,12 @@ def changes(robustness: pd.DataFrame) -> pd.DataFrame:
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     changed = changes(tables["robustness"])
-    part, claims = changed["part"].where(changed["factor"] != CHANCE, CHANCE), changed["claim"]
-    flipped = {name: changed[changed["changed"] & (part == name)] for name in (*PARTS, CHANCE)}
+    claims = changed["claim"]
+    part = changed["part"].where(changed["factor"] != grid.CHANCE, grid.CHANCE)
+    flipped = {name: changed[changed["changed"] & (part == name)] for name in (*PARTS, grid.CHANCE)}
     counts = {name: len(rows["claim"].unique()) for name, rows in flipped.items()}
     most = flipped["decisions"].groupby("factor")["claim"].nunique().sort_values(ascending=False)
-    lucky, unsteady = set(flipped[CHANCE]["claim"]), set(claims[changed["changed"]])
+    lucky, unsteady = set(flipped[grid.CHANCE]["claim"]), set(claims[changed["changed"]])
     steady, cells = [claim for claim in claims.unique() if claim not in unsteady], []
     for claim, rows in changed[claims.isin(unsteady)].groupby("claim", sort=False):
         varied = (rows.loc[part[rows.index] == name, "changed"] for name in PARTS)
@@ -153,7 +146,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "steady": len(steady),
         "decisions": counts["decisions"],
         "physical": counts["laboratory"],
-        "lucky": counts[CHANCE],
+        "lucky": counts[grid.CHANCE],
         "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
         "filtered": options.filtered,
         "seeds": len(options.seeds),
@@ -183,13 +176,13 @@ def draw(robustness: pd.DataFrame) -> Figure:
     claims = changed.drop_duplicates("claim").set_index("claim")["about"]
     columns = {part: ["base case", *rows["factor"].unique()] for part, rows in parts.items()}
     size = {"columns": len(parts), "sharey": True, "width_ratios": [*map(len, columns.values())]}
-    figure, grid = style.panels(style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size)
+    figure, (panels,) = style.panels(style.TWO_COLUMNS, 1.9 + 0.135 * len(claims), **size)
     place = {claim: y for y, claim in enumerate(claims.index)}
-    for axes, (part, names) in zip(grid[0], columns.items(), strict=True):
+    for axes, (part, names) in zip(panels, columns.items(), strict=True):
         for row in parts[part].drop_duplicates("claim").itertuples():
             axes.plot([0], [place[row.claim]], ls="none", ms=4.2, **bases[row.base])
         for row in parts[part].itertuples():
-            look = (luck if row.factor == CHANCE else other) if row.changed else same
+            look = (luck if row.factor == grid.CHANCE else other) if row.changed else same
             axes.plot([names.index(row.factor)], [place[row.claim]], **look)
         labels = [NAMES.get(name, name.replace("_", " ")) for name in names]
         axes.set_xticks(range(len(names)), labels, rotation=90)
@@ -197,7 +190,7 @@ def draw(robustness: pd.DataFrame) -> Figure:
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
     labels = [name.replace("-", " ") + " *" * (about != "method") for name, about in claims.items()]
-    grid[0, 0].set_yticks(range(len(claims)), labels, fontsize=7)
+    panels[0].set_yticks(range(len(claims)), labels, fontsize=7)
     looks = {name: {"ls": "none"} | look for name, look in (bases | squares).items()}
     entries = [Line2D([], [], label=name, **look) for name, look in looks.items()]
     figure.legend(handles=entries, loc="outside lower center", ncols=7, columnspacing=1.0)
