@@ -11,10 +11,9 @@ from pipeline.core.validation import validated
 from pipeline.recordings.inventory import other_files
 from pipeline.verdicts import paper
 from pipeline.verdicts import report_page as pages
-from pipeline.verdicts.claims import ClaimsFile, parse_claims, require_known
-from pipeline.verdicts.decision import decide_each, verdict_table
+from pipeline.verdicts.claims import CLAIMS, ClaimsFile, parse_claims, require_known
+from pipeline.verdicts.decision import decide_each, reading_verdicts, verdict_table
 from pipeline.verdicts.model_card import model_card
-from pipeline.verdicts.readings import CLAIMS, reading_verdicts
 from pipeline.verdicts.run import read_runs
 
 REPORTS, README = Path("reports"), Path("README.md")

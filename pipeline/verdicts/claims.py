@@ -4,21 +4,29 @@ from collections.abc import Sequence
 from dataclasses import field
 from difflib import get_close_matches
 from itertools import product
-from typing import Literal
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from pipeline.core.errors import ConfigError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import options
-from pipeline.evidence.table import known_values
+from pipeline.evidence.table import KEYS, known_values
 from pipeline.verdicts.rules import RULES
-from pipeline.verdicts.run import Number, Reference, parse_entries
+from pipeline.verdicts.run import ArmNames, Number, Reference, filled, parse_entries
 
+CLAIMS = Path("pipeline/verdicts/claims.yaml")
 CONSTRUCTION, LEVEL = "construction", "level"  # values of Claim.by
 NONE = "none"  # value of Claim.recording for a claim that needs no recording
 PAPER, PROJECT = "paper", "project"
 COMPARED = ("value", "than", "difference", "low", "high", "threshold", "power", "control")
 REFERENCES = ("value", "than", "difference", "threshold", "power", "control")
 STATED = (*REFERENCES, "published", "limit", "tolerance", "margin", "standard_error")
+OPTIONAL = {"limit", "margin", "tolerance", "threshold", "power"}  # keys of some rules alone
+YARDSTICK = "yardstick"  # need of a rule: ``published`` or ``limit``
 EVERY = "every"  # value of ``each`` for all joints of a dataset's arm
+Values = Annotated[list, Field(min_length=1)]  # of a name in ``each``
 ENDS = {"low", "high"}  # of the difference, else of the value
 ORDERS = ("less", "greater")  # rules that need an interval of the difference
 
@@ -63,7 +71,9 @@ class Claim:
     by: Literal["", CONSTRUCTION, LEVEL] = ""
     because: str = ""
     unit: str = ""
-    each: dict[str, list | Literal["every"]] = field(default_factory=dict)
+    each: dict[str, Annotated[list, Field(min_length=1)] | Literal["every"]] = field(
+        default_factory=dict
+    )
     published: Number | list[Number] | None = None
     parameter: str = ""
     tolerance: Number | None = None
@@ -79,41 +89,45 @@ class Claim:
     why: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name, values in self.each.items():
-            if not (values and isinstance(values, list)) and (name, values) != ("joint", EVERY):
-                message = f"must map names to lists of values, or joint to {EVERY}"
-                raise ConfigError(message, key="each")
+        if {name for name, values in self.each.items() if values == EVERY} - {"joint"}:
+            raise ConfigError(f"{EVERY} is possible for joint alone; list the values", key="each")
         cases = 1 if EVERY in self.each.values() else len(self.cases())
         if isinstance(self.published, list) and len(self.published) not in (1, cases):
             message = f"must be one number, or one for each of the {cases} cases"
             raise ConfigError(message, key="published")
-        needs, rule = set(RULES[self.rule].needs), f"the rule {self.rule}"
-        stated = {key for key in STATED if getattr(self, key) is not None}
-        yardstick = {"published", "limit"} if "yardstick" in needs else set()
-        if yardstick and len(stated & yardstick) != 1:
-            message = f"{rule} needs either a published value or a limit, not both"
-            raise ConfigError(message, key="limit")
+        needs = RULES[self.rule].needs - ENDS
         if self.rule in ORDERS and self.by != CONSTRUCTION:
             needs |= {"difference", "margin"}
-        needs -= ENDS
-        for key in sorted(
-            {"limit", "margin", "tolerance", "threshold", "power"} - needs - yardstick
-        ):
-            if key in stated:
-                raise ConfigError(f"{rule} does not use this key; remove it", key=key)
-        if missing := sorted(needs - stated - {"yardstick"}):
-            raise ConfigError(f"{rule} needs this key; add it", key=missing[0])
-        self.references()
+        stated = {key for key in STATED if getattr(self, key) is not None}
+        if YARDSTICK in needs:
+            needs = needs - {YARDSTICK} | {"published", "limit"} & stated
+            if len({"published", "limit"} & stated) != 1:
+                message = "needs either a published value or a limit, not both"
+                raise ConfigError(f"the rule {self.rule} {message}", key="limit")
+        unused, missing = sorted(stated & OPTIONAL - needs), sorted(needs - stated)
+        if wrong := unused or missing:
+            what = "does not use this key; remove it" if unused else "needs this key; add it"
+            raise ConfigError(f"the rule {self.rule} {what}", key=wrong[0])
+        known = dict.fromkeys([*self.each, "joint 1", "joint 2", "joint 3"], "")
+        for reference, key in product(self.references, KEYS):
+            if "{" in (text := filled(getattr(reference, key), known)):
+                message = f"unknown placeholder; the claim has {', '.join(self.each) or 'none'}"
+                raise ConfigError(message, key=text)
 
-    def cases(self, joints: Sequence[str] = ("{joint}",)) -> list[dict]:
-        """Return every combination of the values of ``each`` for an arm with these ``joints``."""
-        values = [joints if listed == EVERY else listed for listed in self.each.values()]
+    def cases(self, arm: ArmNames = ArmNames(("{joint}",), ())) -> list[dict]:  # noqa: B008
+        """Return every combination of the values of ``each`` for an ``arm``."""
+        values = [
+            arm.joints
+            if listed == EVERY
+            else [filled(x, arm.numbered) if isinstance(x, str) else x for x in listed]
+            for listed in self.each.values()
+        ]
         return [dict(zip(self.each, each, strict=True)) for each in product(*values)]
 
     @property
     def numbers_joints(self) -> bool:
         """True if the claim numbers joints or is about the paper's own arm."""
-        return self.about == "specimen" or any(ref.numbers_joints for ref in self.references())
+        return self.about == "specimen" or "{joint " in f"{self.each} {self.references}"
 
     @property
     def standard_errors(self) -> list[Reference]:
@@ -122,18 +136,10 @@ class Claim:
         return stated if isinstance(stated, list) else [stated]
 
     @property
-    def test(self) -> str:
-        """Words of the rule with the claim's numbers."""
-        yardstick = "the published value" if self.limit is None else f"{self.limit:g}"
-        numbers = {"tolerance": self.tolerance, "limit": self.limit, "yardstick": yardstick}
-        numbers["margin"] = self.margin
-        return RULES[self.rule].words.format(**numbers)
-
-    def references(self, joints: Sequence[str] = ("{joint}",)) -> list[Reference]:
-        """Return every reference of every case for an arm with these ``joints``."""
+    def references(self) -> list[Reference]:
+        """Every reference, with placeholders for the values of a case."""
         named = [getattr(self, key) for key in REFERENCES if getattr(self, key) is not None]
-        named += [*self.standard_errors, *([self.unless.value] if self.unless else [])]
-        return [reference.in_case(case) for case in self.cases(joints) for reference in named]
+        return [*named, *self.standard_errors, *([self.unless.value] if self.unless else [])]
 
 
 @options(frozen=True)
@@ -153,12 +159,18 @@ def require_known(claims: Sequence[Claim]) -> Sequence[Claim]:
     """Return ``claims``; raises ConfigError with claim and key for a model, an estimator, an entry
     or steps that no row of the evidence can have: it would be a claim without evidence.
     """
-    known = known_values()
+    known = known_values().items()
     for claim in claims:
-        for reference, (key, values) in product(claim.references(), known.items()):
-            stated = getattr(reference, key)
+        for case, reference, (key, values) in product(claim.cases(), claim.references, known):
+            stated = filled(getattr(reference, key), case)
             if stated and "{" not in stated and stated not in values:
                 near = get_close_matches(stated, values, n=1) or [", ".join(values)]
                 message = f"no evidence can have the {key} {stated!r}; did you mean {near[0]}?"
                 raise ConfigError(message, claim=claim.id, key=key)
     return claims
+
+
+def read_claims(*conclusions: Path) -> tuple[Claim, ...]:
+    """Return the paper's claims, then the claims of the files ``conclusions``."""
+    entries = [read_yaml(file).get("claims") for file in (CLAIMS, *conclusions)]
+    return tuple(claim for own in entries for claim in require_known(parse_claims(own)))

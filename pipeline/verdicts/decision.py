@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pandas as pd
 
+from pipeline.evidence.table import depends_on
 from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, ORDERS, PAPER, Claim
 from pipeline.verdicts.rules import RULES, decide_cases
@@ -22,6 +23,10 @@ NO_EVIDENCE = "no evidence in this dataset"
 FORCED = "forced by construction"
 NO_RECORDING = "decided without a recording"
 WITHOUT_RECORDING = "no recording"  # heading of the column of claims that need no recording
+
+HOLDS, FAILS, UNKNOWN = ("holds", "fails", "no evidence")  # verdicts under a reading
+READ = {REPRODUCED: HOLDS, NOT_REPRODUCED: FAILS}
+COLUMNS = ["claim", "about", "case", "value", "than", "low", "high", "holds", "verdict"]
 
 LEAST_RANGE = 0.01  # share of the greatest commanded range below which a joint is at rest
 
@@ -91,43 +96,41 @@ def moving_joints(evidence: pd.DataFrame, joints: Sequence[str]) -> tuple[str, .
     all joints without evidence on the ranges.
     """
     ranges = evidence[evidence["quantity"] == "commanded_range"].set_index("joint")["value"]
-    still = ranges.index[ranges < LEAST_RANGE * ranges.max()] if len(ranges) else ()
+    still = {*ranges.index[ranges < LEAST_RANGE * ranges.max()]}
     return tuple(joint for joint in joints if joint not in still)
 
 
 def _decide_claim(
     claim: Claim, evidence: IndexedEvidence, recordings: Recordings, arm: ArmNames
 ) -> Verdict:
-    if claim.numbers_joints and not arm.numbered:
+    rule, cases, names = RULES[claim.rule], claim.cases(arm), arm.numbered
+    if claim.numbers_joints and not names:
         evidence = {}
-    rule, named = RULES[claim.rule], claim.cases(arm.joints)
-    r = _rule_table(claim, named, evidence, arm)
+    r = _rule_table(claim, [case | names for case in cases], evidence)
     keys = sorted({"value"} | (rule.needs & {*COMPARED, "standard_error"}))
     there = r[keys].notna().all(axis=1)
     # the rule ``decreasing`` compares the cases with each other and needs all cases
     known = there & (there.all() or claim.rule != "decreasing")
-    void = False
     if (unless := claim.unless) is not None:
-        share = unless.value.look_up(evidence, arm)
-        void = share is None or share > unless.limit  # a guard without a number is no evidence
-    known = known & (not void)
+        share = unless.value.look_up(evidence, names)
+        # a guard without a number is no evidence
+        known = known & (share is not None and share <= unless.limit)
     holds = decide_cases(rule, r, known) if known.any() else [None] * len(known)
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
     half = quantile * r.standard_error
     r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
-    plain = [
-        [float(x) if np.isfinite(x) else None for x in row]
-        for row in r[[*COMPARED, "published", "distance"]].to_numpy(dtype=float)
-    ]
-    names = [
-        ", ".join(arm.named(v) if isinstance(v, str) else f"{k} {v}" for k, v in case.items())
-        for case in named
-    ]
-    rows = zip(names, plain, holds, strict=True)
-    cases = tuple(Case(name, *row, held) for name, row, held in rows)
+    rows = r[[*COMPARED, "published", "distance"]].to_numpy(dtype=float)
+    decided = tuple(
+        Case(
+            ", ".join(v if isinstance(v, str) else f"{k} {v}" for k, v in case.items()),
+            *(float(x) if np.isfinite(x) else None for x in row),
+            held,
+        )
+        for case, row, held in zip(cases, rows, holds, strict=True)
+    )
     evident = len(known) > 0 and known.all()
-    return Verdict(claim, _verdict_word(claim, recordings, evident, holds), cases)
+    return Verdict(claim, _verdict_word(claim, recordings, evident, holds), decided)
 
 
 def _verdict_word(
@@ -136,37 +139,30 @@ def _verdict_word(
     """Return the verdict; one case that fails, corrected over all cases, refutes the claim."""
     if (claim.recording == NONE) != (recordings == "none") and recordings != "paper":
         return NO_RECORDING
-    if not evident:
-        return NO_EVIDENCE
-    if claim.by == CONSTRUCTION:
+    if evident and claim.by == CONSTRUCTION:
         return FORCED
-    if claim.about == "specimen" and recordings == "real":
-        return NO_EVIDENCE
-    if False not in holds and None in holds:
+    foreign = claim.about == "specimen" and recordings == "real"
+    if not evident or foreign or (False not in holds and None in holds):
         return NO_EVIDENCE
     if claim.about != "method" and recordings == "synthetic":
         return SYNTHETIC_FAILS if False in holds else SYNTHETIC_PASSES
     return NOT_REPRODUCED if False in holds else REPRODUCED
 
 
-def _rule_table(
-    claim: Claim, cases: list[dict], evidence: IndexedEvidence, arm: ArmNames
-) -> pd.DataFrame:
+def _rule_table(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> pd.DataFrame:
     """Return the table of a rule (:mod:`pipeline.verdicts.rules`) with a row for each case."""
 
     def numbers(reference: Reference | None) -> np.ndarray:
-        values = [reference and reference.in_case(case).look_up(evidence, arm) for case in cases]
+        values = [reference and reference.look_up(evidence, case) for case in cases]
         return np.array(values, dtype=float)
 
-    errors = [numbers(part) for part in claim.standard_errors or [None]]
     ends = claim.difference or claim.value
     plain = ends.column == "value"  # an end of an interval has no interval
-    named = {key: getattr(claim, key, None) for key in COMPARED}
-    named |= {end: replace(ends, column=end) if plain else None for end in sorted(ENDS)}
+    parts = {n: replace(ends, column=n) if plain else None for n in (*ENDS, "standard_error")}
+    named = {key: getattr(claim, key, parts.get(key)) for key in COMPARED}
     r = pd.DataFrame({key: numbers(reference) for key, reference in named.items()})
+    errors = [numbers(part) for part in claim.standard_errors or [parts["standard_error"]]]
     r["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
-    if not claim.standard_errors:
-        r["standard_error"] = numbers(replace(ends, column="standard_error") if plain else None)
     if claim.difference is None:  # of other rules, ``than`` is a number of the rule
         r["difference"] = r.value - r.than if claim.rule in ORDERS else np.nan
         r["difference"] = r.value if claim.rule == "equivalent" else r.difference
@@ -202,3 +198,38 @@ def verdict_table(decided: Sequence[Decided]) -> pd.DataFrame:
             if verdict != NO_RECORDING:
                 rows += [place | case._asdict() for case in cases] or [place]
     return pd.DataFrame(rows, columns=["claim", "dataset", "verdict", *Case._fields])
+
+
+def claim_verdicts(claims: Sequence[Claim], evidence: pd.DataFrame, arm: ArmNames) -> pd.DataFrame:
+    """Tabulate every case of ``claims``: values that the rule compares, ``holds`` of the case, and
+    the ``verdict`` on the claim by :func:`decide`. A claim that the construction forces has none.
+    """
+    rows, words = [], {None: UNKNOWN, True: HOLDS, False: FAILS}
+    for claim, verdict, cases in decide(claims, evidence, "paper", arm):
+        place = {"claim": claim.id, "about": claim.about, "verdict": READ.get(verdict, UNKNOWN)}
+        rows += [case._asdict() | place | {"holds": words[case.holds]} for case in cases]
+    rows = pd.DataFrame(rows, columns=COLUMNS)
+    return rows.astype(dict.fromkeys(["value", "than", "low", "high"], float))
+
+
+def reading_verdicts(claims: Sequence[Claim], run: Run) -> pd.DataFrame:
+    """Return a row for each reading of ``run``, its own first, and each claim with a verdict under
+    any reading. Another reading replaces the evidence that depends on the Wishart model.
+    """
+    refused = run.tables["reading_refusals"].astype(object).fillna("")
+    refused = refused.set_index("reading")["refused"]
+    table, stays = run.tables["readings"], run.evidence[~depends_on(run.evidence, "wishart")]
+    decided = {}
+    for name in refused.index:
+        rows = table.loc[table["reading"] == name, [*stays]]
+        evidence = pd.concat([stays, rows], ignore_index=True) if decided else run.evidence
+        decided[name] = decide(claims, evidence, "paper", run.arm)
+    rows = []
+    for verdicts in zip(*decided.values(), strict=True):
+        words = [READ.get(each.verdict, UNKNOWN) for each in verdicts]
+        for name, each, holds in zip(decided, verdicts, words, strict=True):
+            value = "; ".join(case_text(case) for case in each.cases if case.holds is not None)
+            reason = refused[name] if holds == UNKNOWN else ""
+            if {*words} != {UNKNOWN}:
+                rows.append((each.claim.id, name, holds, value, reason))
+    return pd.DataFrame(rows, columns=["claim", "reading", "holds", "value", "refused"])

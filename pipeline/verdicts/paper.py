@@ -19,7 +19,7 @@ from pydantic import Field
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
-from pipeline.verdicts.run import Files, Place, Run, TestName, parse_entries
+from pipeline.verdicts.run import Reference, Run, TestName, filled, index_evidence, parse_entries
 from pipeline.verdicts.wording import number, render
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
@@ -141,10 +141,19 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
 
 
 @options(frozen=True)
+class Metric:
+    """Place of a metric of a run or a claim; ``{joint 2}`` in its key is as in a reference."""
+
+    file: str
+    key: str
+
+
+@options(frozen=True)
 class Erratum:
     """One erratum: ``place`` and content of the ``paper``, the ``fact``, the remedy ``done`` here,
-    and ``tests``. ``{name}`` in the prose stands for a number in ``values``: a number of the run,
-    or of a claim in the files claims/published, value, distance, std, speed, walk and level.
+    and ``tests``. ``{name}`` in the prose stands for a number: of the table ``evidence``, or among
+    the ``values`` a metric of the run or a number of a claim: claims/published, value, distance,
+    std, speed, walk and level.
     """
 
     id: str
@@ -154,19 +163,18 @@ class Erratum:
     fact: str
     done: str
     tests: list[TestName] = Field(min_length=1)
-    values: dict[str, Place] = field(default_factory=dict)
+    values: dict[str, Metric] = field(default_factory=dict)
+    evidence: dict[str, Reference] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        try:
-            self.prose(dict.fromkeys(self.values, ""))
-        except (KeyError, IndexError, ValueError):
+        if "{" in "".join(self.prose(dict.fromkeys([*self.values, *self.evidence], ""))):
             message = "the prose has a placeholder that is not among the values; add it"
-            raise ConfigError(message, key="values") from None
+            raise ConfigError(message, key="values")
 
-    def prose(self, numbers: dict[str, str]) -> list[str]:
+    def prose(self, numbers: Mapping[str, str]) -> list[str]:
         """Return the texts ``paper``, ``fact`` and ``done`` with ``numbers`` by name."""
         texts = (self.paper, self.fact, self.done)
-        return [" ".join(text.format(**numbers).split()) for text in texts]
+        return [" ".join(filled(text, numbers).split()) for text in texts]
 
 
 def parse_errata(entries: object) -> list[Erratum]:
@@ -176,32 +184,41 @@ def parse_errata(entries: object) -> list[Erratum]:
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
     """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets."""
-    claimed, texts = _claim_numbers(decided), []
-    published = claimed["claims/published"]
-    levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
-    evidence = {**run.files, **claimed, "claims/level": levels}
+    rows, names, texts = index_evidence(run.evidence), run.arm.numbered, []
+    metrics = {f"metrics/{stem}": values for stem, values in run.metrics.items()}
+    metrics |= _claim_numbers(decided, run.metrics.get("fit_gaussian", {}))
+    if (study := run.tables.get("wrench_study")) is not None:
+        repeats = zip(study["agents"], study["repeats"], strict=True)
+        metrics["tables/wrench_study"] = {f"repeats {agents}": count for agents, count in repeats}
     for erratum in errata:
-        values = {n: source.look_up(evidence, run.arm) for n, source in erratum.values.items()}
+        values = {
+            name: metrics.get(place.file, {}).get(filled(place.key, names))
+            for name, place in erratum.values.items()
+        }
+        values |= {name: ref.look_up(rows, names) for name, ref in erratum.evidence.items()}
         numbers = {n: MISSING if value is None else number(value) for n, value in values.items()}
         texts.append((erratum, *erratum.prose(numbers)))
     return render("errata.md", errata=texts)
 
 
-def _claim_numbers(decided: Sequence[Decided]) -> Files:
+def _claim_numbers(
+    decided: Sequence[Decided], fitted: Mapping[str, float]
+) -> dict[str, dict[str, float | None]]:
     """Return numbers by claim and case. From a published variance of a step follow its std, the
-    speed of RATE such steps in a second, and walk, the std of a sum of STEPS independent steps.
+    speed of RATE such steps in a second, and walk, the std of a sum of STEPS independent steps; the
+    published α and u have the level of :func:`noise_levels` over the poses of the fit ``fitted``.
     """
     factors = {"std": 1, "speed": RATE, "walk": sqrt(STEPS)}
-    numbers: dict[str, dict[str, float]] = {f"claims/{name}": {} for name in (*CLAIMED, *factors)}
+    numbers: dict[str, dict] = {f"claims/{name}": {} for name in (*CLAIMED, *factors)}
     for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
         for case in cases if verdict != NO_RECORDING else ():
-            key = f"{claim.id} {case.case}".strip()
-            for name in CLAIMED:
-                numbers[f"claims/{name}"][key] = getattr(case, name)
-            if (case.published or 0) > 0:
-                for name, factor in factors.items():
-                    numbers[f"claims/{name}"][key] = factor * sqrt(case.published)
-    return numbers
+            key, variance = f"{claim.id} {case.case}".strip(), case.published
+            own = {name: getattr(case, name) for name in CLAIMED}
+            if (variance or 0) > 0:
+                own |= {name: factor * sqrt(variance) for name, factor in factors.items()}
+            for name, value in own.items():
+                numbers[f"claims/{name}"][key] = value
+    return numbers | {"claims/level": noise_levels(fitted, numbers["claims/published"])}
 
 
 def noise_levels(fitted: Mapping[str, float], published: Mapping[str, float]) -> dict[str, float]:

@@ -3,9 +3,8 @@
 import hashlib
 import io
 import json
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, TypeVar
 
@@ -17,8 +16,6 @@ from pipeline.core.errors import ConfigError, ContractError
 from pipeline.core.validation import options, validated
 from pipeline.evidence.table import DECLARED, KEYS, NUMBERS, QUANTITIES
 
-# metrics/STEM → values by name; tables/STEM → rows
-Files = Mapping[str, Mapping[str, float] | pd.DataFrame]
 # rows of the table ``evidence`` by their keys
 IndexedEvidence = Mapping[tuple[str, ...], Mapping[str, float]]
 HASH = "sha256"  # key of the hash of all other content
@@ -27,8 +24,6 @@ T = TypeVar("T")
 Number = Annotated[float, Field(strict=True)]  # no text and no truth value
 TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
 NUMBERED = 3  # number of joints of the paper's arm
-JOINT = re.compile(r"\{joint (\d+)\}")
-PLACEHOLDER = re.compile(r"\{(?!joint \d+\})([^{}]*)\}")
 
 
 class ArmNames(NamedTuple):
@@ -38,54 +33,29 @@ class ArmNames(NamedTuple):
     task: tuple[str, ...]
 
     @property
-    def numbered(self) -> tuple[str, ...]:
-        """Three joints of a planar chain whose task is the whole pose; else no joint."""
-        return self.joints if len(self.joints) == NUMBERED and self.task == PLANE else ()
-
-    def named(self, text: str) -> str:
-        """Return ``text`` with the joint's name in place of each ``{joint N}`` that the arm has."""
-        names = {str(number): name for number, name in enumerate(self.numbered, 1)}
-        return JOINT.sub(lambda place: names.get(place[1], place[0]), text)
+    def numbered(self) -> dict[str, str]:
+        """Names by ``joint N`` of the three joints of a planar chain whose task is the whole pose;
+        {} for any other arm.
+        """
+        papers = len(self.joints) == NUMBERED and self.task == PLANE
+        return {f"joint {n}": name for n, name in enumerate(self.joints, 1)} if papers else {}
 
 
-@options(frozen=True)
-class Place:
-    """Place of a number: a metric by ``file`` and ``key``, or the ``column`` of the table row whose
-    columns equal ``rows``; raises ConfigError without key or column. ``{joint 2}`` stands for the
-    name of the second of the :attr:`ArmNames.numbered` joints.
-    """
+class _Kept(dict):
+    def __missing__(self, name: str) -> str:
+        return f"{{{name}}}"
 
-    file: str
-    key: str = ""
-    rows: dict = field(default_factory=dict)
-    column: str = ""
 
-    def __post_init__(self) -> None:
-        if bool(self.key) == bool(self.column) or (self.key and self.rows):
-            message = f"{self.file}: needs a key, or a column and the rows of the number"
-            raise ConfigError(message, key="key")
-
-    def look_up(self, evidence: Files, arm: ArmNames) -> float | None:
-        """Return the number, None if it is missing; raises ConfigError if several rows fit."""
-        content, value = evidence.get(self.file, {}), None
-        if self.key:
-            value = content.get(arm.named(self.key))
-        elif {self.column, *self.rows} <= {*content}:
-            text = {name: arm.named(x) for name, x in self.rows.items() if isinstance(x, str)}
-            rows = self.rows | text
-            fits = content[(content[[*rows]] == pd.Series(rows)).all(axis=1)][self.column]
-            if len(fits) > 1:
-                message = f"{len(fits)} rows fit; name more columns"
-                raise ConfigError(message, file=self.file, rows=rows)
-            value = fits.iloc[0] if len(fits) else None
-        return None if value is None or pd.isna(value) else float(value)
+def filled(text: str, names: Mapping[str, object]) -> str:
+    """Return ``text`` with ``names`` in place of each ``{name}``; other placeholders stay."""
+    return text.format_map(_Kept(names))
 
 
 @options(frozen=True)
 class Reference:
     """Place of a number in the table ``evidence``: the ``column`` of the row with these keys;
-    raises ConfigError for an undeclared quantity. ``{joint 2}`` is as in :class:`Place`, any other
-    ``{name}`` stands for the value of this name in a case.
+    raises ConfigError for an undeclared quantity. A ``{name}`` stands for the value of this name in
+    a case, ``{joint 2}`` for the name of the second of the :attr:`ArmNames.numbered` joints.
     """
 
     quantity: str
@@ -103,26 +73,9 @@ class Reference:
             message = f"the table of evidence has no quantity {self.quantity!r}; see tables.yaml"
             raise ConfigError(message, key="quantity")
 
-    @property
-    def numbers_joints(self) -> bool:
-        """True if a key has a ``{joint N}``."""
-        return any(JOINT.search(getattr(self, name)) for name in KEYS)
-
-    def in_case(self, case: Mapping[str, object]) -> "Reference":
-        """Return this reference with the values of ``case``; ConfigError if it lacks a name."""
-
-        def value(place: re.Match) -> str:
-            if place[1] not in case:
-                message = f"unknown placeholder; the claim has {', '.join(case) or 'none'}"
-                raise ConfigError(message, key=place[1])
-            return str(case[place[1]])
-
-        filled = {name: PLACEHOLDER.sub(value, getattr(self, name)) for name in KEYS[1:]}
-        return replace(self, **filled)
-
-    def look_up(self, evidence: IndexedEvidence, arm: ArmNames) -> float | None:
-        """Return the number, None if it is missing."""
-        row = evidence.get(tuple(arm.named(getattr(self, name)) for name in KEYS), {})
+    def look_up(self, evidence: IndexedEvidence, names: Mapping[str, object]) -> float | None:
+        """Return the number with ``names`` in place of their placeholders, None if missing."""
+        row = evidence.get(tuple(filled(getattr(self, key), names) for key in KEYS), {})
         value = row.get(self.column)
         return None if value is None or pd.isna(value) else float(value)
 
@@ -182,12 +135,6 @@ class Run:
         """Return a number of the recordings in the table ``evidence``, or ``default``."""
         rows = self.evidence.query("quantity == @quantity and model == 'recorded'")
         return float(rows["value"].iloc[0]) if len(rows) else default
-
-    @property
-    def files(self) -> Files:
-        """Metrics and tables by the file names of :class:`Place`."""
-        metrics = {f"metrics/{stem}": values for stem, values in self.metrics.items()}
-        return metrics | {f"tables/{stem}": rows for stem, rows in self.tables.items()}
 
     def to_json(self) -> str:
         """Return JSON with full precision and a hash of it; a table is a list of CSV lines."""

@@ -24,8 +24,7 @@ from pipeline.models.kinds import options_type
 from pipeline.models.steps import Recorded, mean_covariance, process_noise
 from pipeline.statistics.scores import FOLLOWS, Filtered, training_mean
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.decision import decide
-from pipeline.verdicts.readings import reading_verdicts
+from pipeline.verdicts.decision import decide, reading_verdicts
 from pipeline.verdicts.run import ArmNames, Run
 
 ROOT = Path(__file__).parents[2]

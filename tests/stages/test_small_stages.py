@@ -22,7 +22,8 @@ from pipeline.evidence.table import KEYS, NUMBERS
 from pipeline.filtering.measurement import measured_takes
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.stages import articulate, choose, figures, filter, fit, publish, score, wrench
-from pipeline.verdicts.readings import claim_verdicts, read_claims
+from pipeline.verdicts.claims import read_claims
+from pipeline.verdicts.decision import claim_verdicts
 from pipeline.verdicts.run import ArmNames
 
 THREE = ["additive", "wishart", "gaussian"]

@@ -19,7 +19,7 @@ from pipeline.studies.which_decomposition import stage
 from pipeline.studies.which_decomposition.evidence import PIVOTED, PLAIN, QR, QR_TRANSPOSED
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.studies.which_decomposition.stage import PAPER_ARM, SPACE_ARM
-from pipeline.verdicts.readings import read_claims
+from pipeline.verdicts.claims import read_claims
 
 ALL = (*laws.SIZES["all joints"], *laws.SETS["small_difference"])
 LAW = TimeLaw(320, 100.0, rest=(0.0, 0.45), ramp=(0.05, 0.35), peak=(0.2, 1.1))

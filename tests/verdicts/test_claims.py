@@ -1,5 +1,5 @@
-"""A reference finds the one number at its place; malformed claims are refused by name and key; a
-run is read as it was written; verdicts follow from claims, numbers and the kind of recordings.
+"""A reference finds the number in its row; malformed claims are refused by name and key; a run is
+read as it was written; verdicts follow from claims, numbers and the kind of recordings.
 """
 
 from dataclasses import replace
@@ -13,58 +13,24 @@ from pipeline.core.errors import ConfigError, ContractError
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import decision as d
 from pipeline.verdicts.claims import parse_claims
-from pipeline.verdicts.run import ArmNames, Place, Reference, Run, read_run, read_runs
+from pipeline.verdicts.run import ArmNames, Reference, Run, read_run, read_runs
 from pipeline.verdicts.run import index_evidence as index
 
 JOINTS = ("arm_joint_2", "arm_joint_3", "arm_joint_4")
 ARM = ArmNames(JOINTS, PLANE)
-ROWS = [("C1", "diagonal", 3, 1.0), ("C1", "full", 3, 2.0), ("C2", "diagonal", 5, 3.0)]
-EVIDENCE = {
-    "metrics/motion": {"wishart_std": 0.5, "std_arm_joint_3_rad": 0.25, "gap": float("nan")},
-    "tables/sigma_s": pd.DataFrame(ROWS, columns=["name", "form", "agents", "e"]),
-    "tables/t": pd.DataFrame({"score": ["rms_arm_joint_2"], "mean": [1.5]}),
-}
-
-
-@pytest.mark.parametrize(
-    ("file", "key", "rows", "column", "expected"),
-    [
-        ("metrics/motion", "wishart_std", {}, "", 0.5),
-        ("tables/sigma_s", "", {"name": "C1", "form": "full"}, "e", 2.0),
-        ("tables/sigma_s", "", {"agents": 5}, "e", 3.0),
-        # a joint by its number has the name that the run gives it
-        ("metrics/motion", "std_{joint 2}_rad", {}, "", 0.25),
-        ("tables/t", "", {"score": "rms_{joint 1}"}, "mean", 1.5),
-        ("metrics/motion", "no_such", {}, "", None),
-        ("metrics/motion", "gap", {}, "", None),
-        ("tables/sigma_s", "", {"name": "C3"}, "e", None),
-        ("tables/sigma_s", "", {"name": "C2"}, "f", None),
-    ],
-)
-def test_a_number_is_found_and_one_that_a_run_lacks_is_none(file, key, rows, column, expected):
-    assert Place(file, key, rows, column).look_up(EVIDENCE, ARM) == expected
-
-
-def test_several_rows_and_a_place_of_two_kinds_are_refused():
-    with pytest.raises(ConfigError, match="2 rows fit"):
-        Place("tables/sigma_s", rows={"name": "C1"}, column="e").look_up(EVIDENCE, ARM)
-    with pytest.raises(ConfigError, match="needs a key, or a column"):
-        Place("metrics/motion", key="a", column="b")
 
 
 def test_a_row_of_evidence_is_found_by_all_of_its_keys_and_no_two_rows_have_the_same():
     rows = [evidence_row("std", 2.0, model="wishart", joint=JOINTS[1])]
     rows.append(evidence_row("std", -1.0, -2.0, 0.5, model="wishart", rival="additive", entry=12))
     evidence = index(evidence_table([*rows, evidence_row("u", np.inf)]))
-    template = Reference("std", model="{model}", joint="{joint 2}")
-    assert template.in_case({"model": "wishart"}).look_up(evidence, ARM) == 2.0
+    template, names = Reference("std", model="{model}", joint="{joint 2}"), {"model": "wishart"}
+    assert template.look_up(evidence, names | ARM.numbered) == 2.0
     difference = Reference("std", model="wishart", rival="additive", entry="12", column="low")
-    assert difference.look_up(evidence, ARM) == -2.0
+    assert difference.look_up(evidence, {}) == -2.0
     for missing in (template, Reference("std", model="wishart"), Reference("u")):
-        assert missing.look_up(evidence, ARM) is None
-    assert template.in_case({"model": "wishart"}).look_up(evidence, ArmNames((), ())) is None
-    with pytest.raises(ConfigError, match="placeholder"):
-        template.in_case({"name": "wishart"})
+        assert missing.look_up(evidence, ARM.numbered) is None
+    assert template.look_up(evidence, names | ArmNames((), ()).numbered) is None
     with pytest.raises(ContractError, match="equal keys: std, wishart, arm_joint_3"):
         index(evidence_table([rows[0], rows[0]]))
 
@@ -151,7 +117,6 @@ def test_a_run_comes_back_from_its_file_with_every_digit_gap_and_infinity(tmp_pa
     assert again.arm == (("base", "elbow"), ("x", "z"))
     for name, table in TABLES.items():  # keys of digits stay text
         pd.testing.assert_frame_equal(again.tables[name], table, check_exact=True)
-    assert again.files.keys() == {"metrics/motion", "tables/scores", "tables/evidence"}
     assert again.to_json() == RUN.to_json()
     # a row of a table is a line of the file
     lines = RUN.to_json().splitlines()
@@ -258,7 +223,7 @@ def test_standard_errors_add_in_squares():
     assert verdict(**changes, limit=1.5).verdict == d.NOT_REPRODUCED
     # each of them is a number that the claim refers to
     claim = parse_claims([CLAIM | {k: v for k, v in changes.items() if k != "more"}])[0]
-    assert {reference.model for reference in claim.references()} == {"e", "se", "ee"}
+    assert {reference.model for reference in claim.references} == {"e", "se", "ee"}
 
 
 @pytest.mark.parametrize("joints", [("slide",), tuple("abcdefg")])

@@ -158,7 +158,8 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
         (paper.parse_items, [EQUATION, *FURTHER], {"without_code": "a sketch"}, "tests"),
         (paper.parse_items, [EQUATION, *FURTHER], {"label": "cost"}, "label"),
         (paper.parse_errata, [ENTRY], {"tests": ["test_noise.py"]}, "tests"),
-        (paper.parse_errata, [ENTRY], {"values": {"ours": {"file": "fit"}}}, "key"),
+        (paper.parse_errata, [ENTRY], {"values": {"ours": {"file": "fit"}}}, "values.ours.key"),
+        (paper.parse_errata, [ENTRY], {"values": {}}, "values"),
     ],
 )
 def test_a_malformed_item_or_erratum_is_refused_with_its_key(parse, entries, changes, key):

@@ -20,7 +20,7 @@ from pipeline.evidence.wrench import wrench_evidence as evidence_of
 from pipeline.filtering.sampling import SCHEMES
 from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
 from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.readings import claim_verdicts
+from pipeline.verdicts.decision import claim_verdicts
 from pipeline.verdicts.run import ArmNames
 from pipeline.wrench.study import run_study
 
@@ -118,7 +118,7 @@ def verdicts(
     options: SimpleNamespace,
     wrench: Wrench,
 ) -> pd.DataFrame:
-    """Return the rows of :func:`pipeline.verdicts.readings.claim_verdicts` for one condition."""
+    """Return the rows of :func:`pipeline.verdicts.decision.claim_verdicts` for one condition."""
     if condition.study == "motion":
         evidence = motion_evidence(condition, laboratory, case, options)
     else:

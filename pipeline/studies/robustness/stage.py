@@ -19,8 +19,8 @@ from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Tables, trials
 from pipeline.studies.robustness import grid
 from pipeline.studies.simulated import FACTORS, Laboratory
-from pipeline.verdicts.claims import Claim
-from pipeline.verdicts.readings import FAILS, HOLDS, UNKNOWN, claim_verdicts, read_claims
+from pipeline.verdicts.claims import Claim, read_claims
+from pipeline.verdicts.decision import FAILS, HOLDS, UNKNOWN, claim_verdicts
 from pipeline.verdicts.run import ArmNames
 from pipeline.verdicts.wording import table
 

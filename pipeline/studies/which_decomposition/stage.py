@@ -19,7 +19,7 @@ from pipeline.studies.frame import Tables, concatenate, dataset_option, number, 
 from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
-from pipeline.verdicts.readings import read_claims
+from pipeline.verdicts.claims import read_claims
 from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
