@@ -1,7 +1,6 @@
 """Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,10 +30,6 @@ class LoggedTake(NamedTuple):
     first: int  # row at which the repetition starts
     actual: np.ndarray  # (N, n) rad, measured angles of the chain
     target: np.ndarray  # (N, n) rad, commanded
-
-
-def _note(quality: list[dict], take: str, quantity: str, value: float, unit: str = "count") -> None:
-    quality.append(quality_row(take, "training", "joint log", quantity, value, unit))
 
 
 def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
@@ -69,40 +64,38 @@ def joint_log_rows(
     options, rate, joints = dataset.joint_log, dataset.motion.rate, dataset.robot.joints
     rest, length, raw = options.rest, dataset.motion.steps + 1, raw_folder(dataset.recordings)
     steps = dataset.motion.steps - 2 * rest
-    takes, observed, quality = find_takes(movements, dataset)
-    note, rows, residuals, reference = partial(_note, quality), {}, {}, None
+    takes, observed, notes = find_takes(movements, dataset)
+    rows, residuals, reference = {}, {}, None
     for name, take in takes.items():
         read = movements[take.movement]
         if reference is None:
             reference = take.target[take.first :][: steps + 1]
-        circular = read.circular[[read.joints.index(joint) for joint in joints]]
+        circular = read.of(joints).circular
         turns = TURN * turns_apart(reference[0], take.target[take.first], circular)
-        start = in_phase(take.target + turns, take.first, reference, SLACK, whole=rest > 0)
-        cut = partial(stretch, place=start - rest, length=length)
-        rows[name] = {"actual": cut(take.actual + turns), "target": cut(take.target + turns)}
-        residuals[name] = cut(read.actual - read.target)
-        if start != round(start):
-            note(name, "resampled_rows", length)
+        actual, target = take.actual + turns, take.target + turns
+        start = in_phase(target, take.first, reference, SLACK, whole=rest > 0)
+        rows[name] = [stretch(q, start - rest, length) for q in (actual, target)]
+        residuals[name] = stretch(read.actual - read.target, start - rest, length)
+        notes += [(name, "resampled_rows", length)] if start != round(start) else []
     if rows:
         beyond = np.stack([*residuals.values()])
         scores, beside = repetitions.disturbances(beyond, rate), repetitions.beside_others(beyond)
-        for name, score, distance in zip(takes, scores, beside, strict=True):
-            note(name, "residual_beside_others", distance, "rad")
-            note(name, "disturbance", score, "robust standard deviations")
-            note(name, "greatest_residual", np.abs(residuals[name]).max(), "rad")
+        greatest = np.abs(beyond).max(axis=(1, 2))
+        for name, score, *distances in zip(takes, scores, beside, greatest, strict=True):
+            notes.append((name, "residual_beside_others", distances[0], "rad"))
+            notes.append((name, "disturbance", score, "robust standard deviations"))
+            notes.append((name, "greatest_residual", distances[1], "rad"))
             if score > options.disturbed_beyond:
                 del rows[name]
-                note(takes[name].movement, "disturbed_from_row", takes[name].first, "row")
-    for name, take in rows.items():
-        pair = take["actual"], take["target"], rate, options.mismatch, joints
-        require_pair(*pair, file=raw, take=name)
+                notes.append((takes[name].movement, "disturbed_from_row", takes[name].first, "row"))
+    for name, pair in rows.items():
+        require_pair(*pair, rate, options.mismatch, joints, file=raw, take=name)
     if len(rows) < 2:
         message = f"{len(rows)} repetition(s) found, at least two required, of the motion from"
         message += f" {[*options.start]} to {[*options.end]} rad in {steps} steps between {rest} of"
         message += f" rest; the movements hold {'; '.join(sorted(set(observed))) or 'no motion'}"
         raise RecordingError(message, file=raw, key=OPTION)
-    measured = np.stack([take["actual"] for take in rows.values()])
-    commanded = np.stack([take["target"] for take in rows.values()])
+    measured, commanded = np.stack([*rows.values()], axis=1)
     command, moving = commanded.mean(axis=0), slice(rest, rest + steps + 1)
     deviations = np.abs(commanded - command)[:, moving].max(axis=(1, 2))
     if np.any(deviations > options.tolerance):
@@ -111,8 +104,9 @@ def joint_log_rows(
         take = [*rows][int(deviations.argmax())]
         raise RecordingError(message, file=raw, take=take, key=f"{OPTION}.tolerance")
     for take, q, deviation in zip(rows, measured, deviations, strict=True):
-        note(take, "command_deviation", deviation, "rad")
-        note(take, "lag_behind_command", lag(command[moving], q[moving], rate), "s")
+        notes.append((take, "command_deviation", deviation, "rad"))
+        notes.append((take, "lag_behind_command", lag(command[moving], q[moving], rate), "s"))
+    quality = [quality_row(take, "training", "joint log", *note) for take, *note in notes]
     # the commanded angle changes one sample before the commanded speed is first logged
     desired = command[np.clip(np.arange(length), max(rest - 1, 0), rest + steps)]
     k = np.tile(np.arange(length), len(rows))
@@ -123,52 +117,50 @@ def joint_log_rows(
 
 def find_takes(
     movements: Mapping[str, LoggedMovement], dataset: Dataset
-) -> tuple[dict[str, LoggedTake], list[str], list[dict]]:
-    """Return name → repetition, descriptions of all motions, and quality rows of the movements.
+) -> tuple[dict[str, LoggedTake], list[str], list[tuple]]:
+    """Return name → repetition, descriptions of all motions, and notes on the movements (name, and
+    quantity, value and unit of a quality row).
 
     Raises RecordingError where a locked joint moves in a repetition.
     """
-    takes, observed, quality, options = {}, [], [], dataset.joint_log
-    columns, rest = [options.joints.index(name) for name in dataset.robot.joints], options.rest
-    steps, ends = dataset.motion.steps - 2 * rest, (options.start, options.end)
+    takes, observed, notes, options = {}, [], [], dataset.joint_log
+    rest, ends = options.rest, (options.start, options.end)
     for name, read in movements.items():
-        angles, circular = (
-            (read.actual[:, columns], read.target[:, columns]),
-            read.circular[columns],
+        own, steps = read.of(dataset.robot.joints), dataset.motion.steps - 2 * rest
+        runs, left_out = repetitions.find_repetitions(
+            own.target, read.motions, ends, steps, rest, own.circular
         )
-        found = repetitions.find_repetitions(angles[1], read.motions, ends, steps, rest, circular)
-        for number, run in enumerate(found.runs, 1):
-            take = f"{name}_{number}"
-            rows = slice(max(run.first - rest, 0), run.last + rest + 1)
+        for number, run in enumerate(runs, 1):
+            take, rows = f"{name}_{number}", slice(max(run.first - rest, 0), run.last + rest + 1)
             _require_locked(read, rows, dataset, take)
-            takes[take] = LoggedTake(name, run.first, *angles)
+            takes[take] = LoggedTake(name, run.first, own.actual, own.target)
         for run in read.motions:
             if not (words := run.lack(len(read.target))):
-                start, end = angles[1][[run.first - 1, run.last]].round(2).tolist()
+                start, end = own.target[[run.first - 1, run.last]].round(2).tolist()
                 words = f"{start} to {end} in {run.steps} steps"
             observed.append(words)
-        counts = dict(read.counts) | {REPETITIONS: len(found.runs)}
-        counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in found.left_out.items()}
-        notes = [(key, value, movement.UNITS.get(key, "count")) for key, value in counts.items()]
+        counts = dict(read.counts) | {REPETITIONS: len(runs)}
+        counts |= {f"{LEFT_OUT}{reason}": len(rows) for reason, rows in left_out.items()}
+        notes += [(name, key, n, movement.UNITS.get(key, "count")) for key, n in counts.items()]
         # the first row identifies a motion that is left out
-        for reason, rows in found.left_out.items():
-            notes += [(f"{reason}_from_row", row, "row") for row in rows]
-        quality += [quality_row(name, "training", "joint log", *note) for note in notes]
-    return takes, observed, quality
+        for reason, rows in left_out.items():
+            notes += [(name, f"{reason}_from_row", row, "row") for row in rows]
+    return takes, observed, notes
 
 
 def _require_locked(read: LoggedMovement, rows: slice, dataset: Dataset, take: str) -> None:
     """Raise RecordingError where a joint is more than REACH off its locked angle in ``rows``."""
-    locked = dataset.robot.locked
-    for joint in sorted({*locked} & {*read.joints}):
-        angle, column = locked[joint], read.joints.index(joint)
-        measured = read.actual[rows, column]
-        if np.abs(apart(measured, angle, read.circular[column])).max() > REACH:
+    for joint, angle in sorted(dataset.robot.locked.items()):
+        if joint not in read.joints:
+            continue
+        one = read.of([joint])
+        measured = one.actual[rows]
+        if np.abs(apart(measured, angle, one.circular)).max() > REACH:
             message = f"{joint} is locked at {angle:.4g} rad, but was logged from"
             message += f" {measured.min():.4g} to {measured.max():.4g} rad: lock it at the logged"
             message += " angle, or choose a motion in which it does not move"
-            evidence = {"file": dataset.recordings, "take": take}
-            raise RecordingError(message, **evidence, key=f"dataset.robot.locked.{joint}")
+            where = {"file": dataset.recordings, "take": take}
+            raise RecordingError(message, **where, key=f"dataset.robot.locked.{joint}")
 
 
 def encoder_rows(raw: Path, dataset: Dataset) -> list[tuple[pd.DataFrame, list[dict]]]:

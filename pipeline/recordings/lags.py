@@ -1,6 +1,7 @@
 """Lag of measured angles behind a command, and angles between rows."""
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
 SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
@@ -20,10 +21,9 @@ def lag(
         return np.nan
     late, furthest = 0.0, furthest or len(command) / 4 / rate
     for _ in range(ROUNDS):
-        shifted, cut = delayed(command, np.full(command.shape[1], late * rate))
-        error, velocity = shifted - measured[cut], np.gradient(shifted, axis=0) * rate
-        used = _usual_rows(error, velocity)
-        late += float(np.sum((error * velocity)[used]) / np.sum(velocity[used] ** 2))
+        error, velocity = _errors_in_motion(command, measured, late * rate)
+        velocity = velocity * rate
+        late += float(np.sum(error * velocity) / np.sum(velocity**2))
         late = float(np.clip(late, -furthest, furthest))
     return late
 
@@ -32,35 +32,34 @@ def joint_lags(command: np.ndarray, measured: np.ndarray, rate: float) -> np.nda
     """Return the :func:`lag` (n,) in s by joint: of all joints, or a joint's own if this reduces
     the joint's error by more than a tenth.
     """
-    n = command.shape[1]
-    lags = np.full(n, lag(command, measured, rate, FURTHEST))
+    lags = np.full(command.shape[1], lag(command, measured, rate, FURTHEST))
     for j in np.flatnonzero(np.ptp(command, axis=0) > REACH):
         pair = command[:, [j]], measured[:, [j]]
-        own = lag(*pair, rate, FURTHEST)
-        if _typical_error(*pair, own * rate) < OWN_LAG * _typical_error(*pair, lags[j] * rate):
-            lags[j] = own
+        tried = lag(*pair, rate, FURTHEST), lags[j]
+        own, common = (np.std(_errors_in_motion(*pair, late * rate)[0]) for late in tried)
+        if own < OWN_LAG * common:
+            lags[j] = tried[0]
     return lags
 
 
-def _usual_rows(error: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-    """Return the mask (N,) of rows in motion whose error is below FAR times the median."""
-    speed, size = np.abs(velocity).max(axis=1), np.linalg.norm(error, axis=1)
+def _errors_in_motion(
+    command: np.ndarray, measured: np.ndarray, late: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the error and the step of the command delayed by ``late`` rows, in the rows in motion
+    whose error is below FAR times the median.
+    """
+    shifted, cut = delayed(command, np.full(command.shape[1], late))
+    error, step = shifted - measured[cut], np.gradient(shifted, axis=0)
+    speed, size = np.abs(step).max(axis=1), np.linalg.norm(error, axis=1)
     moving = speed > SLOW * speed.max()
-    return moving & (size <= FAR * np.median(size[moving]))
-
-
-def _typical_error(command: np.ndarray, measured: np.ndarray, rows: float) -> float:
-    shifted, cut = delayed(command, np.array([rows]))
-    error = measured[cut] - shifted
-    return float(np.std(error[_usual_rows(error, np.gradient(shifted, axis=0))]))
+    used = moving & (size <= FAR * np.median(size[moving]))
+    return error[used], step[used]
 
 
 def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
     """Return ``command`` (N, n) delayed by ``rows`` (n,) of any fraction, by cubic splines, and the
     slice of the rows at which all joints have a command.
     """
-    from scipy.interpolate import CubicSpline
-
     before, after = (max(int(np.ceil((s * rows).max())), 0) for s in (1, -1))
     cut, at = slice(before, len(command) - after), np.arange(len(command))
     if not rows.any():
@@ -71,8 +70,6 @@ def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
     """Return ``length`` rows of ``angles`` from row ``place`` on; cubic splines between rows."""
-    from scipy.interpolate import CubicSpline
-
     if place == round(place):
         return angles[round(place) :][:length]
     return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
@@ -50,9 +51,14 @@ def find_motions(
     are repeated stretches between rows where J is nearly singular or, without such rows, between
     turns of the joint that moves farthest.
     """
-    chain, paths, listed = chain_of(robot), {}, {}
-    for name, read in movements.items():
-        paths[name] = read.target[:, [read.joints.index(joint) for joint in robot.joints]]
+    chain, listed = chain_of(robot), {}
+    paths = {name: read.of(robot.joints).target for name, read in movements.items()}
+
+    def stretch_of(motion: FoundMotion) -> np.ndarray:
+        """Return the commanded angles of the first repetition."""
+        name, first = motion.places[0]
+        return paths[name][first:][: motion.steps + 1]
+
     (runs, unused), places = located_runs(movements, rate, robot.joints)
     for run in runs:
         name, (first, last, whole, pause) = places[run.name]
@@ -65,7 +71,7 @@ def find_motions(
             continue
         motion.pause = min(motion.pause, pause)
         motion.places.append((name, first))
-        reference = _stretch(motion.places[0], motion, paths)
+        reference = stretch_of(motion)
         place = in_phase(target, first, reference, SLACK, whole=True)
         off = float(np.abs(stretch(target, place, len(reference)) - reference).max())
         if run.name in unused or off > ALIKE:
@@ -73,34 +79,24 @@ def find_motions(
         motion.deviation = max(motion.deviation, off)
     found = [*listed.values()] or _repeated_stretches(paths, chain, robot)
     for motion in found:
-        path = _stretch(motion.places[0], motion, paths)
-        motion.least_singular = float(_least_singular(chain, path).min())
+        motion.least_singular = float(_least_singular(chain, stretch_of(motion)).min())
     return sorted(found, key=lambda motion: -len(motion.places))
-
-
-def _stretch(place: tuple[str, int], motion: FoundMotion, paths: Mapping) -> np.ndarray:
-    """Return the commanded angles of one repetition of a ``motion``."""
-    return paths[place[0]][place[1] :][: motion.steps + 1]
 
 
 def _repeated_stretches(paths: Mapping, chain: Chain, robot: Robot) -> list[FoundMotion]:
     circular, found = circular_joints(robot.urdf, robot.joints), []
     for path in paths.values():
         for first, last in _regular_stretches(path, chain):
-            motion = FoundMotion(path[first], path[last], last - first, None)
-            for name, other in paths.items():
-                ends = motion.start, motion.end
-                runs = find_repetitions(other, [], ends, motion.steps, 0, circular).runs
-                motion.places += [(name, run.first) for run in runs]
-            known = any({*motion.places} & {*other.places} for other in found)
-            found += [motion] if len(motion.places) > 1 and not known else []
+            ends, steps = (path[first], path[last]), last - first
+            each = {n: find_repetitions(q, [], ends, steps, 0, circular) for n, q in paths.items()}
+            places = [(name, run.first) for name, (runs, _) in each.items() for run in runs]
+            if len(places) > 1 and not any({*places} & {*other.places} for other in found):
+                found.append(FoundMotion(*ends, steps, None, places))
     return found
 
 
 def _regular_stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
     """Return first and last row of the stretches of a command ``angles`` (N, n) in rad."""
-    from scipy.signal import find_peaks
-
     least = _least_singular(chain, angles)
     regular = least > NEARLY * least.max()
     if not regular.all():
@@ -119,18 +115,16 @@ def logged_motions(dataset: Dataset) -> list[MotionSteps]:
     """Return the steps of the undisturbed repetitions per motion, most repetitions first."""
     rate, robot, found = dataset.motion.rate, dataset.robot, []
     movements = read_movements(dataset)
-    columns = [dataset.joint_log.joints.index(joint) for joint in robot.joints]
     for motion in find_motions(movements, robot, rate):
         rest, kept = motion.rest(rate), []
         for name, row in motion.places:
-            rows = movements[name]
+            read = movements[name].of(robot.joints)
             first, last = max(row - 1 - rest, 0), row + motion.steps + rest
-            if (name, row) not in motion.disturbed and last < len(rows.actual):
-                kept.append([q[first : last + 1, columns] for q in (rows.actual, rows.target)])
+            if (name, row) not in motion.disturbed and last < len(read.actual):
+                kept.append(np.stack([read.actual, read.target])[:, first : last + 1])
         if kept:
-            length = min(len(actual) for actual, _ in kept)
-            pairs = zip(*kept, strict=True)
-            actual, target = (np.stack([q[:length] for q in angles]) for angles in pairs)
+            length = min(each.shape[1] for each in kept)
+            actual, target = np.stack([each[:, :length] for each in kept], axis=1)
             dq = np.diff(target, axis=1)
             steps = actual[:, :-1], dq, np.diff(actual, axis=1) - dq
             found.append(MotionSteps(str(len(found) + 1), *steps))

@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import median_filter
 
 from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
@@ -39,21 +40,18 @@ def read_movement(
     and "times" interpolates by a cubic spline; None raises RecordingError. Raises RecordingError
     also where the clocks of two logs differ, or the rate is not ``rate`` (Hz).
     """
-    from scipy.interpolate import CubicSpline
-
     logs = {file: read_log(file, options) for file, options in files.items()}
     length, first = min(len(log.time) for log in logs.values()), next(iter(logs))
-    time = logs[first].time[:length]
-    uneven, total, signals = _uneven_rows(time, rate, first), Counter(), {}
+    time, counts, signals = logs[first].time[:length], Counter(), {}
+    uneven = _uneven_rows(time, rate, first)
     for file, log in logs.items():
         if (np.abs(log.time[:length] - time) * rate > CLOCK_TOLERANCE).any():
             message = f"the times differ from the times of {first.name}; use logs of one recording"
             raise RecordingError(message, file=file)
-        total.update(log.counts | {"rows_without_partner": len(log.time) - length})
+        counts.update(log.counts | {"rows_without_partner": len(log.time) - length})
         signals |= {name: rows[:length] for name, rows in log.signals.items()}
-    counts: dict[str, float] = dict(total)
     if not uneven:
-        return signals, counts
+        return signals, dict(counts)
     jitter = float(np.diff(time).std())
     if clock is None:
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), rate)
@@ -61,18 +59,16 @@ def read_movement(
         message += " clock to rows if rows were measured at the rate, or to times. With rows"
         message += f" the angles are {smoother:.3g} times as smooth"
         raise RecordingError(message, file=first, key=f"{OPTION}.clock")
-    counts |= {"uneven_rows": uneven, "clock_jitter": jitter}
+    counts.update({"uneven_rows": uneven, "clock_jitter": jitter})
     if clock == "times":
         grid = time[0] + np.arange(int((time[-1] - time[0]) * rate + CLOCK_TOLERANCE) + 1) / rate
         signals = {name: CubicSpline(time, rows)(grid) for name, rows in signals.items()}
         counts["resampled_rows"] = len(grid)
-    return signals, counts
+    return signals, dict(counts)
 
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
     """Return the third derivative of ``angles`` over ``time``, relative to even rows."""
-    from scipy.interpolate import CubicSpline
-
     clocks = time, np.arange(len(time)) / rate
     derivatives = (CubicSpline(clock, angles)(clock[:-1], 3) for clock in clocks)
     by_time, by_rows = (np.median((each**2).sum(axis=1)) for each in derivatives)
@@ -104,8 +100,6 @@ def _lasts(steps: np.ndarray) -> np.ndarray:
     """Return the mask (N − 1,) of rows about which the clock ``steps`` (N,) is shifted for good. A
     loaded computer's clock is late, and then on time again.
     """
-    from scipy.ndimage import median_filter
-
     shift = median_filter(steps - np.arange(len(steps)), LASTING, mode="nearest")
     rows, half = np.arange(len(steps) - 1), LASTING // 2
     after, before = np.minimum(rows + half + 1, len(rows)), np.maximum(rows - half, 0)
@@ -173,27 +167,27 @@ def require_plausible(
     if (without_damage(sizes) > limit).any():
         message += f"plausible: check that the angle_unit is {unit}"
         raise RecordingError(message, **where, key=f"{OPTION}.angle_unit")
-    message += "plausible and no angle: correct the cell, or leave the row out"
-    raise RecordingError(message, **({"line": lines[row]} if len(lines) else {}), **where)
+    where |= {"line": lines[row]} if len(lines) else {}
+    raise RecordingError(
+        f"{message}plausible and no angle: correct the cell, or leave the row out", **where
+    )
 
 
 def require_speeds(
     time: np.ndarray, angles: Mapping[str, np.ndarray], names: Sequence[str], urdf: str, **where
 ) -> None:
     """Raise RecordingError where ``angles`` (N, joints) exceed a velocity limit in ``urdf``."""
-    known = commands.named_joints(urdf, names)
+    known, seconds = commands.named_joints(urdf, names), np.diff(time)[:, None]
     limits = [((joint and joint.limits) or {}).get("velocity") or np.inf for joint in known]
     for signal, rows in angles.items():
-        steps, seconds = np.abs(np.diff(rows, axis=0)), np.diff(time)[:, None]
-        beyond = commands.beyond_speed(steps, np.array(limits), seconds)
-        if beyond.any():
-            row, column = np.argwhere(beyond)[0].tolist()
+        steps = np.abs(np.diff(rows, axis=0))
+        for row, column in np.argwhere(commands.beyond_speed(steps, np.array(limits), seconds)):
             unit = "m" if known[column].kind == "prismatic" else "rad"
             at, step = round(float(time[row + 1] - time[0]), 6), steps[row, column]
-            speed, limit = (f"{v:.4g} {unit}/s" for v in (step / seconds[row, 0], limits[column]))
             message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
-            message += f" start: {speed}, where the robot's URDF allows {limit}; leave this part of"
-            message += " the log out, or correct the velocity limit in the URDF"
+            message += f" start: {step / seconds[row, 0]:.4g} {unit}/s, where the robot's URDF"
+            message += f" allows {limits[column]:.4g} {unit}/s; leave this part of the log out, or"
+            message += " correct the velocity limit in the URDF"
             raise RecordingError(message, **where, joint=names[column], time=at)
 
 
@@ -207,6 +201,12 @@ class LoggedMovement(NamedTuple):
     counts: Mapping[str, float]  # numbers of rows; UNITS lists values with another unit
     circular: np.ndarray  # (joints,) whether a joint is circular
 
+    def of(self, joints: Sequence[str]) -> Self:
+        """Return the movement of the ``joints`` alone, in their order."""
+        places = [self.joints.index(joint) for joint in joints]
+        angles = {"actual": self.actual[:, places], "target": self.target[:, places]}
+        return self._replace(joints=joints, circular=self.circular[places], **angles)
+
 
 def read_logged_movement(
     name: str, movement: Path, options: JointLogSection, rate: float, urdf: str = commands.UNFILLED
@@ -218,15 +218,15 @@ def read_logged_movement(
     beyond the velocity limits in ``urdf``; ConfigError where options name no columns or delay.
     """
     joints, circular = options.joints, commands.circular_joints(urdf, options.joints)
+    keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
+    common = {key: getattr(options, key) for key in keys}
+    common |= {"rate": rate, "circular": circular, "joints": len(joints), "names": joints}
+    common["factors"] = dict.fromkeys(SIGNALS[1:], options.target_factor)
     single = movement.is_file() or is_bag(movement)
     wanted: dict[Path, dict] = {movement: {**options.signals}} if single else {}
     for signal in SIGNALS:
         if not single and (file := getattr(options, signal)):
             wanted.setdefault(movement / file, {})[signal] = options.signals.get(signal)
-    keys = ("time", "separator", "decimal", "angle_unit", "time_unit")
-    common = {key: getattr(options, key) for key in keys}
-    common |= {"rate": rate, "circular": circular, "joints": len(joints), "names": joints}
-    common["factors"] = dict.fromkeys(SIGNALS[1:], options.target_factor)
     files = {file: LogOptions(**common, signals=signals) for file, signals in wanted.items()}
     signals, counts = read_movement(files, rate, options.clock) if files else ({}, {})
     if missing := [signal for signal in SIGNALS[:2] if signal not in signals]:
@@ -239,25 +239,23 @@ def read_logged_movement(
         message = f"no delay for the movement {name}, only for {', '.join(delays)}"
         raise ConfigError(message, key=f"{OPTION}.target_delay")
     early = round(delays[name] * rate)
-    shift = partial(commands.shift_rows, rows=early)
-    actual, target = shift(signals["actual"], signals["target"])
+    actual, target = commands.shift_rows(signals["actual"], signals["target"], early)
     if early:
         counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
     turns = whole_turns(target, actual, circular)
     if turns.any():
         actual = actual + TURN * turns
         counts |= {"joints_moved_by_whole_turns": np.count_nonzero(turns)}
-    standing = commands.standing_joints(actual, target)
-    follows = ~standing | standing.all()
-    followed = [joint for joint, one in zip(joints, follows, strict=True) if one]
-    pair = actual[:, follows], target[:, follows]
-    commands.require_pair(*pair, rate, options.mismatch, followed, file=movement)
-    angles = {"actual": actual, "target": target}
-    require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
     speed = rate
     if "speed" in signals:
-        _, speed = shift(signals["actual"], signals["speed"])
+        speed = commands.shift_rows(signals["actual"], signals["speed"], early)[1]
     else:
         counts |= {"speed_from_angles": 1}
-    motions = excursions(target, speed, options.rest_speed)
-    return LoggedMovement(joints, actual, target, motions, counts, circular)
+    read = LoggedMovement(joints, actual, target, [], counts, circular)
+    standing = commands.standing_joints(actual, target)
+    follow = read if standing.all() else read.of(np.array(joints)[~standing].tolist())
+    pair = follow.actual, follow.target, rate, options.mismatch, follow.joints
+    commands.require_pair(*pair, file=movement)
+    angles = {"actual": actual, "target": target}
+    require_speeds(np.arange(len(actual)) / rate, angles, joints, urdf, file=movement)
+    return read._replace(motions=excursions(target, speed, options.rest_speed))

@@ -33,11 +33,12 @@ class Excursion(NamedTuple):
     def lack(self, rows: int) -> str:
         """Return why the motion is not whole in a log of ``rows`` rows; "" if it is whole."""
         at_start = self.first <= 1  # the first row has no step before it
+        if self.whole:
+            return ""
         if at_start and self.last >= rows:
             return "a command that never rests (set rest: 0)"
         edge = "start" if at_start else "end"
-        cut = f"a motion from row {self.first}, cut off by the {edge} of the log"
-        return "" if self.whole else cut
+        return f"a motion from row {self.first}, cut off by the {edge} of the log"
 
 
 class Repetitions(NamedTuple):
@@ -92,12 +93,10 @@ def find_repetitions(
     for run in motions:
         reached = angles[[max(run.first - 1, 0), min(run.last, len(angles) - 1)]]
         away = np.abs(apart(reached, np.stack(ends), circular)).max()
-        if not run.whole:
-            left_out["cut_off"].append(run.first)
-        elif away > REACH or abs(run.steps - steps) > SLACK:
-            left_out["other_motion"].append(run.first)
-        elif run.pause < rest + 2 * SLACK + 1:
-            left_out["too_little_rest"].append(run.first)
+        other = "other_motion" if away > REACH or abs(run.steps - steps) > SLACK else ""
+        short = "too_little_rest" if run.pause < rest + 2 * SLACK + 1 else ""
+        if reason := (other or short) if run.whole else "cut_off":
+            left_out[reason].append(run.first)
         else:
             runs.append(run)
     return Repetitions(runs, left_out)
@@ -106,17 +105,15 @@ def find_repetitions(
 def _find_passes(
     angles: np.ndarray, ends: Sequence[Sequence[float]], steps: int, circular: np.ndarray | bool
 ) -> Repetitions:
-    runs, overlapping = [], []
-    if len(angles) > steps:
-        rows = angles[:-steps], angles[steps:]
-        distances = [apart(*pair, circular) for pair in zip(rows, np.array(ends), strict=True)]
-        away = np.abs(np.hstack(distances)).max(axis=1)
-        for begin, stop in _runs(away <= REACH):
-            first = begin + int(away[begin:stop].argmin())
-            if runs and first < runs[-1].last:
-                overlapping.append(first)
-            else:
-                runs.append(Excursion(first, first + steps, whole=True))
+    runs, overlapping, number = [], [], max(len(angles) - steps, 0)
+    passing = np.stack([angles[:number], angles[steps:][:number]], axis=1)
+    away = np.abs(apart(passing, np.array(ends), circular)).max(axis=(1, 2))
+    for begin, stop in _runs(away <= REACH):
+        first = begin + int(away[begin:stop].argmin())
+        if runs and first < runs[-1].last:
+            overlapping.append(first)
+        else:
+            runs.append(Excursion(first, first + steps, whole=True))
     return Repetitions(runs, {"overlapping": overlapping})
 
 

@@ -22,7 +22,7 @@ from pipeline.recordings.repetitions import SLACK, Excursion, disturbances
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
 CORE = 0.1  # share of a command that is not compared, at both ends
-LATE_ROWS = 4  # rows by which the clock of an equal command may differ along the way
+LATE_ROWS = np.arange(-4, 5)[:, None]  # rows by which the clock of an equal command may differ
 SAME = 0.01  # greatest distance of equal commands over the motion of the farthest joint
 ALIKE = 1e-3  # rad, greatest difference of commands whose errors are compared
 FEWEST = 5  # least number of runs that show a disturbed one
@@ -54,8 +54,7 @@ def joint_runs(
     of one motion are not used. Raises RecordingError without a run.
     """
     (runs, unused), _ = located_runs(movements, rate, joints, pose_noise)
-    runs = [run for run in runs if run.name not in unused]
-    if not runs:
+    if not (runs := [run for run in runs if run.name not in unused]):
         found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
         raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
     return RunsOfLogs(runs, unused)
@@ -69,25 +68,23 @@ def located_runs(
 ) -> tuple[RunsOfLogs, dict[str, tuple[str, Excursion]]]:
     """Return all runs as :func:`joint_runs`, also disturbed ones, and name → movement and
     commanded motion."""
-    unused, runs, places, circular = {}, [], {}, {}
+    unused, runs, places = {}, [], {}
     joints = [*(joints or next(iter(movements.values())).joints)]
     for read in movements.values():
-        standing = standing_joints(read.actual, read.target)
-        for column in np.flatnonzero(standing & np.isin(read.joints, joints)):
-            by, moved = (np.ptp(q[:, column]) for q in (read.target, read.actual))
-            reason = f"its command moves by {by:.3g} rad, it moves by {moved:.2g} rad"
-            unused[read.joints[column]] = reason
+        by, moved = (np.ptp(q, axis=0) for q in (read.target, read.actual))
+        for column in np.flatnonzero(standing_joints(read.actual, read.target)):
+            if (joint := read.joints[column]) in joints:
+                reason = f"its command moves by {by[column]:.3g} rad, it moves by"
+                unused[joint] = f"{reason} {moved[column]:.2g} rad"
     if not (joints := [joint for joint in joints if joint not in unused]):
         return RunsOfLogs([], unused), {}
     for name, read in movements.items():
-        found = _runs_of(name, read, rate, joints, pose_noise)
-        circular = read.circular[[read.joints.index(joint) for joint in joints]]
-        for run, place in found:
-            runs.append(run)
-            places[run.name] = name, place
-        if not found:
+        chosen = read.of(joints)
+        if not (found := _runs_of(name, chosen, rate, pose_noise)):
             unused[name] = f"the command never moves by more than {REACH:g} rad"
-    runs = named_motions(runs, circular)
+        runs += [run for run, _ in found]
+        places |= {run.name: (name, place) for run, place in found}
+    runs = named_motions(runs, chosen.circular)
     for name, score, others in _disturbed(runs):
         reason = f"disturbed: {score:.3g} robust standard deviations from {others} runs of"
         unused[name] = f"{reason} the same motion"
@@ -101,52 +98,33 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
 
 
 def _runs_of(
-    name: str, read: LoggedMovement, rate: float, joints: Sequence[str], stated: float | None
+    name: str, read: LoggedMovement, rate: float, stated: float | None
 ) -> list[tuple[JointRun, Excursion]]:
     """Return the runs in one movement, from pause to pause, and their motions."""
-    columns = [read.joints.index(joint) for joint in joints]
-    measured, target = read.actual[:, columns], read.target[:, columns]
-    moved = [
-        run
-        for run in read.motions
-        if np.ptp(target[max(run.first - 1, 0) : run.last + 1], axis=0).max(initial=0.0) > REACH
-    ]
-    if not moved:
+    measured, target, resting = read.actual, read.target, np.ones(len(read.target), bool)
+    spans = [slice(max(run.first - 1, 0), run.last + 1) for run in read.motions]
+    far = [np.ptp(target[span], axis=0).max(initial=0.0) > REACH for span in spans]
+    if not (moved := [run for run, moves in zip(read.motions, far, strict=True) if moves]):
         return []
     late = joint_lags(target, measured, rate)
     command, cut = delayed(target, late * rate)
     kept = following_rows(measured[cut] - command)
-    command, cut = command[kept], slice(cut.start + kept.start, cut.start + kept.stop)
-    rows = np.arange(len(target))[cut]
-    resting = np.ones(len(target), bool)
+    command, start = command[kept], cut.start + kept.start
     for run in moved:
         resting[max(run.first - SLACK, 0) : run.last + round(SETTLED * rate)] = False
     quantum = np.array([find_quantum(joint) for joint in measured.T])
     noise = stated or _noise_of(measured, resting, quantum)
-    known = read.counts.get("command_delay", 0.0)
-    groups = [[moved[0]]]
-    for before, after in pairwise(moved):
-        if after.first - before.last >= PAUSE * rate:
-            groups.append([])
-        groups[-1].append(after)
-    middles = [(before[-1].last + after[0].first) // 2 for before, after in pairwise(groups)]
-    limits, runs = [0, *middles, len(target)], []
-    for i, group in enumerate(groups):
-        inside = (rows >= limits[i]) & (rows < limits[i + 1])
-        run = JointRun(
-            name=f"{name}_{i + 1}" if len(groups) > 1 else name,
-            rate=rate,
-            command=command[inside],
-            measured=measured[cut][inside],
-            joints=tuple(joints),
-            lag=late + known,
-            quantum=quantum,
-            pose_noise=noise,
-            motion="",
-        )
-        whole = group[0].whole and group[-1].whole
-        pause = min(group[0].pause, group[-1].pause)
-        runs.append((run, Excursion(group[0].first, group[-1].last, whole, pause)))
+    gaps = [after.first - before.last for before, after in pairwise(moved)]
+    first = [0, *(i for i, gap in enumerate(gaps, 1) if gap >= PAUSE * rate), len(moved)]
+    middles = [(moved[i - 1].last + moved[i].first) // 2 - start for i in first[1:-1]]
+    limits, runs = pairwise([0, *middles, len(command)]), []
+    for i, ((begin, end), limit) in enumerate(zip(pairwise(first), limits, strict=True), 1):
+        rows, own = slice(*np.clip(limit, 0, len(command))), f"{name}_{i}" if middles else name
+        angles = command[rows], measured[start:][rows], tuple(read.joints)
+        lag = late + read.counts.get("command_delay", 0.0)
+        a, b = moved[begin], moved[end - 1]
+        place = Excursion(a.first, b.last, a.whole and b.whole, min(a.pause, b.pause))
+        runs.append((JointRun(own, rate, *angles, lag, quantum, noise, motion=""), place))
     return runs
 
 
@@ -155,11 +133,10 @@ def following_rows(error: np.ndarray) -> slice:
     the greatest error between: the arm has stopped, or the logs begin at different times.
     """
     size, ends = np.abs(error).max(axis=1), int(ENDS * len(error))
-    beyond = size > 2 * size[ends : len(size) - ends].max(initial=0.0)
-    first = np.flatnonzero(beyond[:ends])
-    last = np.flatnonzero(beyond[len(size) - ends :])
-    start = int(first[-1]) + 1 if len(first) else 0
-    return slice(start, len(size) - (ends - int(last[0]) if len(last) else 0))
+    last = len(error) - ends
+    beyond = size > 2 * size[ends:last].max(initial=0.0)
+    stop = last + int(beyond[last:].argmax()) if beyond[last:].any() else len(error)
+    return slice(int(np.flatnonzero(beyond[:ends]).max(initial=-1)) + 1, stop)
 
 
 def find_quantum(angles: np.ndarray) -> float:
@@ -171,12 +148,12 @@ def find_quantum(angles: np.ndarray) -> float:
     if len(steps) < LEAST_STEPS:
         return 0.0
     tried = np.geomspace(steps[0], 4 * steps[LEAST_STEPS - 1], 2000)
-    lengths = np.zeros(len(tried))
-    for i, quantum in enumerate(tried):
-        few = steps[: np.searchsorted(steps, MULTIPLES * quantum)]
-        if len(few) >= LEAST_STEPS:
-            lengths[i] = np.mean(np.cos(2 * np.pi * few / quantum))
-    best = int(lengths.argmax())
+    few = [steps[:n] for n in np.searchsorted(steps, MULTIPLES * tried)]
+    lengths = [
+        np.mean(np.cos(2 * np.pi * near / quantum)) if len(near) >= LEAST_STEPS else 0.0
+        for near, quantum in zip(few, tried, strict=True)
+    ]
+    best = int(np.argmax(lengths))
     return float(tried[best]) if lengths[best] >= IN_PHASE else 0.0
 
 
@@ -194,15 +171,11 @@ def named_motions(runs: Sequence[JointRun], circular: np.ndarray) -> list[JointR
     motion if its command, apart from the ends, is a part of the motion's longest command.
     """
     moving = [run.command[_moving_rows(run.command)] for run in runs]
-    longest, members = [], []
+    motions: dict[int, list[int]] = {}  # run with the longest command → runs
     for number in sorted(range(len(runs)), key=lambda number: -len(moving[number])):
-        known = (i for i, one in enumerate(longest) if _is_part(moving[number], one, circular))
-        place = next(known, len(longest))
-        if place == len(longest):
-            longest.append(runs[number].command)
-            members.append([])
-        members[place].append(number)
-    ordered = sorted(members, key=lambda each: (-len(each), min(each)))
+        known = (i for i in motions if _is_part(moving[number], runs[i].command, circular))
+        motions.setdefault(next(known, number), []).append(number)
+    ordered = sorted(motions.values(), key=lambda each: (-len(each), min(each)))
     names = {number: str(i) for i, each in enumerate(ordered, 1) for number in each}
     return [replace(run, motion=names[number]) for number, run in enumerate(runs)]
 
@@ -217,19 +190,13 @@ def _is_part(part: np.ndarray, whole: np.ndarray, circular: np.ndarray) -> bool:
     """Return whether ``part`` (K, n), apart from its ends, is a stretch of ``whole`` (N, n)."""
     ends = int(CORE * len(part))
     core = part[ends : len(part) - ends]
-    reach = max(REACH, SAME * np.ptp(core, axis=0).max(initial=0.0))
-    reach += np.abs(np.diff(core, axis=0)).max(initial=0.0) / 2  # half a row apart
-    if len(core) > len(whole):
-        return False
-    fast = int(np.abs(np.diff(core, axis=0)).max(axis=1).argmax())
-    places = whole[fast : len(whole) - len(core) + 1 + fast]
-    away = np.abs(apart(places, core[fast], circular)).max(axis=1)
-    shifts = range(-LATE_ROWS, LATE_ROWS + 1)
+    step = np.abs(np.diff(core, axis=0)).max(axis=1)
+    reach = max(REACH, SAME * np.ptp(core, axis=0).max(initial=0.0)) + step.max() / 2  # half a row
+    fast, most = int(step.argmax()), len(whole) - len(core) + 1
+    away = np.abs(apart(whole[fast : max(most, 0) + fast], core[fast], circular)).max(axis=1)
     for first in np.flatnonzero(away <= reach):
-        rows = first + np.arange(len(core)) + np.array(shifts)[:, None]
-        rows = np.clip(rows, 0, len(whole) - 1)
-        off = np.abs(apart(whole[rows], core, circular)).max(axis=2)
-        if off.min(axis=0).max() <= reach:
+        rows = np.clip(first + np.arange(len(core)) + LATE_ROWS, 0, len(whole) - 1)
+        if np.abs(apart(whole[rows], core, circular)).max(axis=2).min(axis=0).max() <= reach:
             return True
     return False
 
@@ -238,12 +205,11 @@ def _disturbed(runs: Sequence[JointRun]) -> list[tuple[str, float, int]]:
     """Return name, score and number of other runs of each disturbed one of at least FEWEST runs of
     one motion whose commands differ by less than ALIKE in every row; see :func:`disturbances`.
     """
-    found = []
-    for motion in dict.fromkeys(run.motion for run in runs):
-        parts = {}
-        for run in (run for run in runs if run.motion == motion):
-            rows = _moving_rows(run.command)
-            parts[run.name] = np.stack([run.command[rows], (run.measured - run.command)[rows]])
+    found, motions = [], {}
+    for run in runs:
+        both = np.stack([run.command, run.measured - run.command])
+        motions.setdefault(run.motion, {})[run.name] = both[:, _moving_rows(run.command)]
+    for parts in motions.values():
         length = int(np.median([part.shape[1] for part in parts.values()])) - SLACK
         parts = {name: part[:, :length] for name, part in parts.items() if part.shape[1] >= length}
         usual = np.median([part[0] for part in parts.values()], axis=0)
