@@ -4,14 +4,16 @@ unit, order, sign and clock.
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import linear_sum_assignment
+from scipy.signal import correlate, correlation_lags, find_peaks
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.urdf import Joint, read_urdf
-from pipeline.core.angles import TURN, whole_turns
+from pipeline.core.angles import TURN
 from pipeline.core.columns import columns, members, values
 from pipeline.core.errors import RecordingError
 from pipeline.recordings.lags import REACH, lag
@@ -58,6 +60,11 @@ class Pairing(NamedTuple):
     order: np.ndarray  # (n,) int
     delay: int  # rows by which the command is early
 
+    @classmethod
+    def plain(cls, n: int, factor: float = 1.0, delay: int = 0) -> Self:
+        """Return the pairing of n columns in their order."""
+        return cls(np.full(n, factor), np.arange(n), delay)
+
     def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the paired rows of ``actual`` and ``target``, (N − |delay|, n) in rad."""
         actual, target = shift_rows(actual, target, self.delay)
@@ -95,8 +102,8 @@ def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
     """Return the pairing of angles (N, n) in rad; the identity unless another halves the error."""
-    best = _plain(actual.shape[1])
-    if (standing := standing_joints(actual, target)).any() and not standing.all():
+    best, standing = Pairing.plain(actual.shape[1]), standing_joints(actual, target)
+    if standing.any() and not standing.all():
         follows = np.flatnonzero(~standing)
         factor, order, delay = find_pairing(actual[:, follows], target[:, follows], rate)
         best.factor[:], best.order[follows] = np.median(factor), follows[order]
@@ -111,8 +118,7 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
             best, least = tried, error
     # round the delay to a row; a delay up to LATEST is the controller's lag, not a clock offset
     measured, command = best.apply(actual, target)
-    late = lag(command, measured, rate)
-    delay = best.delay + (round(late * rate) if np.isfinite(late) else 0)
+    delay = best.delay + round(np.nan_to_num(lag(command, measured, rate)) * rate)
     return best._replace(delay=delay if abs(delay) > LATEST * rate else 0)
 
 
@@ -158,30 +164,24 @@ def suspects(
     pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
 ) -> Iterator[tuple[str, str, str, float]]:
     """Yield name, option and value of each change of a ``pairing``, and the error without it."""
-    plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
+    plain, (factor, order, delay) = Pairing.plain(len(pairing.order)), pairing
     unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
     scale = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
     listed = [repr(float(each)).removesuffix(".0") for each in factor]
     value = listed[0] if len({*listed}) == 1 else f"[{', '.join(listed)}]"
-    columns = f"the commanded columns in the order {[int(j) + 1 for j in order]}"
-    for changed, field, option, cause, stated in (
-        ((factor != 1).any(), "factor", "target_factor", scale, value),
-        ((order != plain.order).any(), "order", "signals", "order", columns),
-        (delay != 0, "delay", "target_delay", "clock", f"{delay / rate:.6g}"),
+    columns = f"the commanded columns in the order {(order + 1).tolist()}"
+    for field, option, cause, stated in (
+        ("factor", "target_factor", scale, value),
+        ("order", "signals", "order", columns),
+        ("delay", "target_delay", "clock", f"{delay / rate:.6g}"),
     ):
-        if changed:
+        if np.any(getattr(pairing, field) != getattr(plain, field)):
             without = pairing._replace(**{field: getattr(plain, field)})
             yield cause, f"{OPTION}.{option}", stated, without.error(actual, target)
 
 
-def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
-    return Pairing(np.full(n, factor), np.arange(n), delay)
-
-
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     """Return possible delays in rows: 0, and the correlation peaks of the arm's speeds."""
-    from scipy.signal import correlate, correlation_lags, find_peaks
-
     width = max(1, round(SMOOTHING * rate))
     speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
     measured, commanded = (speed - speed.mean() for speed in speeds)
@@ -196,25 +196,23 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
 
 def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
     """Return the pairing with the best unit, order and signs for rows paired by ``delay``."""
-    from scipy.optimize import linear_sum_assignment
-
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
     if not motion:
-        return _plain(n, delay=delay)
+        return Pairing.plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
     # (2, n, n) root mean square difference of joint i from column j, and from minus column j
     pairs = ((actual.T[:, None] - sign * (size * target).T) for sign in (1, -1))
     costs = np.array([np.sqrt(np.mean(pair**2, axis=-1)) for pair in pairs])
-    cost, same = costs.min(axis=0), np.arange(n)
-    rows, order = linear_sum_assignment(cost)
-    if cost[rows, order].sum() > ORDER_GAIN * costs[0, same, same].sum():
-        return _plain(n, size, delay)
-    sign = np.where(costs[1, rows, order] < ORDER_GAIN * costs[0, rows, order], -1.0, 1.0)
+    cost, own, same = costs.min(axis=0), np.diagonal(costs[0]), np.arange(n)
+    order = linear_sum_assignment(cost)[1]
+    if cost[same, order].sum() > ORDER_GAIN * own.sum():
+        return Pairing.plain(n, size, delay)
+    sign = np.where(costs[1, same, order] < ORDER_GAIN * costs[0, same, order], -1.0, 1.0)
     # keep the place of columns whose exchange hardly reduces the cost
-    stay = costs[0, same, same] <= cost[rows, order] / ORDER_GAIN
+    stay = own <= cost[same, order] / ORDER_GAIN
     kept = np.where(stay, same, order)
-    if len(set(kept.tolist())) == n:
+    if len({*kept.tolist()}) == n:
         order, sign = kept, np.where(stay, 1.0, sign)
     return Pairing(size * sign, order, delay)
 
@@ -249,28 +247,21 @@ def require_commanded(q: np.ndarray, trajectory: pd.DataFrame, chain: Chain, tak
 
 
 def require_encoders(
-    q: pd.DataFrame, readings: pd.DataFrame, joints: list[str], take: str, circular=True
+    q: pd.DataFrame, readings: pd.DataFrame, joints: Sequence[str], take: str
 ) -> None:
     """Raise RecordingError where ``readings`` (rows of the table ``encoders``) differ from the
-    tracked angles ``q`` (rows of the table ``joints``) at the same times; ``circular`` (joints,).
+    tracked angles ``q`` (rows of the table ``joints``) at the same times.
     """
     during = readings[readings["t"].between(q["t"].min(), q["t"].max())]
-    where = {"take": take, "key": "dataset.encoders"}
+    where, names = {"take": take, "key": "dataset.encoders"}, columns("q", joints)
     if len(during) < LEAST_TIMES:
         message = f"{len(during)} of {len(readings)} readings of the encoders are within the take:"
         raise RecordingError(f"{message} correct start, the start of their log", **where)
-    names = columns("q", joints)
     tracked = np.stack([np.interp(during["t"], q["t"], q[name]) for name in names], axis=1)
-    read = during[names].to_numpy()
-    turns = whole_turns(read, tracked, circular)
-    if turns.any():
-        joint = int(np.flatnonzero(turns)[0])
-        message = f"the encoders' {joints[joint]} is {turns[joint]:+g} turns (2π = 6.283 rad each)"
-        message += " off the angle that the motion capture tracked: log the angle of the URDF"
-        raise RecordingError(message, **where)
     fault = "the encoders differ from the angles that the motion capture tracked; suspected are"
-    fault += " angle_unit, the order of the columns (actual), and the start of the log (start)"
-    _require_near(read, tracked, joints, MOST, fault, **where)
+    fault += " angle_unit, the order of the columns (actual), the start of the log (start), and"
+    fault += " whole turns (6.283 rad: log the angle of the URDF)"
+    _require_near(during[names].to_numpy(), tracked, joints, MOST, fault, **where)
 
 
 def _require_near(
@@ -280,7 +271,8 @@ def _require_near(
     worst = int(errors.argmax())
     if errors[worst] > most:
         off = f"{names[worst]} is off by {errors[worst]:.2g} of the motion, more than {most:g}"
-        raise RecordingError(f"{off}: {fault}", **where)
+        middle = f"{np.median(a[:, worst] - b[:, worst]):.4g}"
+        raise RecordingError(f"{off} (median difference {middle}): {fault}", **where)
 
 
 def beyond_speed(steps: np.ndarray, limits: np.ndarray, seconds: np.ndarray | float) -> np.ndarray:

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import contracts
@@ -51,9 +53,6 @@ def find_offset(
     (K, e) are finite, in any units; a cubic spline interpolates b. Raises RecordingError (take) for
     signals that are too short, constant, uncorrelated or fit best at the edge of ``search`` (s).
     """
-    from scipy.interpolate import CubicSpline
-    from scipy.optimize import minimize_scalar
-
     refusal = partial(RecordingError, take=take)
     for t, signal in ((t_a, a), (t_b, b)):
         if len(t) < MIN_SAMPLES or np.any(np.diff(t) <= 0):
@@ -81,13 +80,10 @@ def find_offset(
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
     least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
     grid = grid[[inside(tau).sum() >= least for tau in grid]]
-    if len(grid) < 3:
-        message = "the two signals do not overlap anywhere in the search range of the clock offset"
-        raise refusal(message, search=search)
-    best = int(np.argmin([unexplained(tau) for tau in grid]))
+    best = int(np.argmin([unexplained(tau) for tau in grid])) if len(grid) else 0
     if best in (0, len(grid) - 1):
-        message = "the clock offset lies at the edge of the search range, or beyond"
-        raise refusal(message, offset=round(float(grid[best]), 4))
+        message = "the clock offset lies at the edge of the search range or of the signals' overlap"
+        raise refusal(message, search=search, offset=grid[best : best + 1].round(4).tolist())
     bounds, options = (grid[best - 1], grid[best + 1]), {"xatol": 1e-7}
     tau = float(minimize_scalar(unexplained, bounds=bounds, method="bounded", options=options).x)
     correlation = float(np.sqrt(max(0.0, 1.0 - unexplained(tau))))
@@ -95,7 +91,7 @@ def find_offset(
         message = "the signals of the two instruments are not alike at any clock offset: no motion"
         raise refusal(f"{message}, or not the same take", correlation=round(correlation, 3))
     residual, regressors, affine = fit(tau)
-    time = t_a[inside(tau)]
+    time, square = t_a[inside(tau)], (residual**2).sum()
     slope = spline.derivative()(time + tau) @ affine[:-1]
     # derivatives by offset and drift, without their projection on B and c
     late, drifting = (
@@ -105,17 +101,14 @@ def find_offset(
     drifting -= late * ((drifting * late).sum() / (late**2).sum())
     drift = float((drifting * residual).sum() / (drifting**2).sum())
     # a positive autocorrelation (AR(1)) inflates the variance; a negative one is ignored
-    square = (residual**2).sum()
     lag = max((residual[1:] * residual[:-1]).sum() / square if square else 0.0, 0.0)
-    inflation = (1 + lag) / (1 - lag)
     freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
     variance = (residual**2).sum(axis=0) / freedom
-
-    def standard_error(derivative: np.ndarray) -> float:
-        information = (derivative**2).sum(axis=0)
-        return float(np.sqrt(inflation * (variance * information).sum()) / information.sum())
-
-    errors = [standard_error(each) for each in (late, drifting)]
+    information = [(each**2).sum(axis=0) for each in (late, drifting)]
+    errors = [
+        float(np.sqrt((1 + lag) / (1 - lag) * (variance * each).sum()) / each.sum())
+        for each in information
+    ]
     # without the frames in a gap of b, which the spline bridges
     size = float(np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS))
     return Offset(tau, errors[0], correlation, drift, errors[1], size)
@@ -169,35 +162,36 @@ def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFr
     points and of the labelled markers in the arm's plane, and :func:`residual_share` compares the
     :func:`camera_residuals` of the take with the residuals of other takes.
     """
-    rows, offset, errors = take.rows, depth.clock_offset, []
+    rows, offset, errors = take.rows, depth.clock_offset, {}
     name = rows["take"].iloc[0]
     if offset is None:
-        observed = rows[rows["points"] > 0]
+        observed, search = rows[rows["points"] > 0], (-depth.search, depth.search)
         if observed.empty:
             message = "no frame shows the arm: check the unit of depth, the camera's pose and the"
             raise RecordingError(f"{message} workspace", file=rows["file"].iloc[0], take=name)
-        centroid = np.ascontiguousarray(observed[["x", "z"]].to_numpy())
+        signals = observed["t"].to_numpy(), np.ascontiguousarray(observed[["x", "z"]].to_numpy())
         labelled = take.markers[take.markers.link > 0]
         plane = arm.to_plane(labelled[["x", "y", "z"]].to_numpy())
         seen = pd.DataFrame({"t": labelled["t"].to_numpy(), "x": plane[:, 0], "z": plane[:, 2]})
         seen = seen.groupby("t").mean(skipna=False).dropna()
-        path = np.ascontiguousarray(seen.to_numpy())
-        signals, search = (observed["t"].to_numpy(), centroid), (-depth.search, depth.search)
-        found = find_offset(*signals, seen.index.to_numpy(), path, search=search, take=name)
-        offset = found.value
-        errors = [
-            ("clock_offset_standard_error", found.standard_error, "s"),
-            ("clock_drift", found.drift, "s/s"),
-            ("clock_drift_standard_error", found.drift_standard_error, "s/s"),
-            ("clock_correlation", found.correlation, "1"),
-        ]
-        if len(take.joints) > 1 and len(centroid) >= FEWEST_FRAMES:
+        path = seen.index.to_numpy(), np.ascontiguousarray(seen.to_numpy())
+        found = find_offset(*signals, *path, search=search, take=name)
+        offset, errors = (
+            found.value,
+            {
+                "clock_offset_standard_error": (found.standard_error, "s"),
+                "clock_drift": (found.drift, "s/s"),
+                "clock_drift_standard_error": (found.drift_standard_error, "s/s"),
+                "clock_correlation": (found.correlation, "1"),
+            },
+        )
+        if len(take.joints) > 1 and len(observed) >= FEWEST_FRAMES:
             own, *others = camera_residuals(signals, take.joints, arm, search)
-            share = residual_share(centroid, own, others)
-            errors += [("camera_residual", own, "m"), ("camera_residual_share", share, "share")]
-    quality = [("clock_offset", offset, "s"), *errors]
+            share = residual_share(signals[1], own, others)
+            errors |= {"camera_residual": (own, "m"), "camera_residual_share": (share, "share")}
+    quality = {"clock_offset": (offset, "s")} | errors
     rows = rows.assign(t=rows["t"] + offset)
-    return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in quality]
+    return rows, [quality_row(name, "test", DEPTH_CAMERA, k, *row) for k, row in quality.items()]
 
 
 def arm_points(rows: pd.DataFrame, folder: Path) -> list[np.ndarray]:
@@ -232,11 +226,9 @@ def bias_warning(errors: pd.DataFrame) -> str:
     worst = str(mean.abs().idxmax())
     if abs(mean[worst]) <= MOST_BIAS:
         return ""
-    message = (
-        f"{worst[2:]} in the depth images is {mean[worst]:+.3g} rad off the motion capture on "
-    )
-    message += f"average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy; "
-    return f"{message}5 % of fx make about 0.05 rad) and dataset.depth.camera"
+    message = f"{worst[2:]} in the depth images is {mean[worst]:+.3g} rad off the motion capture on"
+    message += f" average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy;"
+    return f"{message} 5 % of fx make about 0.05 rad) and dataset.depth.camera"
 
 
 def _articulate(rows: pd.DataFrame, known: tuple) -> pd.DataFrame:

@@ -114,10 +114,9 @@ def _cross_check(joints: pd.DataFrame, dataset) -> None:
     for take, rows in tracked.items():
         commands.require_commanded(rows[columns("q", names)].to_numpy(), trajectory, chain, take)
     if contracts.exists("encoders", MOTION):
-        circular = commands.circular_joints(dataset.robot.urdf, names)
         for take, rows in contracts.read("encoders", MOTION).groupby("take"):
             if take in tracked:
-                commands.require_encoders(tracked[take], rows, names, take, circular)
+                commands.require_encoders(tracked[take], rows, names, take)
 
 
 def _process_noise(joints: pd.DataFrame, dataset) -> pd.DataFrame:
