@@ -31,11 +31,10 @@ MAX_STEPS = 2000  # of the simplex
 START_SPREAD = 0.15  # rad; offset of the first frame's start poses from the commanded pose
 LOST = 2.0  # objective, in least objectives of the take, above which the arm counts as lost
 LOST_HEADINGS = 24  # headings of the first segment from which a search for a lost arm starts
-SIGN = np.int64(-(2**63))  # sign bit of a 64-bit float
 
 
 class Frame(NamedTuple):
-    """Points, known nodes and options of one frame, and buffers of the compiled functions."""
+    """Points, known nodes and options of one frame, and a buffer of the compiled functions."""
 
     points: np.ndarray  # (2, I) x and z, m
     nodes: np.ndarray  # (4, 2) O1, O2, O3, EE, m; O1 and the commanded EE are inputs
@@ -43,16 +42,14 @@ class Frame(NamedTuple):
     gamma1: float  # weight of the mean distance
     gamma2: float  # weight of the asymmetry
     buffer: np.ndarray  # (5, I) signed squared distances by segment, m²; last row: distances, m
-    bits: np.ndarray  # (5, I) ``buffer`` viewed as integers
 
 
 def frame_of(
     points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
 ) -> Frame:
-    """Return the frame with new buffers; ``gammas`` are the weights γ1 and γ2."""
+    """Return the frame with a new buffer; ``gammas`` are the weights γ1 and γ2."""
     arrays = (np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds))
-    buffer = np.empty((5, points.shape[1]))
-    return Frame(*arrays, *gammas, buffer, buffer.view(np.int64))
+    return Frame(*arrays, *gammas, np.empty((5, points.shape[1])))
 
 
 @inner
@@ -91,7 +88,7 @@ def rank(frame: Frame, v: np.ndarray) -> float:
             signed[2, i] = 0.0 if aside > 0.0 else signed[2, i]
     asymmetry = 0.0
     for j in range(pieces):
-        above, under = _greatest(signed[j], frame.bits[j])
+        above, under = _greatest(signed[j])
         asymmetry += abs(np.sqrt(above) - np.sqrt(under))
     return frame.gamma1 * _sum(signed[4]) / x.size + frame.gamma2 * asymmetry
 
@@ -130,16 +127,13 @@ def _to_segment(x, z, start, end):
 
 
 @inner
-def _greatest(signed, bits):
-    """Return the greatest positive and the greatest negative magnitude; overwrites ``signed``."""
-    above, under = np.int64(0), SIGN
-    for i in range(signed.size):  # vectorised for integers
-        above = bits[i] if bits[i] > above else above
-        under = bits[i] ^ SIGN if bits[i] ^ SIGN > under else under
-    bits[0] = above
-    greatest = signed[0]
-    bits[0] = under ^ SIGN
-    return greatest, (-signed[0] if signed[0] < 0.0 else 0.0)
+def _greatest(signed):
+    """Return the greatest positive and the greatest negative magnitude."""
+    above = under = 0.0
+    for value in signed:
+        above = value if value > above else above
+        under = -value if -value > under else under
+    return above, under
 
 
 @inner
@@ -177,80 +171,46 @@ def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
 @compiled
 def _simplex(frame, step, extent, corners, values):
     """Run the simplex of Nelder and Mead (1965), coefficients 1, 2, ½, ½, from ``corners[0]``;
-    return True if its size fell to ``extent`` in every variable.
-
-    ``corners`` (n+4, n) and ``values`` (n+1,) are overwritten; the best corner is first, the last
-    three rows are a buffer. Loops compile four times as fast as NumPy's array expressions.
+    return True if its size fell to ``extent`` in every variable. ``corners`` (n+1, n) and
+    ``values`` (n+1,) are overwritten; the best corner is first.
     """
     n = values.size - 1
-    middle, reflected, tried = corners[n + 1], corners[n + 2], corners[n + 3]
     for i in range(1, n + 1):
-        _set(corners, i, corners[0])
+        corners[i] = corners[0]
         corners[i, i - 1] += step
     unknown = 0  # index of the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
             values[i] = rank(frame, corners[i])
-        _sort(corners, values)
-        size = 0.0
-        for j in range(n):
-            middle[j] = corners[0, j]
-            for i in range(1, n):
-                middle[j] += corners[i, j]
-            for i in range(1, n + 1):
-                size = max(size, abs(corners[i, j] - corners[0, j]))
-        if size <= extent:
+        order = np.argsort(values, kind="mergesort")  # equal values keep their order
+        values[:], corners[:] = values[order], corners[order]
+        if np.abs(corners[1:] - corners[0]).max() <= extent:
             return True
-        for j in range(n):
-            middle[j] /= n
-            reflected[j] = middle[j] - (corners[n, j] - middle[j])
+        middle = corners[:n].sum(axis=0) / n
+        reflected = middle - (corners[n] - middle)
         at_reflected, unknown = rank(frame, reflected), n + 1
         best, outside = at_reflected < values[0], at_reflected < values[n]
         if not best and at_reflected < values[n - 1]:
-            values[n] = at_reflected
-            _set(corners, n, reflected)
+            values[n], corners[n] = at_reflected, reflected
             continue
         # expansion, or contraction outside or inside
         factor = -2.0 if best else (-0.5 if outside else 0.5)
-        for j in range(n):
-            tried[j] = middle[j] + factor * (corners[n, j] - middle[j])
+        tried = middle + factor * (corners[n] - middle)
         at_tried = rank(frame, tried)
         if at_tried < at_reflected and at_tried < values[n]:
-            values[n] = at_tried
-            _set(corners, n, tried)
+            values[n], corners[n] = at_tried, tried
         elif best:
-            values[n] = at_reflected
-            _set(corners, n, reflected)
+            values[n], corners[n] = at_reflected, reflected
         else:
-            for i in range(1, n + 1):
-                for j in range(n):
-                    corners[i, j] = corners[0, j] + 0.5 * (corners[i, j] - corners[0, j])
+            corners[1:] = corners[0] + 0.5 * (corners[1:] - corners[0])
             unknown = 1
     return False
-
-
-@inner
-def _set(corners, i, corner):
-    for j in range(corner.size):
-        corners[i, j] = corner[j]
-
-
-@inner
-def _sort(corners, values):
-    """Sort the ``values`` and their ``corners`` by insertion; equal values keep their order."""
-    for last in range(1, values.size):
-        i = last
-        while i > 0 and values[i] < values[i - 1]:
-            values[i], values[i - 1] = values[i - 1], values[i]
-            for j in range(corners.shape[1]):
-                corners[i, j], corners[i - 1, j] = corners[i - 1, j], corners[i, j]
-            i -= 1
 
 
 def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
     """Return O2, O3, EE (3, 2) in m, the objective in m, and True if the search converged."""
     first, ended = variables(frame, start, end), False
-    corners, values = np.tile(first, (first.size + 4, 1)), np.empty(first.size + 1)
+    corners, values = np.tile(first, (first.size + 1, 1)), np.empty(first.size + 1)
     for step, extent in RUNS[end]:
         ended = _simplex(frame, step, extent, corners, values)
     return nodes_of(frame, corners[0]), float(values[0]), ended
