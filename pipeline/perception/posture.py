@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import qmc
 
 from pipeline.arm.chain import segment_frames
 from pipeline.arm.model import Arm, chain_of, link_chains
@@ -123,6 +122,8 @@ class MarkedArm:
         is within the gate. Searches start from the stated posture or over the joint ranges; angles
         are within half a turn of the stated posture or of mid-range.
         """
+        from scipy.stats import qmc
+
         finite = np.isfinite(self.upper - self.lower)
         centre = np.where(finite, self.lower + self.upper, 0.0) / 2
         if self.posture is None:
