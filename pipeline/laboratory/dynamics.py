@@ -12,8 +12,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.random import Generator
-from scipy.interpolate import PchipInterpolator
-from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from pipeline.arm.chain import PlanarChain
@@ -48,6 +46,8 @@ class JointPath:
     @cached_property
     def interpolant(self) -> Callable[..., np.ndarray]:
         """Function (times (...) in s, order) → angles (..., n) or their derivatives."""
+        from scipy.interpolate import PchipInterpolator
+
         return PchipInterpolator(np.arange(len(self.joints)) / self.rate, self.joints)
 
     def require_followable(self, chain: Chain) -> None:
@@ -107,6 +107,8 @@ def desired_trajectory(chain: Chain, options: TrajectoryOptions) -> pd.DataFrame
 
 def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -> np.ndarray:
     """Draw stationary normal paths of variance 1 along the last axis: white noise behind LAGS."""
+    from scipy.signal import lfilter
+
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
     impulse = np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0]
     response = lfilter([1.0], denominator, impulse)

@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
-from scipy.optimize import brentq
-from scipy.signal import lfilter
 from scipy.special import dawsn, i0e, i1e
 
 from pipeline.core.errors import ConfigError
@@ -28,6 +26,8 @@ class RiggedForce(NamedTuple):
 
 def _autoregressive(innovation: np.ndarray, decay: float, start: np.ndarray) -> np.ndarray:
     """Return x (N, m), x_k = decay·x_{k−1} + innovation_k, with x_{−1} = ``start`` (m,)."""
+    from scipy.signal import lfilter
+
     return lfilter([1.0], [1.0, -decay], innovation, axis=0, zi=decay * start[None])[0]
 
 
@@ -87,6 +87,8 @@ def directions(
 
 def _angle_in_space(kappa: float) -> float:
     """Return s in rad, the standard deviation of both angles in space for κ = ``kappa``."""
+    from scipy.optimize import brentq
+
     length = 1 / np.tanh(kappa) - 1 / kappa
     return brentq(lambda s: 1 - np.sqrt(2) * s * dawsn(s / np.sqrt(2)) - length, 1e-9, 1.5)
 

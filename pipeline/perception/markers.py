@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
 
 from pipeline.arm.model import arm_of
 from pipeline.core.errors import RecordingError
@@ -138,6 +137,8 @@ def _correct_labels(
     and ``residual``. The assignment of labels to positions minimises the sum of squared distances
     from the positions that the nearest solved frames predict.
     """
+    from scipy.optimize import linear_sum_assignment
+
     labels, moved = len(points.owner), {"relabelled": 0, "adopted": 0, "rejected": 0}
     there, markers = np.isfinite(positions).all(axis=-1), positions[:, :labels].copy()
     incomplete = ~there[:, :labels].all(axis=-1) & there[:, labels:].any(axis=-1)

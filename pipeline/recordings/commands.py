@@ -8,8 +8,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import linear_sum_assignment
-from scipy.signal import correlate, correlation_lags, find_peaks
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.urdf import Joint, read_urdf
@@ -182,6 +180,8 @@ def suspects(
 
 def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
     """Return possible delays in rows: 0, and the correlation peaks of the arm's speeds."""
+    from scipy.signal import correlate, correlation_lags, find_peaks
+
     width = max(1, round(SMOOTHING * rate))
     speeds = [np.linalg.norm(q[width:] - q[:-width], axis=1) for q in (actual, target)]
     measured, commanded = (speed - speed.mean() for speed in speeds)
@@ -196,6 +196,8 @@ def _delays(actual: np.ndarray, target: np.ndarray, rate: float) -> list[int]:
 
 def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairing:
     """Return the pairing with the best unit, order and signs for rows paired by ``delay``."""
+    from scipy.optimize import linear_sum_assignment
+
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
     if not motion:
         return Pairing.plain(n, delay=delay)

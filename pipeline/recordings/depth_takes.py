@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from pipeline.arm.model import Arm, arm_of
 from pipeline.core import contracts
@@ -53,6 +51,9 @@ def find_offset(
     (K, e) are finite, in any units; a cubic spline interpolates b. Raises RecordingError (take) for
     signals that are too short, constant, uncorrelated or fit best at the edge of ``search`` (s).
     """
+    from scipy.interpolate import CubicSpline
+    from scipy.optimize import minimize_scalar
+
     refusal = partial(RecordingError, take=take)
     for t, signal in ((t_a, a), (t_b, b)):
         if len(t) < MIN_SAMPLES or np.any(np.diff(t) <= 0):

@@ -1,7 +1,6 @@
 """Lag of measured angles behind a command, and angles between rows."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 REACH = 0.01  # rad, least travel of a motion, and greatest distance of equal ends
 SLOW, FAR = 0.1, 5.0  # least share of the speed, greatest error over the median, for a lag
@@ -60,6 +59,8 @@ def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
     """Return ``command`` (N, n) delayed by ``rows`` (n,) of any fraction, by cubic splines, and the
     slice of the rows at which all joints have a command.
     """
+    from scipy.interpolate import CubicSpline
+
     before, after = (max(int(np.ceil((s * rows).max())), 0) for s in (1, -1))
     cut, at = slice(before, len(command) - after), np.arange(len(command))
     if not rows.any():
@@ -70,6 +71,8 @@ def delayed(command: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, slice]:
 
 def stretch(angles: np.ndarray, place: float, length: int) -> np.ndarray:
     """Return ``length`` rows of ``angles`` from row ``place`` on; cubic splines between rows."""
+    from scipy.interpolate import CubicSpline
+
     if place == round(place):
         return angles[round(place) :][:length]
     return CubicSpline(np.arange(len(angles)), angles)(place + np.arange(length))

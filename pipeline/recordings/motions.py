@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from pipeline.arm.interface import Chain
 from pipeline.arm.model import chain_of
@@ -97,6 +96,8 @@ def _repeated_stretches(paths: Mapping, chain: Chain, robot: Robot) -> list[Foun
 
 def _regular_stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
     """Return first and last row of the stretches of a command ``angles`` (N, n) in rad."""
+    from scipy.signal import find_peaks
+
     least = _least_singular(chain, angles)
     regular = least > NEARLY * least.max()
     if not regular.all():

@@ -8,7 +8,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
@@ -40,6 +39,8 @@ def read_movement(
     and "times" interpolates by a cubic spline; None raises RecordingError. Raises RecordingError
     also where the clocks of two logs differ, or the rate is not ``rate`` (Hz).
     """
+    from scipy.interpolate import CubicSpline
+
     logs = {file: read_log(file, options) for file, options in files.items()}
     length, first = min(len(log.time) for log in logs.values()), next(iter(logs))
     time, counts, signals = logs[first].time[:length], Counter(), {}
@@ -69,6 +70,8 @@ def read_movement(
 
 def smoothness_by_rows(time: np.ndarray, angles: np.ndarray, rate: float) -> float:
     """Return the third derivative of ``angles`` over ``time``, relative to even rows."""
+    from scipy.interpolate import CubicSpline
+
     clocks = time, np.arange(len(time)) / rate
     derivatives = (CubicSpline(clock, angles)(clock[:-1], 3) for clock in clocks)
     by_time, by_rows = (np.median((each**2).sum(axis=1)) for each in derivatives)
