@@ -82,24 +82,19 @@ def perturbation_gap(
     ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad of each problem.
     J₁ is computed by SciPy, independently of the closed form. Raises SolverError.
     """
+    first_factor = {
+        "pivoted_lu": lambda jacobian: lu(jacobian, permute_l=True)[0],
+        "qr": lambda jacobian: qr(jacobian)[0],
+        "qr_transposed": lambda jacobian: qr(jacobian.T, mode="economic")[1].T,
+        "given": lambda _: np.array(decomposition.left),
+    }[decomposition.name]
     gaps = []
     for closed, jacobian, step, omega in zip(objectives, jacobians, v, noise, strict=True):
-        j1 = _first_factor(jacobian, decomposition)
+        j1 = first_factor(jacobian)
         j2 = np.linalg.solve(j1, jacobian)
         _, objective = solve_perturbation(omega, step, j1, j2, weights, floor)
         gaps.append(abs(closed - objective) / objective)
     return float(max(gaps))
-
-
-def _first_factor(jacobian: ndarray, decomposition: Decomposition) -> ndarray:
-    match decomposition.name:
-        case "pivoted_lu":
-            return lu(jacobian, permute_l=True)[0]
-        case "qr":
-            return qr(jacobian)[0]
-        case "qr_transposed":
-            return qr(jacobian.T, mode="economic")[1].T
-    return np.array(decomposition.left)
 
 
 def noise_covariance_gap(norms: ndarray, alpha: float, u: float, n: int, m: int) -> float:

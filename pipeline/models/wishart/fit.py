@@ -4,7 +4,7 @@ maximum likelihood), and σ̂_B as a function of α₂/α₁, which the paper do
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, get_args
 
@@ -67,17 +67,14 @@ class DispersionFit(NamedTuple):
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate σ_B by the estimator of ``options``; raises the errors of the estimator."""
     decomposition = _decomposition(options, recorded)
-    match options.estimator:
-        case "moments":
-            fit = fit_moments(recorded, decomposition)
-        case "likelihood":
-            fit = fit_likelihood(recorded, decomposition)
-        case "paper":
-            fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+    if options.estimator == "paper":
+        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+    else:
+        fits = {"moments": fit_moments, "likelihood": fit_likelihood}
+        fit = fits[options.estimator](recorded, decomposition)
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
     diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
-    parameters = _parameters(fit.sigma_b, decomposition)
-    values = {"sigma_b": fit.sigma_b}
+    parameters, values = _parameters(fit.sigma_b, decomposition), {"sigma_b": fit.sigma_b}
     return Estimate(parameters, values, diagnostics, from_takes=fit.from_takes)
 
 
@@ -117,14 +114,24 @@ def diagnose(
     recorded: Recorded, options: Options, estimate: Estimate | None, checks: int, rng: Generator
 ) -> tuple[dict[str, float], dict[str, pd.DataFrame]]:
     """Greatest relative difference between the closed form and the solver of (BsampOpt) at
-    ``checks`` moving steps, and the table ``sigma_b_weights``. The table has σ̂_B of (BsampOpt)
-    over α₂/α₁, for the recorded takes and for as many takes drawn from the model of ``estimate``.
+    ``checks`` random moving steps, and the table ``sigma_b_weights``. The table has σ̂_B of
+    (BsampOpt) over α₂/α₁, for the recorded takes and for as many takes drawn from the model of
+    ``estimate``.
     """
-    decomposition = _decomposition(options, recorded)
-    metrics = {}
+    from pipeline.models.convex import perturbation_gap  # here: CVXPY takes long to import
+
+    decomposition, metrics = _decomposition(options, recorded), {}
     try:
         fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
-        metrics = _convex_check(recorded, decomposition, fit, options.floor, checks, rng)
+        q, v, noise = moving_steps(recorded)
+        moving = np.flatnonzero(np.broadcast_to(np.any(recorded.v, axis=-1), recorded.q.shape[:2]))
+        checked = np.sort(rng.choice(len(q), min(checks, len(q)), replace=False))
+        weights, objectives = fit.problems
+        steps = recorded.chain.jacobian(q[checked]), task_step(recorded.chain, v)[checked]
+        problems = objectives[moving[checked]], *steps, noise[checked]
+        gap = perturbation_gap(*problems, decomposition, weights, options.floor)
+        metrics["convex_problems_checked"] = len(checked)
+        metrics["convex_check_greatest_relative_gap"] = gap
         moments = fit_moments(recorded, decomposition).sigma_b
     except ModelDomainError as error:
         print(f"fit: no curve over the weights of the convex problem: {error}")
@@ -133,38 +140,13 @@ def diagnose(
     if estimate is not None:
         sources["drawn"] = _drawn_takes(estimate.model, recorded, rng)
     for source, takes in sources.items():
-        steps = problem_steps(takes, decomposition)
-
-        def sigma_b(ratio: float, steps=steps) -> float:
-            weights = 1 / (1 + ratio), ratio / (1 + ratio)
-            squares, _ = solve_problems(steps, weights, options.floor)
-            return float(np.sqrt(squares.mean(axis=0)).mean())
-
-        curve = np.array([sigma_b(ratio) for ratio in RATIOS])
-        rows += [(*pair, "curve", source) for pair in zip(RATIOS, curve, strict=True)]
-        if (meeting := _meeting_ratio(sigma_b, curve, moments)) is not None:
-            rows.append((meeting, moments, "moments", source))
+        points = _weight_curve(problem_steps(takes, decomposition), options.floor, moments)
+        rows += [(*point, source) for point in points]
+    greatest = max(row[1] for row in rows if row[2:] == ("curve", "recorded"))
     ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
     rows.append((ratio, fit.sigma_b, "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
-    curve = table[(table["point"] == "curve") & (table["source"] == "recorded")]
-    metrics["sigma_b_greatest_over_weights"] = curve["sigma_b"].max()
-    return metrics, {"sigma_b_weights": table}
-
-
-def _convex_check(recorded, decomposition, fit, floor, checks, rng) -> dict[str, float]:
-    """Greatest relative difference of ``fit`` from the solver at ``checks`` random moving steps."""
-    from pipeline.models.convex import perturbation_gap  # here: CVXPY takes long to import
-
-    weights, objectives = fit.problems
-    n, v = recorded.q.shape[-1], task_step(recorded.chain, recorded.v)
-    v = np.broadcast_to(v, (*recorded.q.shape[:2], v.shape[-1])).reshape(-1, v.shape[-1])
-    moving = np.flatnonzero(np.any(v, axis=1))
-    checked = np.sort(rng.choice(moving, min(checks, len(moving)), replace=False))
-    jacobians = recorded.chain.jacobian(recorded.q.reshape(-1, n)[checked])
-    steps = v[checked], recorded.noise.reshape(-1, n)[checked]
-    gap = perturbation_gap(objectives[checked], jacobians, *steps, decomposition, weights, floor)
-    return {"convex_problems_checked": len(checked), "convex_check_greatest_relative_gap": gap}
+    return metrics | {"sigma_b_greatest_over_weights": greatest}, {"sigma_b_weights": table}
 
 
 def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Recorded:
@@ -177,17 +159,22 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
     return replace(recorded, noise=drawn - q - recorded.chain.nominal_step(q, v) + measured)
 
 
-def _meeting_ratio(sigma_b: Callable, curve: ndarray, target: float) -> float | None:
-    """α₂/α₁ in rad at which ``sigma_b`` decreases through ``target``, or None. ``curve`` is σ̂_B at
-    RATIOS.
-    """
+def _weight_curve(
+    steps: tuple[ndarray, ...], floor: float, target: float
+) -> Iterator[tuple[float, float, str]]:
+    """Yield (α₂/α₁ in rad, σ̂_B, point) at RATIOS, and where σ̂_B falls through ``target``, if so."""
     from scipy.optimize import brentq
 
-    crossings = np.flatnonzero((curve > target)[:-1] & ~(curve > target)[1:])
-    if not len(crossings):
-        return None
-    ends = np.log(RATIOS[crossings[0] : crossings[0] + 2])
-    return float(np.exp(brentq(lambda x: sigma_b(np.exp(x)) - target, *ends, xtol=TOLERANCE)))
+    def sigma_b(ratio: float) -> float:
+        weights = 1 / (1 + ratio), ratio / (1 + ratio)
+        return float(np.sqrt(solve_problems(steps, weights, floor)[0].mean(axis=0)).mean())
+
+    curve = np.array([sigma_b(ratio) for ratio in RATIOS])
+    yield from ((*pair, "curve") for pair in zip(RATIOS, curve, strict=True))
+    for i in np.flatnonzero((curve > target)[:-1] & ~(curve > target)[1:])[:1]:
+        ends = np.log(RATIOS[i : i + 2])
+        x = brentq(lambda x: sigma_b(np.exp(x)) - target, *ends, xtol=TOLERANCE)
+        yield float(np.exp(x)), target, "moments"
 
 
 def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
@@ -245,8 +232,7 @@ def fit_paper(
     noise, known = recorded.noise, recorded.known_measurement
     still = np.broadcast_to(~np.any(recorded.v, axis=-1), noise.shape[:-1])
     variance = 0.0 if known is None else np.trace(known)
-    if still.any():
-        variance = np.mean(np.sum(noise[still] ** 2, axis=-1))
+    variance = np.mean(np.sum(noise[still] ** 2, axis=-1)) if still.any() else variance
     resting = float(np.sqrt(variance))
     weights = objective_weights(resting, len(recorded.chain.task), ratio_factor)
     squares, fits = solve_problems(problem_steps(recorded, decomposition), weights, floor)
@@ -275,6 +261,7 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
     of a step plus measurement noise; without measurement noise the slowest steps would determine
     σ̂_B. Raises SingularJacobianError and ModelDomainError.
     """
+    from scipy.interpolate import CubicSpline
     from scipy.optimize import minimize_scalar
 
     chain, takes = recorded.chain, len(recorded.q)
@@ -287,16 +274,21 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
 
     widest = min(largest_dispersion(len(chain.task)), SIGMA_B_RANGE[1])
     low, high = np.log(SIGMA_B_RANGE[0]), np.log(widest) - MARGIN
-    coarse = minimize_scalar(
-        lambda x: -by_take(x).sum(), bounds=(low, high), method="bounded", options={"xatol": COARSE}
-    )
-    nodes = np.linspace(max(low, coarse.x - REACH), min(high, coarse.x + REACH), NODES)
+    search = {"bounds": (low, high), "method": "bounded", "options": {"xatol": COARSE}}
+    coarse = minimize_scalar(lambda x: -by_take(x).sum(), **search).x
+    nodes = np.linspace(max(low, coarse - REACH), min(high, coarse + REACH), NODES)
     log_likelihoods = np.stack([by_take(x) for x in nodes], axis=1)
-    best = _spline_maximum(nodes, log_likelihoods.sum(axis=0))
+
+    def maximum(values: ndarray) -> float:
+        spline = CubicSpline(nodes, values)
+        found = np.concatenate([nodes[[0, -1]], spline.derivative().roots(extrapolate=False)])
+        return float(found[spline(found).argmax()])
+
+    best = maximum(log_likelihoods.sum(axis=0))
     at_end = best in (low, high)
 
     def from_takes(takes: ndarray) -> dict[str, float]:
-        best = _spline_maximum(nodes, log_likelihoods[takes].sum(axis=0))
+        best = maximum(log_likelihoods[takes].sum(axis=0))
         if not at_end and best in (nodes[0], nodes[-1]):
             message = "the maximum of these takes' likelihood is outside the evaluated range"
             raise ModelDomainError(message, takes=takes.tolist())
@@ -304,12 +296,3 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
 
     diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
     return DispersionFit(float(np.exp(best)), from_takes, diagnostics)
-
-
-def _spline_maximum(x: ndarray, values: ndarray) -> float:
-    """Argument of the maximum of the spline through ``values`` (N,) at ``x`` (N,)."""
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(x, values)
-    candidates = np.concatenate([x[[0, -1]], spline.derivative().roots(extrapolate=False)])
-    return float(candidates[spline(candidates).argmax()])
