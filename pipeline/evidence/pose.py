@@ -8,8 +8,8 @@ from numpy.random import Generator
 
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import MotionModel, frobenius
-from pipeline.models.runs import JointRun
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 
 NORM = "norm of the inverse Jacobian"

@@ -31,7 +31,7 @@ from pipeline.filtering.sampling import (
     update,
 )
 from pipeline.models.draws import block_for, space_of
-from pipeline.models.model import Commands, MemoryModel, MotionModel
+from pipeline.models.model import Commands, MotionModel
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ def _filter_by_draws(
 
 
 def _draw(
-    model: MotionModel | MemoryModel,
+    model: MotionModel,
     chain: Chain,
     commands: Commands,
     rng: Generator,

@@ -1,5 +1,5 @@
 """Interface of all motion models (the law of one step q_{k+1} | q_k under a command), functions of
-joint covariances, and the base of models with normal noise.
+joint covariances.
 
 A command is the task step v (m,). For an arm with more joints than task rows it may be (m + n,): v
 and a joint step w (n,), of which the arm executes the part in the null space of J. The arm is at
@@ -7,7 +7,7 @@ rest if the whole command is zero.
 """
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy import ndarray
@@ -43,7 +43,7 @@ class Traits(NamedTuple):
     noisy_at_rest: bool  # the pose is random after a step without a command
     needs_jacobian: bool  # the noise depends on J(q), not on the commanded joint step alone
     compiled: bool = True  # it has the method ``law``; otherwise the filter calls ``sample``
-    memory: bool = False  # it is a :class:`MemoryModel`
+    memory: bool = False  # it has the methods ``first_memory`` and ``advance``
 
 
 class Commands(NamedTuple):
@@ -67,62 +67,6 @@ def task_step(chain: Mechanism, command: ndarray) -> ndarray:
 def frobenius(matrix: ndarray) -> ndarray:
     """(...,) Frobenius norm of ``matrix`` (..., n, m), the paper's norm of a matrix."""
     return np.sqrt(np.einsum("...ij,...ij->...", matrix, matrix))
-
-
-class MotionModel(Protocol):
-    """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt.
-
-    ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or (..., m + n) is a command. All
-    methods raise SingularJacobianError at a singular pose, ModelDomainError for a missing moment.
-    A law sees the command of one step alone.
-    """
-
-    traits: ClassVar[Traits]
-
-    def law(self, chain: Chain) -> Law:
-        """Return the law of a compiled step of the arm ``chain``, if ``traits.compiled``."""
-
-    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
-        """(..., n) E[q_{k+1} | q_k = q] in rad."""
-
-    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
-        """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
-
-    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "MotionModel":
-        """Return the model with the noise level (σ_B, α or a factor on a covariance) at which the
-        covariances of the steps have the mean ``trace`` > 0 in rad². ModelDomainError if none has.
-        """
-
-    def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
-        """(..., n) one draw of q_{k+1} for each pose, with NumPy alone; the compiled
-        :func:`pipeline.models.draws.draw_steps` is many times as fast.
-        """
-
-    def log_density(
-        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
-    ) -> ndarray:
-        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus noise N(0,
-        ``measurement``) (n, n) in rad² if given. Raises ModelDomainError for a singular covariance,
-        e.g. of a matrix model at rest without ``measurement``.
-        """
-
-
-class MemoryModel(MotionModel, Protocol):
-    """Law of a pose and its memory: s numbers beside each pose that the next step depends on, such
-    as the last errors and the commanded pose. Its ``traits.memory`` is True, ``compiled`` False.
-    """
-
-    def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
-        """(P, s) memory of first poses ``q`` (P, n) where ``commanded`` (n,) is the commanded pose
-        in rad. The filter passes the mean of the training takes' first poses.
-        """
-
-    def advance(
-        self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
-    ) -> tuple[ndarray, ndarray]:
-        """Return (P, n) draws of the next poses in rad, and (P, s) their memory, after ``q`` (P, n)
-        and ``memory`` (P, s) under the commands ``v`` (m,) or (P, m).
-        """
 
 
 def principal_axes(covariance: ndarray) -> tuple[ndarray, ndarray]:
@@ -165,33 +109,6 @@ def without_measurement(covariance: ndarray, measurement: ndarray) -> tuple[ndar
     return (axes * np.maximum(variances, 0.0)) @ axes.T, int(np.count_nonzero(variances < 0))
 
 
-class NormalModel(ABC):
-    """q_{k+1} ~ N(q_k + J⁺v + the null-space step, Cov); a subclass defines Cov. The methods are
-    described in :class:`MotionModel`.
-    """
-
-    @abstractmethod
-    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray: ...
-
-    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
-        return q + chain.nominal_step(q, v)
-
-    def sample(self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
-        mean = self.mean(chain, q, v)
-        variances, axes = np.linalg.eigh(self.covariance(chain, q, v))
-        white = np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(mean.shape)
-        return mean + np.matvec(axes, white)
-
-    def log_density(
-        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
-    ) -> ndarray:
-        covariance = self.covariance(chain, q, v)
-        if measurement is not None:
-            _ = principal_axes(measurement)  # raises if it is no covariance
-            covariance = covariance + measurement
-        return normal_log_density(q_next - self.mean(chain, q, v), covariance)
-
-
 def normal_log_density(deviation: ndarray, covariance: ndarray) -> ndarray:
     """(...,) ln N(``deviation``; 0, ``covariance``) in rad⁻ⁿ; ``deviation`` (..., n) in rad and
     ``covariance`` (..., n, n) in rad² broadcast. Raises ModelDomainError for a singular covariance.
@@ -213,3 +130,70 @@ def axis_log_density(squared: ndarray, variances: ndarray) -> ndarray:
             least_variance=float(variances.min()),
         )
     return -0.5 * (np.log(2 * np.pi * variances) + squared / variances).sum(axis=-1)
+
+
+class MotionModel(ABC):
+    """p(q_{k+1} | q_k) for the commanded step v = ẋᵈ_kΔt; by default the normal law of mean q_k +
+    J⁺v + the null-space step, whose covariance a subclass defines.
+
+    ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or (..., m + n) is a command. All
+    methods raise SingularJacobianError at a singular pose, ModelDomainError for a missing moment.
+    A law sees the command of one step alone, and if ``traits.memory`` s numbers beside each pose,
+    such as the last errors and the commanded pose.
+    """
+
+    traits: ClassVar[Traits]
+
+    def law(self, chain: Chain) -> Law:
+        """Return the law of a compiled step of the arm ``chain``, if ``traits.compiled``."""
+        raise NotImplementedError
+
+    @abstractmethod
+    def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        """(..., n, n) Cov(q_{k+1} | q_k = q) in rad²."""
+
+    @abstractmethod
+    def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "MotionModel":
+        """Return the model with the noise level (σ_B, α or a factor on a covariance) at which the
+        covariances of the steps have the mean ``trace`` > 0 in rad². ModelDomainError if none has.
+        """
+
+    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
+        """(..., n) E[q_{k+1} | q_k = q] in rad."""
+        return q + chain.nominal_step(q, v)
+
+    def sample(self, chain: Mechanism, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
+        """(..., n) one draw of q_{k+1} for each pose, with NumPy alone; the compiled
+        :func:`pipeline.models.draws.draw_steps` is many times as fast.
+        """
+        mean = self.mean(chain, q, v)
+        variances, axes = np.linalg.eigh(self.covariance(chain, q, v))
+        white = np.sqrt(np.maximum(variances, 0.0)) * rng.standard_normal(mean.shape)
+        return mean + np.matvec(axes, white)
+
+    def log_density(
+        self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None
+    ) -> ndarray:
+        """(...,) ln p(q_{k+1} = q_next | q_k = q) in rad⁻ⁿ, of the step plus noise N(0,
+        ``measurement``) (n, n) in rad² if given. Raises ModelDomainError for a singular covariance,
+        e.g. of a matrix model at rest without ``measurement``.
+        """
+        covariance = self.covariance(chain, q, v)
+        if measurement is not None:
+            _ = principal_axes(measurement)  # raises if it is no covariance
+            covariance = covariance + measurement
+        return normal_log_density(q_next - self.mean(chain, q, v), covariance)
+
+    def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
+        """(P, s) memory of first poses ``q`` (P, n) where ``commanded`` (n,) is the commanded pose
+        in rad. The filter passes the mean of the training takes' first poses.
+        """
+        raise NotImplementedError
+
+    def advance(
+        self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
+    ) -> tuple[ndarray, ndarray]:
+        """Return (P, n) draws of the next poses in rad, and (P, s) their memory, after ``q`` (P, n)
+        and ``memory`` (P, s) under the commands ``v`` (m,) or (P, m).
+        """
+        raise NotImplementedError

@@ -16,7 +16,7 @@ from numpy import ndarray
 from pipeline.arm.interface import Chain
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.build import build_model
+from pipeline.models.kinds import build_model
 from pipeline.models.model import MotionModel
 from pipeline.statistics.takes import takes_moments
 
@@ -66,7 +66,7 @@ class Recorded:
 class Estimate:
     """Result of an estimator."""
 
-    parameters: dict[str, Any]  # plain values for :func:`pipeline.models.build.build_model`
+    parameters: dict[str, Any]  # plain values for :func:`pipeline.models.kinds.build_model`
     estimates: dict[str, float]  # parameters with a standard error, by name and unit
     diagnostics: dict[str, float]
     details: Any = None  # the fit itself, for diagnostics that need more than its parameters

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.core.angles import apart
 from pipeline.core.errors import RecordingError
 from pipeline.core.options.dataset import Dataset
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.recordings.commands import standing_joints
 from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH, delayed, joint_lags

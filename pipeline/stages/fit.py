@@ -12,7 +12,6 @@ from pipeline.core.columns import spread
 from pipeline.core.compute.trials import run_trials
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import bootstrap, kinds
-from pipeline.models.build import NO_MODEL
 from pipeline.models.closed_loop import FOLDER, SHARE, closed_loop_of
 from pipeline.models.draws import mean_bias, realize, realized_moments
 from pipeline.models.model import MotionModel
@@ -65,7 +64,7 @@ def _fit(model: str, settings, folder: Path) -> Metrics:
     _write_json({"estimates": names, "covariance": covariance}, folder / "covariance.json")
     if estimate is None:
         print(f"fit: no model {model}: {reason}")
-        _write_json({"kind": options.kind, NO_MODEL: reason}, folder / "parameters.json")
+        _write_json({"kind": options.kind, kinds.NO_MODEL: reason}, folder / "parameters.json")
         return metrics | numbers
     _write_json(estimate.parameters, folder / "parameters.json")
     counts = {"bootstrap_replicates": len(replicates)}

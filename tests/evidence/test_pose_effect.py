@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.evidence.pose import pose_table
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 

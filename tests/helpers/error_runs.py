@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.models.exported import JointAxes
 from pipeline.models.joint_error.law import GROWTH, INPUTS, JointErrorModel
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun
 
 RATE, JOINTS = 100.0, ("a", "b")
 # φ, ψ, χ: a fast part of 3 samples and a slow one; b persists with a little pull

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pipeline.models.joint_error.law import Outlook, standard_log_density, unit_variance_factor
-from pipeline.models.joint_error.samples import counted
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun, counted
 
 Prediction = Callable[[JointRun, int], Outlook]  # of run and joint
 NORMAL = np.array([np.inf])

@@ -14,7 +14,7 @@ from pipeline.laboratory.dynamics import JointPath, draw, swing, true_chain
 from pipeline.laboratory.options import DynamicsOptions
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import held_out, score_runs
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.statistics.horizons import chosen_law
 from pipeline.studies.simulated import PhysicsFactors, disturb
 

@@ -11,11 +11,11 @@ from numpy import ndarray
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import ADDITIVE_LAW, Law, NormalModel, Traits, root, trace_factor
+from pipeline.models.model import ADDITIVE_LAW, Law, MotionModel, Traits, root, trace_factor
 
 
 @dataclass(frozen=True)
-class AdditiveModel(NormalModel):
+class AdditiveModel(MotionModel):
     """Model of Eq. (InvDiffRndm) with the noise covariance ``noise`` Σ_ω (n, n) in rad², which may
     be singular. Raises ModelDomainError if it is not a covariance.
     """

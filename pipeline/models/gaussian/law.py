@@ -16,7 +16,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import (
     GAUSSIAN_LAW,
     Law,
-    NormalModel,
+    MotionModel,
     Traits,
     frobenius,
     task_step,
@@ -43,7 +43,7 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
 
 
 @dataclass(frozen=True)
-class GaussianModel(NormalModel):
+class GaussianModel(MotionModel):
     """Random inverse Jacobian J⁺, Eq. (GausMod), with the scale ``alpha`` α ≥ 0. The noise is
     zero where ‖J⁺‖_F exceeds the bound ``u`` > 0. A step, Eq. (RMTInvDiff), has the law of
     Algorithm 2. Raises ModelDomainError for α or u out of range.

@@ -16,9 +16,8 @@ from pipeline.models.joint_error.law import (
     JointErrorModel,
     drive,
 )
-from pipeline.models.joint_error.samples import counted, horizons
+from pipeline.models.joint_error.samples import JointRun, counted, horizons
 from pipeline.models.joint_error.search import fit_one, joint_of
-from pipeline.models.runs import JointRun
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 # options of pipeline/conf/model that a run compares, the simplest first

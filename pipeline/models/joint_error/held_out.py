@@ -14,8 +14,7 @@ from scipy.special import ndtri
 
 from pipeline.models.joint_error.fit import Options, fit_joint_error
 from pipeline.models.joint_error.law import JointErrorModel, drive
-from pipeline.models.joint_error.samples import HORIZONS, commanded, counted, horizons
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import HORIZONS, JointRun, commanded, counted, horizons
 
 QUARTERS = 4  # parts of the runs of a single motion
 ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks of each, by time

@@ -30,7 +30,7 @@ from numpy.random import Generator
 
 from pipeline.arm.interface import Chain, Mechanism
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import Traits, trace_factor
+from pipeline.models.model import MotionModel, Traits, trace_factor
 
 MEMORY, DRIFT = 0.1, 0.1  # s, time constants of z and u
 REVERSALS = (0.05, 0.2)  # s
@@ -145,7 +145,7 @@ def _terms(speed: ndarray, change: ndarray, sign: ndarray, young, power: float |
 
 
 @dataclass(frozen=True)
-class JointErrorModel:
+class JointErrorModel(MotionModel):
     """Law of the errors of n joints about their command."""
 
     joints: tuple[str, ...]
@@ -252,10 +252,6 @@ class JointErrorModel:
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
         dq = chain.nominal_step(q, v)
         return self.covariance_of_joint_step(np.broadcast_to(dq, np.shape(q)))
-
-    def mean(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:
-        """(..., n) pose in rad after the commanded step, without the part that memory explains."""
-        return q + chain.nominal_step(q, v)
 
     def log_density(
         self, chain: Mechanism, q: ndarray, v: ndarray, q_next: ndarray, measurement=None

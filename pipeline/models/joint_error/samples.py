@@ -1,15 +1,32 @@
-"""Predictions that count: horizons, commanded samples and jumps of the commanded speed."""
+"""Runs of a position-controlled arm, commanded and measured joint angles on one clock, and the
+predictions that count: horizons, commanded samples and jumps of the commanded speed.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy import ndarray
-
-from pipeline.models.runs import JointRun
 
 HORIZONS = (0.0, 0.1, 0.5)  # s; the first is one sample
 SETTLING = 0.6  # s after a jump of the commanded speed
 JUMP = 5.0  # times the 0.8 quantile of the commanded acceleration: a jump of the speed
 SMALL = 0.2  # rad/s², acceleration below which nothing counts as a jump
 STANDING = 2e-4  # rad/s, commanded speed below which a joint stands still
+
+
+@dataclass(frozen=True)
+class JointRun:
+    """One run of n joints at M+1 samples of a constant period, the data of a joint error law."""
+
+    name: str
+    rate: float  # samples per second
+    command: ndarray  # (M+1, n) rad, commanded angles c_k, delayed by the run's own lag
+    measured: ndarray  # (M+1, n) rad, measured angles q_k
+    joints: tuple[str, ...]  # names of the joints, base to tip
+    lag: ndarray  # (n,) s, delay of the measured angles that ``command`` includes
+    quantum: ndarray  # (n,) rad, step of the recorded angles; 0 if unknown
+    pose_noise: float | None  # rad, standard deviation of a measured angle, if known
+    motion: str  # runs with equal commands have equal motions
 
 
 def settled(command: ndarray, rate: float) -> ndarray:

@@ -27,6 +27,7 @@ from pipeline.core.errors import ModelDomainError
 from pipeline.models.model import (
     WISHART_LAWS,
     Law,
+    MotionModel,
     Traits,
     normal_log_density,
     principal_axes,
@@ -40,7 +41,7 @@ LOG_EXCESS = (-12.0, 60.0)
 
 
 @dataclass(frozen=True)
-class WishartModel:
+class WishartModel(MotionModel):
     """Random Jacobian J₁BJ₂ with the dispersion ``sigma_b`` σ_B for a ``decomposition``, Eq.
     (LUDecom). A step, Eq. (RMTInvDiff), has the law of Algorithm 1 and no noise in the null space
     of J. Raises ModelDomainError for σ_B ≤ 0. Its methods raise ModelDomainError for a σ_B without

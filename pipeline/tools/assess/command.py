@@ -20,8 +20,8 @@ from pipeline.models import load
 from pipeline.models.closed_loop import MeanPath
 from pipeline.models.exported import ExportedErrors, ExportedModel
 from pipeline.models.joint_error.fit import runs_of
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import Commands
-from pipeline.models.runs import JointRun
 from pipeline.perception.markers import follower
 from pipeline.recordings.commands import commanded_steps
 from pipeline.recordings.joint_logs import find_takes, read_dataset_movement

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from pipeline.models.exported import ExportedErrors
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.tools.export.command import scores_by_horizon
 
 FACTOR = 2.0  # greatest factor between predicted and measured standard deviation

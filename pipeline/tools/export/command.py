@@ -21,13 +21,12 @@ from pipeline.core import contracts
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.core.filters import CLOSED
 from pipeline.models import kinds
-from pipeline.models.build import NO_MODEL
 from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_path
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_error.fit import Options as ErrorOptions
 from pipeline.models.joint_error.fit import fit_joint_error, runs_of
 from pipeline.models.joint_error.held_out import MOVING, ranges_of_runs, score_runs
-from pipeline.models.runs import JointRun
+from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.runs import runs_of_dataset
@@ -48,7 +47,6 @@ LEFT_OUT = (
     "pipeline.core.validation",
     "pipeline.models",
     "pipeline.models.kinds",
-    "pipeline.models.options",
     "pipeline.models.steps",
 )
 IMPORT = re.compile(r"^((?:from (\S+) )?import (?:\([^)]*\)|.*)\n)", re.MULTILINE)
@@ -189,8 +187,8 @@ def _fitted_part(
     rate: float,
 ) -> dict[str, Any]:
     """Return the part of the record that the fit determines; ``rate`` in Hz."""
-    if NO_MODEL in parameters:
-        raise ModelDomainError(f"no model to export: {parameters[NO_MODEL]}", model=model)
+    if kinds.NO_MODEL in parameters:
+        raise ModelDomainError(f"no model to export: {parameters[kinds.NO_MODEL]}", model=model)
     require_known(model, parameters, recorded)
     share, not_known = parameters.get(SHARE, 0.0), []
     if parameters.get("u_unbounded"):  # only the noise level is known, not α and u
