@@ -1,23 +1,17 @@
 """Options and estimator of the joint error law."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy import ndarray
 
 from pipeline.core import validation
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import steps as base
-from pipeline.models.joint_error.law import (
-    GROWTH,
-    INPUTS,
-    SATURATING,
-    JointErrorModel,
-    drive,
-)
-from pipeline.models.joint_error.samples import JointRun, counted, horizons
-from pipeline.models.joint_error.search import fit_one, joint_of
+from pipeline.models.joint_error.law import GROWTH, INPUTS, SATURATING, JointErrorModel, drive
+from pipeline.models.joint_error.samples import JointRun
+from pipeline.models.joint_error.search import fit_one, joint_samples
 from pipeline.models.steps import Estimate, Recorded, Truth
 
 # options of pipeline/conf/model that a run compares, the simplest first
@@ -74,20 +68,10 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
         command[:, k + 1] = command[:, k] + chain.nominal_step(command[:, k], v)
     noise = recorded.known_measurement
     pose_noise = None if noise is None else float(np.sqrt(np.trace(noise) / 2 / len(noise)))
-    zero = np.zeros(poses.shape[-1])
+    zero, rate, joints = np.zeros(poses.shape[-1]), recorded.rate, recorded.joints
     return [
-        JointRun(
-            name=f"take {number}",
-            rate=recorded.rate,
-            command=target,
-            measured=measured,
-            joints=recorded.joints,
-            lag=zero,
-            quantum=zero,
-            pose_noise=pose_noise,
-            motion="1",
-        )
-        for number, (target, measured) in enumerate(zip(command, poses, strict=True), 1)
+        JointRun(f"take {number}", rate, *angles, joints, zero, zero, pose_noise, "1")
+        for number, angles in enumerate(zip(command, poses, strict=True), 1)
     ]
 
 
@@ -104,35 +88,20 @@ def fit_joint_error(
     """
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
         raise ModelDomainError("the recorded runs have no error", runs=len(runs))
-    first = runs[0]
-    n, rate = len(first.joints), first.rate
+    rate, inputs = runs[0].rate, [drive(run.command, run.rate, power) for run in runs]
     reach = np.max([np.abs(np.diff(run.command, axis=0)).max(axis=0) for run in runs], axis=0)
-    quantum = np.max([run.quantum for run in runs], axis=0)
-    empty = np.zeros((n, len(INPUTS)))
-    law = JointErrorModel(
-        joints=first.joints,
-        rate=rate,
-        memory=np.tile([1.0, 0.0, 0.0], (n, 1)),
-        mean_gain=empty,
-        scale=np.zeros((n, len(GROWTH))),
-        drift=np.zeros(n),
-        degrees=np.full(n, np.inf),
-        reach=reach * rate,
-        quantum=quantum,
-        power=power,
-    )
-    inputs = [drive(run.command, rate, power) for run in runs]
-    masks = {steps: [counted(run, steps) for run in runs] for steps in horizons(rate)}
-    groups = _groups(runs)
-    for j in range(n):
-        joint = joint_of(runs, inputs, masks, groups, j, memory)
-        law = fit_one(law, joint, j, memory, tails)
-    return law
-
-
-def _groups(runs: Sequence[JointRun]) -> list[ndarray]:
-    """Number of the held-out part at each sample of each run: its motion, or its quarter."""
-    motions = sorted({run.motion for run in runs})
-    if len(motions) > 1:
-        return [np.full(len(run.command), motions.index(run.motion)) for run in runs]
-    return [np.arange(len(run.command)) * 4 // len(run.command) for run in runs]
+    quantum, laws = np.max([run.quantum for run in runs], axis=0), []
+    for j, joint in enumerate(runs[0].joints):
+        persistent = {
+            "memory": np.array([[1.0, 0.0, 0.0]]),
+            "mean_gain": np.zeros((1, len(INPUTS))),
+            "scale": np.zeros((1, len(GROWTH))),
+            "drift": np.zeros(1),
+            "degrees": np.full(1, np.inf),
+            "reach": reach[[j]] * rate,
+            "quantum": quantum[[j]],
+        }
+        law = JointErrorModel((joint,), rate, **persistent, power=power)
+        laws.append(fit_one(law, joint_samples(runs, inputs, j, memory), memory, tails))
+    fitted = {name: np.concatenate([getattr(law, name) for law in laws]) for name in persistent}
+    return replace(laws[0], joints=runs[0].joints, **fitted)

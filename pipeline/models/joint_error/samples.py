@@ -54,7 +54,7 @@ def counted(run: JointRun, steps: int) -> ndarray:
     to move, and neither end is within SETTLING s of a jump of the commanded speed.
     """
     calm = settled(run.command, run.rate)
-    return (calm & commanded(run.command, run.rate))[steps:] & calm[: len(calm) - steps]
+    return (calm & commanded(run.command, run.rate))[steps:] & calm[: max(len(calm) - steps, 0)]
 
 
 def horizons(rate: float) -> list[int]:

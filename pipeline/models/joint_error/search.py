@@ -9,19 +9,16 @@ mean. Scale, tails and drift maximise the composite likelihood of the held-out r
 commanded steps count that are not within :data:`SETTLING` s of a jump of the commanded speed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy import ndarray
 
-from pipeline.models.joint_error.law import (
-    Drive,
-    JointErrorModel,
-    past_of,
-    unit_variance_factor,
-)
+from pipeline.models.joint_error.law import Drive, JointErrorModel, past_of, unit_variance_factor
 from pipeline.models.joint_error.likelihood import composite_loss, damped_memory
+from pipeline.models.joint_error.samples import JointRun, counted, horizons
 
 PENALTIES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, np.inf)  # of the ridge regression, relative
 MOST = (2000, 1000, 500)  # samples by horizon in the composite likelihood
@@ -29,17 +26,6 @@ DEGREES = (4.0, 50.0)  # bounds of ν: σ exists and ±σ holds less than .78
 FIRST, LAST = 20, 60  # iterations of the searches before and after the mean
 ROUNDS = 2  # of memory and likelihood, mean
 LEAST = 20  # commanded samples of a joint that determine its law
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Predictions of one joint ``steps`` ahead that count: sample before and at the end, of all
-    runs one after the other.
-    """
-
-    steps: int
-    before: ndarray
-    end: ndarray
 
 
 @dataclass(frozen=True)
@@ -51,41 +37,47 @@ class JointSamples:
     pieces: list[slice]  # of one run and one held-out group
     groups: ndarray  # (N,) number of the part that is held out with a sample
     one: ndarray  # all samples before a prediction of one sample that counts
-    samples: list[Sample]  # at most about 2·MOST by horizon
+    # steps ahead → samples before the predictions that count, at most about 2·MOST by horizon
+    before: dict[int, ndarray]
 
 
-def joint_of(runs, inputs, masks, groups, j: int, memory: bool) -> JointSamples:
-    starts = np.cumsum([0, *(len(run.command) for run in runs[:-1])])
+def joint_samples(
+    runs: Sequence[JointRun], inputs: Sequence[Drive], j: int, memory: bool
+) -> JointSamples:
+    """Return the samples of joint ``j`` of the ``runs`` under their ``inputs``; without ``memory``
+    only predictions one sample ahead.
+    """
+    lengths = [len(run.command) for run in runs]
+    starts, chosen = np.cumsum([0, *lengths[:-1]]), {}
     error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
     together = Drive(*(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2)))
-    samples, one, groups = [], None, np.concatenate(groups)
-    for most, (steps, mask) in zip(MOST, masks.items(), strict=False):  # 0.1 s may be one sample
-        before = np.concatenate(
-            [first + np.flatnonzero(own[:, j]) for first, own in zip(starts, mask, strict=True)]
-        )
-        if len(before) < LEAST:  # a joint that stands still: all samples
-            lengths = [len(run.command) - steps for run in runs]
-            each = zip(starts, lengths, strict=True)
-            before = np.concatenate([first + np.arange(max(count, 0)) for first, count in each])
+    motions = sorted({run.motion for run in runs})
+    groups = np.concatenate(  # the held-out part of each sample: its motion, or quarter of the run
+        [
+            np.full(count, motions.index(run.motion))
+            for run, count in zip(runs, lengths, strict=True)
+        ]
+        if len(motions) > 1
+        else [np.arange(count) * 4 // count for count in lengths]
+    )
+    for steps in horizons(runs[0].rate)[: 3 if memory else 1]:
+        own = [np.flatnonzero(counted(run, steps)[:, j]) for run in runs]
+        if sum(map(len, own)) < LEAST:  # a joint that stands still: all samples
+            own = [np.arange(max(count - steps, 0)) for count in lengths]
+        before = np.concatenate([first + each for first, each in zip(starts, own, strict=True)])
         inside = groups[before] == groups[before + steps]
-        before = before[inside if inside.any() else slice(None)]
-        one = before if one is None else one
-        before = before[:: max(1, len(before) // most)]
-        samples.append(Sample(steps, before, before + steps))
+        chosen[steps] = before[inside] if inside.any() else before
+    thin = zip(chosen.items(), MOST, strict=False)  # 0.1 s may be one sample
+    before = {steps: all_[:: max(1, len(all_) // most)] for (steps, all_), most in thin}
     borders = {0, len(groups), *starts, *(1 + np.flatnonzero(np.diff(groups)))}
-    pieces = [slice(*each) for each in pairwise(sorted(int(border) for border in borders))]
-    return JointSamples(error, together, pieces, groups, one, samples[: 3 if memory else 1])
+    pieces = [slice(*each) for each in pairwise(sorted(map(int, borders)))]
+    return JointSamples(error, together, pieces, groups, next(iter(chosen.values())), before)
 
 
-def _one(law: JointErrorModel, j: int) -> JointErrorModel:
-    """Return the law of joint ``j`` alone."""
-    arrays = ("memory", "mean_gain", "scale", "drift", "degrees", "reach", "quantum")
-    each = {name: getattr(law, name)[[j]] for name in arrays}
-    return replace(law, joints=(law.joints[j],), **each)
-
-
-def fit_one(law: JointErrorModel, joint: JointSamples, j: int, memory: bool, tails: bool):
-    own = _one(law, j)
+def fit_one(
+    own: JointErrorModel, joint: JointSamples, memory: bool, tails: bool
+) -> JointErrorModel:
+    """Return the law ``own`` of one joint, fitted to its samples."""
     size = float(np.sqrt(np.mean(joint.error**2))) or 1e-9
     theta, held = None, joint.error
     for round_ in range(ROUNDS if memory else 1):
@@ -95,19 +87,13 @@ def fit_one(law: JointErrorModel, joint: JointSamples, j: int, memory: bool, tai
         if memory and round_ < ROUNDS - 1:
             gain, held = _mean(own, joint, size)
             own = replace(own, mean_gain=gain[None])
-    changed = {}
-    for name in ("memory", "mean_gain", "scale", "drift", "degrees"):
-        changed[name] = getattr(law, name).copy()
-        changed[name][j] = getattr(own, name)[0]
-    return replace(law, **changed)
+    return own
 
 
 def _past(own: JointErrorModel, joint: JointSamples, r: ndarray) -> ndarray:
     """(N, 3, …) r, previous r and z of residuals or inputs ``r`` (N, …), piece by piece."""
-    parts = []
-    for piece in joint.pieces:
-        parts.append(np.moveaxis(past_of(r[piece], own.keep), -1, 1))
-    return np.concatenate(parts)
+    parts = (past_of(r[piece], own.keep) for piece in joint.pieces)
+    return np.concatenate([np.moveaxis(part, -1, 1) for part in parts])
 
 
 def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> tuple[ndarray, ndarray]:
@@ -127,9 +113,9 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
     from scipy.optimize import minimize
 
     growth, bases = joint.inputs.growth, own.scale.shape[1]
-    horizons = np.array([each.steps for each in joint.samples])
-    counts = np.array([len(each.end) for each in joint.samples])
-    ends = np.concatenate([each.end for each in joint.samples])
+    counts = np.array([len(each) for each in joint.before.values()])
+    ends = [before + steps for steps, before in joint.before.items()]
+    horizons, ends = np.array([*joint.before]), np.concatenate(ends)
 
     def parameters(theta: ndarray) -> tuple[ndarray, ndarray, float, float]:
         """Return memory, scale / size², drift and degrees."""
@@ -148,20 +134,15 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
     def loss(theta: ndarray) -> float:
         return composite_loss(*parameters(theta), own.keep, own.persistence, *data)
 
-    one = joint.samples[0]
-    first = past[one.before] @ (own.memory[0] if values is None else values[0])
-    rms = np.log(max(float(np.sqrt(np.mean((r[one.end] - first) ** 2))) / size, 1e-6))
+    steps, before = next(iter(joint.before.items()))
+    first = past[before] @ (own.memory[0] if values is None else values[0])
+    rms = np.log(max(float(np.sqrt(np.mean((r[before + steps] - first) ** 2))) / size, 1e-6))
     rounds = FIRST if start is None and values is not None else LAST
     if start is None:
-        mean = np.maximum(growth[one.end].mean(axis=0), 1e-6)
+        mean = np.maximum(growth[before + steps].mean(axis=0), 1e-6)
         start = np.r_[rms - 0.7 - np.log(mean) / 2, np.log(4.0), -4.0, -7.0, np.zeros(3)]
-    bounds = [(rms - 7, rms + 7)] * bases
-    bounds += [
-        (-6.0, np.log(DEGREES[1] - DEGREES[0])),
-        (-9.0, 4.0),
-        (-14.0, -1.5),
-        *[(-3.0, 3.0)] * 3,
-    ]
+    bounds = [(rms - 7, rms + 7)] * bases + [(-6.0, np.log(DEGREES[1] - DEGREES[0]))]
+    bounds += [(-9.0, 4.0), (-14.0, -1.5), *[(-3.0, 3.0)] * 3]
     start = np.clip(start, *np.array(bounds).T)
     search = {"maxiter": rounds, "ftol": 1e-6}
     found = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options=search).x
@@ -172,7 +153,7 @@ def _likelihood(own, joint: JointSamples, r, past, values, size: float, tails: b
 
 def _mean(own: JointErrorModel, joint: JointSamples, size: float) -> tuple[ndarray, ndarray]:
     """Return β, and the residuals (N,) of the errors under a β fitted without their group."""
-    weights, impulse = own.response(joint.samples[-1].steps)
+    weights, impulse = own.response([*joint.before][-1])
     x = joint.inputs.mean
     unit = np.sqrt(np.mean(x**2, axis=0)) + 1e-12
     x = x / unit
@@ -181,16 +162,16 @@ def _mean(own: JointErrorModel, joint: JointSamples, size: float) -> tuple[ndarr
     factor, nu = unit_variance_factor(own.degrees)[0], own.degrees[0]
     numbers = np.unique(joint.groups)
     normal = {g: [0.0, 0.0, 0.0] for g in numbers}
-    for each in joint.samples:
-        row = weights[each.steps - 1, 0]
-        u = joint.error[each.end] - past_e[each.before] @ row
-        a = x[each.end] - np.einsum("kif,i->kf", past_x[each.before], row)
-        variance = own.variance(std, each.end, each.steps, impulse)[:, 0] + 1e-14 * size**2
+    for steps, before in joint.before.items():
+        row, end = weights[steps - 1, 0], before + steps
+        u = joint.error[end] - past_e[before] @ row
+        a = x[end] - np.einsum("kif,i->kf", past_x[before], row)
+        variance = own.variance(std, end, steps, impulse)[:, 0] + 1e-14 * size**2
         weight = 1 / variance
         if np.isfinite(nu):
             weight = weight * (nu + 1) / (nu + u**2 / (variance * factor))
         for g in numbers:
-            inside = joint.groups[each.end] == g
+            inside = joint.groups[end] == g
             w, v, b = weight[inside], u[inside], a[inside]
             parts = (b.T * w) @ b, (b.T * w) @ v, float(w @ v**2)
             normal[g] = [old + new for old, new in zip(normal[g], parts, strict=True)]
