@@ -5,7 +5,7 @@ scored on that one, at three horizons. Of a single motion, quarters of the runs 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product, starmap
 
 import numpy as np
 import pandas as pd
@@ -23,31 +23,23 @@ MOVING, RESTING = "commanded", "at rest"
 Row = dict[str, object]
 
 
-def names_of_horizons() -> list[str]:
-    """Names of HORIZONS in tables."""
-    return ["one sample", *(f"{each:g} s" for each in HORIZONS[1:])]
-
-
 def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[JointRun]]]:
     """Part that is held out → the other runs, its runs. A part is a motion; of a single motion, a
     quarter of every run.
     """
     if len({run.motion for run in runs}) == 1:
-        runs = [
-            replace(run, command=run.command[cut], measured=run.measured[cut], motion=name)
-            for run in runs
-            for name, cut in _quarters(len(run.command))
-        ]
+        quarters = []
+        for run in runs:
+            ends = pairwise(np.linspace(0, len(run.command), QUARTERS + 1).astype(int))
+            for number, cut in enumerate(starmap(slice, ends), 1):
+                own = {"command": run.command[cut], "measured": run.measured[cut]}
+                quarters.append(replace(run, **own, motion=f"quarter {number}"))
+        runs = quarters
     names = dict.fromkeys(run.motion for run in runs)
     return {
         name: ([r for r in runs if r.motion != name], [r for r in runs if r.motion == name])
         for name in names
     }
-
-
-def _quarters(length: int) -> list[tuple[str, slice]]:
-    ends = np.linspace(0, length, QUARTERS + 1).astype(int)
-    return [(f"quarter {i + 1}", slice(ends[i], ends[i + 1])) for i in range(QUARTERS)]
 
 
 def held_out(
@@ -64,11 +56,19 @@ def held_out(
     parts = parts_of(runs)
     trials = list(product(laws, parts))
     results = each(partial(_score_part, laws=laws, parts=parts), trials)
-    rows, standard = [], {}
+    rows, quantiles, standard = [], [], {}
     for (model, part), (own, z) in zip(trials, results, strict=True):
         rows += [{"model": model, "motion": part} | row for row in own]
         standard.setdefault(model, []).append(z)
-    return {"joint_scores": pd.DataFrame(rows), "noise_quantiles": _quantiles(standard, runs)}
+    for model, own in standard.items():
+        for joint, z in zip(
+            runs[0].joints, map(np.concatenate, zip(*own, strict=True)), strict=True
+        ):
+            drawn = np.quantile(z, QUANTILES) if len(z) else np.full(len(QUANTILES), np.nan)
+            columns = {"model": model, "joint": joint, "normal": ndtri(QUANTILES), "noise": drawn}
+            quantiles.append(pd.DataFrame(columns))
+    noise = pd.concat(quantiles, ignore_index=True)
+    return {"joint_scores": pd.DataFrame(rows), "noise_quantiles": noise}
 
 
 def _score_part(trial: tuple[str, str], *, laws, parts) -> tuple[list[Row], list[ndarray]]:
@@ -85,28 +85,29 @@ def score_runs(
     samples and block of the runs' time, and the standardised errors of one commanded sample by
     joint.
     """
-    rows, standard = [], [np.empty(0) for _ in law.joints]
-    for steps, horizon in zip(horizons(law.rate), names_of_horizons(), strict=True):
+    rows, standard = [], [np.empty(0)] * len(law.joints)
+    names = ["one sample", *(f"{each:g} s" for each in HORIZONS[1:])]
+    for steps, horizon in zip(horizons(law.rate), names, strict=True):
         parts = []
-        for run in runs:
-            if len(run.command) <= steps + 1:
-                continue
+        for run in (run for run in runs if len(run.command) > steps + 1):
             error = run.measured - run.command
             outlook = law.outlook(error, drive(run.command, run.rate, law.power), steps)
-            score = outlook.log_probability(error[steps:], run.quantum)
-            moving = counted(run, steps)
-            resting = ~commanded(run.command, run.rate)[steps:]
-            z = outlook.std_share(error[steps:])
-            block = np.arange(len(z)) * blocks // len(z) + 1
+            score, z = (
+                outlook.log_probability(error[steps:], run.quantum),
+                outlook.std_share(error[steps:]),
+            )
             values = np.stack([error[steps:] - outlook.mean, outlook.variance, score, z])
-            parts.append((values, {MOVING: moving, RESTING: resting}, block))
-        for (j, joint), samples in product(enumerate(law.joints), (MOVING, RESTING)):
+            masks = np.stack([counted(run, steps), ~commanded(run.command, run.rate)[steps:]])
+            block = np.arange(len(z)) * blocks // len(z) + 1
+            parts.append((values, masks, block[None, :, None]))
+        if not parts:
+            continue
+        values, masks, block = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        for (j, joint), (mask, samples) in product(
+            enumerate(law.joints), zip(masks, (MOVING, RESTING), strict=True)
+        ):
             for number in range(1, blocks + 1):
-                chosen = [
-                    values[:, masks[samples][:, j] & (block == number), j]
-                    for values, masks, block in parts
-                ]
-                together = np.concatenate(chosen, axis=1) if chosen else np.empty((4, 0))
+                together = values[:, mask[:, j] & (block[0, :, 0] == number), j]
                 if together.shape[1]:
                     row = {"block": number, "joint": joint, "horizon": horizon, "samples": samples}
                     rows.append(row | _summary(*together))
@@ -128,17 +129,6 @@ def _summary(off: ndarray, variance: ndarray, score: ndarray, z: ndarray) -> Row
     }
 
 
-def _quantiles(standard: Mapping[str, Sequence], runs: Sequence[JointRun]) -> pd.DataFrame:
-    rows = []
-    for model, parts in standard.items():
-        for j, joint in enumerate(runs[0].joints):
-            z = np.concatenate([part[j] for part in parts])
-            drawn = np.quantile(z, QUANTILES) if len(z) else np.full(len(QUANTILES), np.nan)
-            columns = {"model": model, "joint": joint, "normal": ndtri(QUANTILES), "noise": drawn}
-            rows.append(pd.DataFrame(columns))
-    return pd.concat(rows, ignore_index=True)
-
-
 def joint_tables(
     runs: Sequence[JointRun],
     laws: Mapping[str, Options],
@@ -148,58 +138,45 @@ def joint_tables(
     """Return the tables of :func:`held_out`, and ``joint_parameters`` of the laws fitted to all
     ``runs``, ``motions``, ``motion_ranges`` and ``unused_recordings`` (name → reason, ``unused``).
     """
-    fitted = {name: fit_joint_error(runs, **options.law()) for name, options in laws.items()}
+    parameters, motions = [], []
+    for name, options in laws.items():
+        law = fit_joint_error(runs, **options.law())
+        step = np.diag(law.reach / law.rate)
+        fastest, still = (law.covariance_of_joint_step(each) for each in (step, 0 * step))
+        modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
+        decay = -1 / (law.rate * np.log(np.minimum(modes, 1 - 1e-9)))
+        columns = {
+            "innovation_at_rest_rad": np.sqrt(np.einsum("jjj->j", still)),
+            "innovation_at_greatest_speed_rad": np.sqrt(np.einsum("jjj->j", fastest)),
+            "decay_s": np.where(modes >= 1 - 1e-9, np.nan, decay),
+            "drift_share": law.drift,
+            "degrees": np.where(np.isfinite(law.degrees), law.degrees, np.nan),
+            "greatest_speed": law.reach,
+            "has_mean": np.any(law.mean_gain != 0, axis=1),
+        }
+        parameters.append(pd.DataFrame({"model": name, "joint": law.joints} | columns))
+    for name in dict.fromkeys(run.motion for run in runs):
+        own = [run for run in runs if run.motion == name]
+        moved = np.any([commanded(run.command, run.rate).any(axis=0) for run in own], axis=0)
+        moving = ", ".join(np.array(own[0].joints)[moved]) or "none"
+        motions.append((name, len(own), max(len(run.command) - 1 for run in own), moving))
     return {
         **held_out(runs, laws, each),
-        "joint_parameters": pd.concat(
-            [_parameters(name, law) for name, law in fitted.items()], ignore_index=True
-        ),
-        "motions": _motions(runs),
+        "joint_parameters": pd.concat(parameters, ignore_index=True),
+        "motions": pd.DataFrame(motions, columns=["motion", "takes", "steps", "moving"]),
         "motion_ranges": ranges_of_runs(runs),
         "unused_recordings": pd.DataFrame([*unused.items()], columns=["recording", "reason"]),
     }
 
 
-def _parameters(name: str, law: JointErrorModel) -> pd.DataFrame:
-    step = np.diag(law.reach / law.rate)
-    fastest = np.diagonal(law.covariance_of_joint_step(step), axis1=-2, axis2=-1)
-    still = np.diagonal(law.covariance_of_joint_step(0 * step), axis1=-2, axis2=-1)
-    modes = np.abs(np.linalg.eigvals(law.companion())).max(axis=-1)
-    persists, fading = modes >= 1 - 1e-9, np.minimum(modes, 1 - 1e-9)
-    columns = {
-        "innovation_at_rest_rad": np.sqrt(np.diag(still)),
-        "innovation_at_greatest_speed_rad": np.sqrt(np.diag(fastest)),
-        "decay_s": np.where(persists, np.nan, -1 / (law.rate * np.log(fading))),
-        "drift_share": law.drift,
-        "degrees": np.where(np.isfinite(law.degrees), law.degrees, np.nan),
-        "greatest_speed": law.reach,
-        "has_mean": np.any(law.mean_gain != 0, axis=1),
-    }
-    return pd.DataFrame({"model": name, "joint": law.joints} | columns)
-
-
-def _motions(runs: Sequence[JointRun]) -> pd.DataFrame:
-    rows = []
-    for name in dict.fromkeys(run.motion for run in runs):
-        own = [run for run in runs if run.motion == name]
-        moved = np.any([commanded(run.command, run.rate).any(axis=0) for run in own], axis=0)
-        moving = ", ".join(np.array(own[0].joints)[moved]) or "none"
-        longest = max(len(run.command) - 1 for run in own)
-        rows.append((name, len(own), longest, moving))
-    return pd.DataFrame(rows, columns=["motion", "takes", "steps", "moving"])
-
-
 def ranges_of_runs(runs: Sequence[JointRun]) -> pd.DataFrame:
     """Ranges of the measured poses and of the commanded joint speeds over all ``runs``."""
-    rate, joints = runs[0].rate, runs[0].joints
     poses = np.concatenate([run.measured for run in runs])
-    speeds = rate * np.concatenate([np.diff(run.command, axis=0) for run in runs])
-    return pd.concat(
-        [
-            pd.DataFrame({"quantity": quantity, "name": joints, "unit": unit}).assign(
-                least=values.min(axis=0), greatest=values.max(axis=0)
-            )
-            for quantity, unit, values in (("pose", "rad", poses), ("joint speed", "rad/s", speeds))
-        ],
-        ignore_index=True,
-    )
+    speeds = runs[0].rate * np.concatenate([np.diff(run.command, axis=0) for run in runs])
+    tables = [
+        pd.DataFrame({"quantity": quantity, "name": runs[0].joints, "unit": unit}).assign(
+            least=values.min(axis=0), greatest=values.max(axis=0)
+        )
+        for quantity, unit, values in (("pose", "rad", poses), ("joint speed", "rad/s", speeds))
+    ]
+    return pd.concat(tables, ignore_index=True)
