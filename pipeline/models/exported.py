@@ -4,6 +4,7 @@ import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ class Exported:
             raise ModelDomainError(f"{message}: resample the commands, or fit a model at this rate")
 
     def _array(self, name: str, values: Any, sizes: tuple[int, ...], unit: str) -> ndarray:
+        """Return ``values`` as an array; ModelDomainError for another last axis than ``sizes``."""
         array = np.asarray(values, dtype=float)
         if array.ndim == 0 or array.shape[-1] not in sizes:
             raise ModelDomainError(
@@ -131,22 +133,6 @@ class ExportedModel(Exported):
         return q, v
 
 
-@dataclass(frozen=True)
-class JointAxes:
-    """Stands for an arm whose commands are steps of its n joints: no kinematics."""
-
-    joints: tuple[str, ...]
-
-    @property
-    def task(self) -> tuple[str, ...]:
-        """Names of the joints, the rows of a command."""
-        return self.joints
-
-    def nominal_step(self, q: ndarray, v: ndarray) -> ndarray:
-        """(..., n) the commanded joint step ``v``."""
-        return np.broadcast_to(v, np.shape(q))
-
-
 class ExportedErrors(Exported):
     """Fitted law of the errors e_k = q_k − c_k of n joints about their commanded angles c, delayed
     by the lag of the run. It remembers the last errors and commands. Joint steps c_{k+1} − c_k are
@@ -185,7 +171,7 @@ class ExportedErrors(Exported):
         """
         joint_step = self._array("joint_step", joint_step, (len(self.law.joints),), "rad a step")
         self._warn("joint speed", self.record["rate_per_s"] * joint_step)
-        return self.law.advance(JointAxes(self.law.joints), q, joint_step, memory, rng)
+        return self.law.follow(q, joint_step, memory, rng)
 
     def sample(
         self, q: ndarray, commanded: ndarray, *, joint_steps: ndarray, size: int, rng: Generator
@@ -213,8 +199,7 @@ class ExportedErrors(Exported):
 def chain_record(chain: Chain) -> dict[str, Any]:
     """Parameters of ``chain`` as plain values, enough to rebuild it without a URDF file."""
     plain = {each.name: getattr(chain, each.name) for each in fields(chain)}
-    for name, value in plain.items():
-        plain[name] = value.tolist() if isinstance(value, ndarray) else value
+    plain = {k: each.tolist() if isinstance(each, ndarray) else each for k, each in plain.items()}
     for name in UNLIMITED:
         plain[name] = [limit if np.isfinite(limit) else None for limit in plain[name]]
     return {"kind": "planar" if isinstance(chain, PlanarChain) else "serial"} | plain
@@ -235,7 +220,8 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
     with the key and value of what is not valid, and ModelDomainError for another ``period`` in s.
     """
     try:
-        record = _require_valid(json.loads(file.read_text("utf-8"), parse_constant=_not_finite))
+        text, refuse = file.read_text("utf-8"), partial(_require, False, "numbers", "finite")
+        record = _require_valid(json.loads(text, parse_constant=refuse))
         kind = record["parameters"]["kind"]
         try:
             law = build_model(record["parameters"])
@@ -258,23 +244,19 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
 
 def _require_valid(record: Any) -> dict[str, Any]:
     """Return the contents of a file; ContractError with key and value for an invalid one."""
-    if not isinstance(record, dict) or record.get("format") != FORMAT:
-        found = record.get("format") if isinstance(record, dict) else type(record).__name__
-        raise ContractError(f"format must be {FORMAT!r}, got {found!r}; export the model again")
+    found = record.get("format") if isinstance(record, dict) else type(record).__name__
+    _require(found == FORMAT, "format", repr(FORMAT), repr(found))
     rate, share = record["rate_per_s"], record["closed_loop_share"]
-    if not isinstance(rate, int | float) or not rate > 0:
-        raise ContractError(f"rate_per_s must be a number > 0, got {rate!r}; export it again")
-    if not isinstance(share, int | float) or not 0 <= share <= 1:
-        message = f"closed_loop_share must be a number from 0 to 1, got {share!r}; export it again"
-        raise ContractError(message)
+    _require(isinstance(rate, int | float) and rate > 0, "rate_per_s", "a number > 0", repr(rate))
+    sound = isinstance(share, int | float) and 0 <= share <= 1
+    _require(sound, "closed_loop_share", "a number from 0 to 1", repr(share))
     for quantity, ranges in record["ranges"].items():
         for name, ends in ranges.items():
-            if not ends["least"] <= ends["greatest"]:
-                message = f"ranges.{quantity}.{name} must be least ≤ greatest, got {ends!r}"
-                raise ContractError(f"{message}; export the model again")
+            key, rule = f"ranges.{quantity}.{name}", "least ≤ greatest"
+            _require(ends["least"] <= ends["greatest"], key, rule, repr(ends))
     return record
 
 
-def _not_finite(value: str) -> float:
-    """Refuse a constant of JSON that is not finite."""
-    raise ContractError(f"numbers must be finite, got {value}; export the model again")
+def _require(sound: bool, key: str, rule: str, found: str) -> None:
+    if not sound:
+        raise ContractError(f"{key} must be {rule}, got {found}; export the model again")

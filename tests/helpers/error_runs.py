@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from pipeline.models.exported import JointAxes
 from pipeline.models.joint_error.law import GROWTH, INPUTS, JointErrorModel
 from pipeline.models.joint_error.samples import JointRun
 
@@ -59,7 +58,7 @@ def runs_of_law(
         q = np.tile(command[0], (repeats, 1))
         memory, path = law.first_memory(q, command[0], rng), [q]
         for step in steps:
-            q, memory = law.advance(JointAxes(JOINTS), q, step, memory, rng)
+            q, memory = law.follow(q, step, memory, rng)
             path.append(q)
         for take, measured in enumerate(np.stack(path, axis=1)):
             name, motion = f"{number}.{take}", str(number)

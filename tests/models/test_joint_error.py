@@ -12,7 +12,6 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.exported import JointAxes
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import score_runs
 from pipeline.models.joint_error.law import Outlook, build, drive
@@ -33,14 +32,14 @@ def test_draws_have_the_mean_and_the_variance_of_the_prediction(name, steps):
     q = np.tile(command[0], (draws, 1))
     memory, path = law.first_memory(q, command[0], rng), [q]
     for k in range(known):
-        q, memory = law.advance(JointAxes(JOINTS), q, command[k + 1] - command[k], memory, rng)
+        q, memory = law.follow(q, command[k + 1] - command[k], memory, rng)
         q[:], memory[:] = q[:1], memory[:1]  # one past
         path.append(q[0])
     drift = np.split(memory, 8, axis=-1)[-1]
     drift[:] = rng.standard_normal(drift.shape)  # which the errors do not show
     errors = np.stack([path[0][0], *path[1:]]) - command[: known + 1]
     for k in range(known, known + steps):
-        q, memory = law.advance(JointAxes(JOINTS), q, command[k + 1] - command[k], memory, rng)
+        q, memory = law.follow(q, command[k + 1] - command[k], memory, rng)
     drawn = q - command[known + steps]
     mean, covariance = law.predict(errors, command, steps)
     std = np.sqrt(np.diag(covariance))

@@ -297,8 +297,14 @@ class JointErrorModel(MotionModel):
         """Return draws (P, n) of the next poses in rad, and their memory (P, 8n), after ``q``
         (P, n) and ``memory`` under the commands ``v`` (m,) or (P, m) of the commanded pose.
         """
+        return self.follow(q, chain.nominal_step(memory[:, : q.shape[-1]], v), memory, rng)
+
+    def follow(
+        self, q: ndarray, dq: ndarray, memory: ndarray, rng: Generator
+    ) -> tuple[ndarray, ndarray]:
+        """Return :meth:`advance` for the commanded joint steps ``dq`` (n,) or (P, n) in rad."""
         command, speed, *means, mean, before, z, drift = np.split(memory, 8, axis=-1)
-        dq = chain.nominal_step(command, v) + np.zeros_like(q)
+        dq = dq + np.zeros_like(q)
         now = self.rate * dq
         keeps = [np.exp(-1 / (self.rate * each)) for each in REVERSALS]
         sign = np.tanh(now / TURN)
