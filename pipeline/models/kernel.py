@@ -16,26 +16,9 @@ which saves the second χ² variate, half of the time of a planar step.
 """
 
 import numpy as np
-from numpy import ndarray
-from numpy.random import Generator
 
-from pipeline.arm.interface import ArmConstants
-from pipeline.arm.kinematics import (
-    add_displacement,
-    cholesky,
-    mark_singular,
-    solve_lower,
-    solve_upper,
-    task_jacobian,
-    tip,
-)
-from pipeline.arm.planar import (
-    add_planar_displacement,
-    planar_inverse_square,
-    planar_jacobian,
-    planar_steps,
-)
-from pipeline.arm.rows import Rows, add_combination, add_dot, add_product, copy, dot, fill, rows_of
+from pipeline.arm import kinematics, planar
+from pipeline.arm.rows import add_combination, add_dot, add_product, copy, dot, fill, rows_of
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import expm1
 from pipeline.core.errors import ModelDomainError
@@ -46,7 +29,6 @@ from pipeline.models.model import (
     PIVOTED_LU_LAW,
     QR_TRANSPOSED_LAW,
     WISHART_LAWS,
-    Law,
 )
 from pipeline.randommatrix.variates import draw_variates
 
@@ -56,25 +38,16 @@ DRAWN = 64  # poses of a serial chain whose variates are drawn at a time
 
 
 @compiled
-def move(
-    law: Law,
-    arm: ArmConstants,
-    space: int | None,
-    block: ndarray,
-    command: ndarray,
-    target: ndarray,
-    share: float,
-    q: ndarray,
-    moved: ndarray,
-    rng: Generator,
-) -> int:
+def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
     """Fill ``moved`` (n, P) with draws of the next poses after ``q`` (n, P) in rad under the
     command v + ``share``·(``target`` − x(q)); NaN after a singular pose. Return the number of draws
     with clipped noise.
 
-    ``space`` is None for a planar chain, 1 for a serial chain. ``block`` is a buffer with the rows
-    of the ``arm``. ``command`` is v (m,), or (m + n,) with a null-space joint step. ``target`` is
-    the pose on the closed loop's path, unused if ``share`` κ is 0.
+    ``law`` is a :class:`pipeline.models.model.Law`, ``arm`` are the chain's
+    :class:`pipeline.arm.interface.ArmConstants`, ``space`` is None for a planar chain, 1 for a
+    serial chain. ``block`` is a buffer with the rows of the ``arm``. ``command`` is v (m,), or
+    (m + n,) with a null-space joint step. ``target`` is the pose on the closed loop's path, unused
+    if ``share`` κ is 0.
     """
     if law.kind not in LAWS:
         raise ModelDomainError("the compiled step has no law of this kind; use one of model.py")
@@ -90,22 +63,24 @@ def move(
             fill(block, rows.task + r, command[r], count)
         # numba compiles only one of the branches
         if space is None:
-            planar_jacobian(arm, q, start, count, block)
+            planar.planar_jacobian(arm, q, start, count, block)
             if share > 0.0:
-                add_planar_displacement(arm, target, q, start, count, share, block)
+                planar.add_planar_displacement(arm, target, q, start, count, share, block)
             if law.kind == QR_TRANSPOSED_LAW:
-                planar_steps(arm, block, count)
+                planar.planar_steps(arm, block, count)
                 for r in range(m):
                     copy(block, rows.task + r, rows.joints + r, count)
         else:
-            tip(arm, q, start, count, block)
+            kinematics.tip(arm, q, start, count, block)
             if share > 0.0:
-                add_displacement(arm, target, block, rows.task, share, count)
-            task_jacobian(arm, block, rows.jacobian, count)
-            cholesky(block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count)
-            mark_singular(block, arm, rows.jacobian, rows.lower, rows.spare, rows.singular, count)
+                kinematics.add_displacement(arm, target, block, rows.task, share, count)
+            kinematics.task_jacobian(arm, block, rows.jacobian, count)
+            kinematics.cholesky(block, rows.jacobian, rows.lower, rows.inverse, m, n, 0.0, count)
+            kinematics.mark_singular(
+                block, arm, rows.jacobian, rows.lower, rows.spare, rows.singular, count
+            )
             if law.kind == QR_TRANSPOSED_LAW:
-                solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
+                kinematics.solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
         if law.kind == GAUSSIAN_LAW:
             dot(block, rows.speed, rows.task, rows.task, m, count)
         elif law.kind in INVERSE_LAWS:
@@ -117,9 +92,9 @@ def move(
                 for j in range(n):
                     copy(block, rows.joints + j, rows.task + j, count)
             else:
-                planar_steps(arm, block, count)
+                planar.planar_steps(arm, block, count)
             if law.kind == GAUSSIAN_LAW:
-                planar_inverse_square(block, count)
+                planar.planar_inverse_square(block, count)
         else:
             _to_joints(law.kind, block, rows, n, m, command, count)
             if law.kind == GAUSSIAN_LAW:
@@ -134,15 +109,13 @@ def move(
 
 
 @inner
-def _to_joints(
-    kind: int, block: ndarray, rows: Rows, n: int, m: int, command: ndarray, count: int
-) -> None:
+def _to_joints(kind, block, rows, n, m, command, count):
     """Write joint steps of a serial chain, J⁺x + (I − J⁺J)w for the task step x and the commanded
     joint step w; NaN at singular poses. With QR of Jᵀ the task rows already contain L⁻¹x.
     """
     lower, inverse, task = rows.lower, rows.inverse, rows.task
     if kind != QR_TRANSPOSED_LAW:
-        solve_lower(block, lower, inverse, m, task, count)
+        kinematics.solve_lower(block, lower, inverse, m, task, count)
     commanded = len(command) > m
     for j in range(n):
         fill(block, rows.joints + j, command[m + j] if commanded else 0.0, count)
@@ -150,11 +123,11 @@ def _to_joints(
         image = rows.spare
         for r in range(m):
             dot(block, image + r, rows.jacobian + r * n, rows.joints, n, count)
-        solve_lower(block, lower, inverse, m, image, count)
+        kinematics.solve_lower(block, lower, inverse, m, image, count)
         for r in range(m):
             for i in range(count):
                 block[task + r, i] -= block[image + r, i]
-    solve_upper(block, lower, inverse, m, task, count)
+    kinematics.solve_upper(block, lower, inverse, m, task, count)
     for j in range(n):
         step = rows.joints + j
         add_dot(block, step, 1.0, rows.jacobian + j, task, m, count, n)
@@ -164,7 +137,7 @@ def _to_joints(
 
 
 @inner
-def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int) -> int:
+def _add_normal(law, block, rows, n, m, count):
     """Add the noise of the normal models to the joint steps; the Gaussian model reads ‖J⁺‖² from
     row ``spare``. Return the number of poses with a covariance clipped at zero.
     """
@@ -188,19 +161,19 @@ def _add_normal(law: Law, block: ndarray, rows: Rows, n: int, m: int, count: int
 
 
 @inner
-def _inverse_square(block: ndarray, rows: Rows, m: int, count: int) -> None:
+def _inverse_square(block, rows, m, count):
     """Write row ``spare`` = ‖J⁺‖_F² = ‖L⁻¹‖_F² of a serial chain, column by column."""
     column = rows.spare + 1
     fill(block, rows.spare, 0.0, count)
     for r in range(m):
         for s in range(m):
             fill(block, column + s, 1.0 if s == r else 0.0, count)
-        solve_lower(block, rows.lower, rows.inverse, m, column, count)
+        kinematics.solve_lower(block, rows.lower, rows.inverse, m, column, count)
         add_dot(block, rows.spare, 1.0, column, column, m, count)
 
 
 @inner
-def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
+def act(d, block, rows, m, count):
     """Replace the task rows a by B⁻¹a = z(a + rR[0, T]ᵀ), zero for a = 0. R is, up to its sign, the
     Householder reflection of the first axis to a/r.
     """
@@ -233,7 +206,7 @@ def act(d: float, block: ndarray, rows: Rows, m: int, count: int) -> None:
 
 
 @inner
-def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, count: int):
+def _factor_step(law, before, block, rows, n, m, count):
     """Multiply the task rows by J₁⁻¹ (``before`` B⁻¹ is applied) or by J₁ (after). For QR of J the
     rows stay, because the law is invariant under rotations of a.
     """
@@ -253,7 +226,7 @@ def _factor_step(law, before: bool, block: ndarray, rows: Rows, n: int, m: int, 
 
 
 @inner
-def _multiply(matrix: ndarray, at: int, block: ndarray, rows: Rows, m: int, count: int) -> None:
+def _multiply(matrix, at, block, rows, m, count):
     """Multiply the task rows by M (m, m), stored row by row in ``matrix`` from index ``at``."""
     for r in range(m):
         fill(block, rows.spare + r, 0.0, count)
@@ -263,7 +236,7 @@ def _multiply(matrix: ndarray, at: int, block: ndarray, rows: Rows, m: int, coun
 
 
 @inner
-def _exchange(block: ndarray, x: int, y: int, flag: int, count: int) -> None:
+def _exchange(block, x, y, flag, count):
     """Exchange rows ``x`` and ``y`` at poses where row ``flag`` is not zero."""
     for i in range(count):
         one, two = block[x, i], block[y, i]
@@ -273,7 +246,7 @@ def _exchange(block: ndarray, x: int, y: int, flag: int, count: int) -> None:
 
 
 @inner
-def _eliminate(block: ndarray, rows: Rows, n: int, m: int, count: int) -> None:
+def _eliminate(block, rows, n, m, count):
     """Replace task rows v by L⁻¹Pv of PJ = LU with partial pivoting. Scratch rows contain the
     multipliers, below the diagonal of a copy of J, then one flag for each exchange.
     """
