@@ -31,7 +31,7 @@ from pipeline.filtering.sampling import (
     update,
 )
 from pipeline.models.draws import block_for, space_of
-from pipeline.models.model import Commands, MotionModel
+from pipeline.models.model import Commands, MotionModel, corrected_command
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,7 @@ def _draw(
     alive = ~chain.singular(q)
     v = np.broadcast_to(commands.v[k], (len(q), commands.v.shape[1]))[alive]
     if commands.share:
-        v = v.copy()
-        off = chain.displacement(chain.pose(q[alive]), commands.path[k])
-        v[:, : len(chain.task)] += commands.share * off
+        v = corrected_command(chain, q[alive], v, commands.path[k], commands.share)
     moved = np.full(q.shape, np.nan)
     if memory is None:
         moved[alive] = model.sample(chain, q[alive], v, rng)

@@ -52,17 +52,16 @@ def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Est
 
 def spreads(
     replicates: list[Estimates | None], estimates: Estimates, takes: int
-) -> tuple[dict[str, Spread], int]:
+) -> dict[str, Spread]:
     """Return the spread of every one of the ``estimates`` from ``takes`` takes that all replicates
-    have, and the number of failures. The interval is centred on the estimate: percentiles of the
-    replicates are shifted by the bias of a resampled variance, (takes − 1)/takes.
+    have. The interval is centred on the estimate: percentiles of the replicates are shifted by the
+    bias of a resampled variance, (takes − 1)/takes.
     """
     quantile, values = float(stdtrit(takes - 1, TAILS[1])), {}
-    for name, each in _common_estimates(replicates).items():
-        error = float(each.std(ddof=1))
-        ends = (estimates[name] + sign * quantile * error for sign in (-1, 1))
-        values[name] = Spread(error, *map(float, ends))
-    return values, replicates.count(None)
+    for name, error in _common_estimates(replicates).std(ddof=1).items():
+        half = quantile * float(error)
+        values[name] = Spread(float(error), estimates[name] - half, estimates[name] + half)
+    return values
 
 
 def joint_covariance(replicates: list[Estimates | None]) -> tuple[list[str], list[list[float]]]:

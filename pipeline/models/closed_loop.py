@@ -30,7 +30,7 @@ from numpy import ndarray
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
-from pipeline.models.model import Commands, MotionModel, without_measurement
+from pipeline.models.model import Commands, MotionModel, corrected_command, without_measurement
 from pipeline.models.steps import Estimate, Options, Recorded
 
 # subfolder with the closed loop's parameters, and the key of κ in its parameters.json
@@ -65,24 +65,16 @@ class MeanPath:
         """Commands (takes, M, m) or (takes, M, m + n) of the closed loop with ``share`` κ at
         measured poses ``q`` (takes, M, n) in rad.
         """
-        v = np.tile(self.v, (len(q), 1, 1))
-        off = self.chain.displacement(self.chain.pose(q), self.path)
-        v[..., : len(self.chain.task)] += share * off
-        return v
+        return corrected_command(self.chain, q, self.v, self.path, share)
 
     def commands(self, share: float) -> Commands:
         """Commands of the closed loop with ``share`` κ."""
         return Commands(self.v, self.path, share)
 
 
-def measured_poses(recorded: Recorded) -> ndarray:
-    """(takes, M+1, n) poses in rad before and after the steps of ``recorded``."""
-    return np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
-
-
 def mean_path(recorded: Recorded) -> MeanPath:
     """Mean path of the takes of ``recorded``."""
-    return MeanPath(recorded.chain, measured_poses(recorded).mean(axis=0))
+    return MeanPath(recorded.chain, recorded.poses.mean(axis=0))
 
 
 def closed_loop_steps(recorded: Recorded, path: MeanPath, share: float) -> Recorded:
@@ -148,7 +140,7 @@ def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimat
     Raises ModelDomainError for a single take, unknown measurement noise or a model without a
     covariance, SolverError if κ does not converge, and the errors of the estimator.
     """
-    poses, path = measured_poses(recorded), mean_path(recorded)
+    poses, path = recorded.poses, mean_path(recorded)
     if len(poses) < 2:
         raise ModelDomainError("the mean path of a closed loop needs two takes", takes=len(poses))
     deviation, share, error, estimate = poses - path.poses, 0.5, inf, open_estimate

@@ -18,6 +18,7 @@ from pipeline.arm.serial import SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models.joint_error.law import Outlook
 from pipeline.models.kinds import build_model
+from pipeline.models.model import corrected_command
 
 FORMAT = "motion model 2"
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
@@ -117,11 +118,8 @@ class ExportedModel(Exported):
         """Command (..., m) or (..., m + n): ``task_step`` plus κ times the displacement from the
         tip's pose at ``q`` to its ``target`` pose. κ = 0 for an open loop.
         """
-        off = self.chain.displacement(self.chain.pose(np.asarray(q, float)), target)
-        shape = (*off.shape[:-1], np.shape(task_step)[-1])
-        command = np.array(np.broadcast_to(task_step, shape), float)
-        command[..., : len(self.chain.task)] += self.record["closed_loop_share"] * off
-        return command
+        share = self.record["closed_loop_share"]
+        return corrected_command(self.chain, np.asarray(q, float), task_step, target, share)
 
     def _arrays(self, q: ndarray, v: ndarray) -> tuple[ndarray, ndarray]:
         """Return ``q`` and ``v`` as arrays; warn of values outside the ranges of the fit."""

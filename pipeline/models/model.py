@@ -64,6 +64,18 @@ def task_step(chain: Mechanism, command: ndarray) -> ndarray:
     return command[..., : len(chain.task)]
 
 
+def corrected_command(
+    chain: Mechanism, q: ndarray, v: ndarray, target: ndarray, share: float
+) -> ndarray:
+    """Commands v + κ(x* − x(q)) (..., m) or (..., m + n) of a closed loop with ``share`` κ at the
+    poses ``q`` (..., n) in rad, x* the ``target`` poses (..., p) of the tip.
+    """
+    off = chain.displacement(chain.pose(q), target)
+    command = np.array(np.broadcast_to(v, (*off.shape[:-1], np.shape(v)[-1])), float)
+    command[..., : len(chain.task)] += share * off
+    return command
+
+
 def frobenius(matrix: ndarray) -> ndarray:
     """(...,) Frobenius norm of ``matrix`` (..., n, m), the paper's norm of a matrix."""
     return np.sqrt(np.einsum("...ij,...ij->...", matrix, matrix))

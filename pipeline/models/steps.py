@@ -56,6 +56,11 @@ class Recorded:
         """(takes, M, n) rad, measured pose after each step."""
         return self.q + self.chain.nominal_step(self.q, self.v) + self.noise
 
+    @property
+    def poses(self) -> ndarray:
+        """(takes, M+1, n) rad, measured poses before and after the steps."""
+        return np.concatenate([self.q, self.q_next[:, -1:]], axis=1)
+
     def subset(self, takes: ndarray) -> "Recorded":
         """Return the takes with the indices ``takes``; a repeated index repeats the take."""
         v = self.v if self.v.ndim == 2 else self.v[takes]

@@ -32,7 +32,6 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     commanded ``speed`` of each task coordinate (``rate`` in Hz), and the ``condition`` ‖J⁺‖.
     """
     chain, joints, v = recorded.chain, recorded.joints, recorded.v
-    poses = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1)
     speeds = rate * chain.nominal_step(recorded.q, v)
     command, turning = [*chain.task, *joints][: v.shape[-1]], ["rad/s"] * len(joints)
     units = ["m/s" if name in ("x", "y", "z") else "rad/s" for name in chain.task] + turning
@@ -40,7 +39,7 @@ def fitted_ranges(recorded: Recorded, rate: float) -> pd.DataFrame:
     rows = [
         (quantity, name, unit, float(column.min()), float(column.max()))
         for quantity, names, units, array in (
-            ("pose", joints, ["rad"] * len(joints), poses),
+            ("pose", joints, ["rad"] * len(joints), recorded.poses),
             ("joint speed", joints, turning, speeds),
             ("speed", command, units[: len(command)], rate * v),
             ("condition", ["‖J⁺‖"], ["1/m and 1"], norms),

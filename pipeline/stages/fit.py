@@ -94,7 +94,7 @@ def _estimated(
     else:
         workers = {"compute": settings.compute, "label": f"fit {model}: resamplings"}
         replicates = [*run_trials(trial, range(scale.bootstrap_refits), **workers)]
-    spreads, _ = bootstrap.spreads(replicates, estimate.estimates, takes)
+    spreads = bootstrap.spreads(replicates, estimate.estimates, takes)
     known = {name: own for name, own in spreads.items() if name not in estimate.undetermined}
     return estimate, "", replicates, _uncertainty(known, takes >= bootstrap.LEAST_TAKES)
 

@@ -13,7 +13,6 @@ from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacob
 from pipeline.core.filters import MEMORY, NONE
 from pipeline.evidence.pose import pose_table
 from pipeline.filtering.linear import baseline_predictions
-from pipeline.models.closed_loop import measured_poses
 from pipeline.models.joint_error.fit import FAMILY, runs_of
 from pipeline.models.joint_error.held_out import joint_tables
 from pipeline.models.kinds import estimate, fitted_models
@@ -102,7 +101,7 @@ def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
     joints, of_run = contracts.read("joints", TRACK), settings.models
     test = joints[joints.part == "test"]
     names, q = contracts.stacked(joints if test.empty else test, "q")
-    training, fitted = measured_poses(recorded), fitted_models(of_run, FIT, "predict")
+    training, fitted = recorded.poses, fitted_models(of_run, FIT, "predict")
     models = {n: own for n, own in options.items() if n in fitted or n not in of_run}
     if test.empty:
         others = [np.delete(training, number, axis=0) for number in range(len(q))]

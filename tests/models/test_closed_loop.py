@@ -81,7 +81,7 @@ def test_the_noise_left_in_a_loop_is_what_was_put_in_with_the_measurements(path)
         q[:, k + 1] = q[:, k] + np.matvec(chain.inverse_jacobian(q[:, k]), v[k] + share * off)
     noise = process_noise(chain, q, v)
     recorded = Recorded(chain, q[:, :-1], v, noise, JOINTS, np.eye(3))
-    np.testing.assert_allclose(closed_loop.measured_poses(recorded), q, atol=1e-15)
+    np.testing.assert_allclose(recorded.poses, q, atol=1e-15)
     closed = closed_loop.closed_loop_steps(recorded, closed_loop.mean_path(recorded), share)
     # the part common to all takes is the curvature of the mean path
     assert np.max(np.ptp(closed.noise, axis=0)) < 1e-5 < 1e-4 < np.max(np.ptp(noise, axis=0))

@@ -60,7 +60,7 @@ def runs_of(recorded: Recorded) -> list[JointRun]:
     """
     if recorded.rate is None:
         raise ModelDomainError("the joint error law needs the rate of the recorded steps")
-    poses, chain = np.concatenate([recorded.q, recorded.q_next[:, -1:]], axis=1), recorded.chain
+    poses, chain = recorded.poses, recorded.chain
     command = np.empty_like(poses)
     command[:, 0] = poses[:, 0].mean(axis=0)
     for k in range(command.shape[1] - 1):

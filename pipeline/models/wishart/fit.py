@@ -20,7 +20,7 @@ from pipeline.models import steps as base
 from pipeline.models.model import task_step
 from pipeline.models.steps import Estimate, Recorded, Truth, moving_steps, take_variances
 from pipeline.models.wishart.decomposition import CONTROL, Decomposition, decomposition_of, factors
-from pipeline.models.wishart.law import StepSquares, WishartModel, dispersion_of_trace, step_squares
+from pipeline.models.wishart.law import WishartModel, dispersion_of_trace, step_squares
 from pipeline.randommatrix.wishart import largest_dispersion, normalized_std
 
 if TYPE_CHECKING:  # it loads numba
@@ -188,8 +188,8 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionF
 
     def from_takes(takes: ndarray) -> dict[str, float]:
         traces, measured = variances(takes)
-        means = StepSquares(*(each[takes].mean() for each in squares))
-        return {"sigma_b": dispersion_of_trace(means, float(traces.mean()) - measured, m)}
+        means, trace = (each[takes].mean() for each in squares), float(traces.mean()) - measured
+        return {"sigma_b": dispersion_of_trace(*means, trace, m)}
 
     return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
 

@@ -16,7 +16,7 @@ variance of B⁻¹a for ‖a‖ = 1 is Var z along a and c = E z²/(d − m) acr
 
 from dataclasses import dataclass, replace
 from math import lgamma
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy import ndarray
@@ -82,8 +82,8 @@ class WishartModel(MotionModel):
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float) -> "WishartModel":
         a, back, _ = factors(chain, q, v, self.decomposition)
-        squares = StepSquares(*(each.mean() for each in step_squares(a, back)))
-        return replace(self, sigma_b=dispersion_of_trace(squares, trace, a.shape[-1]))
+        squares = (each.mean() for each in step_squares(a, back))
+        return replace(self, sigma_b=dispersion_of_trace(*squares, trace, a.shape[-1]))
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) q + J₂⁺B⁻¹a + the step in the null space of J, in rad."""
@@ -108,8 +108,7 @@ class WishartModel(MotionModel):
         q, v, q_next = (np.broadcast_to(x, (*batch, x.shape[-1])) for x in (q, v, q_next))
         step = q_next - q - chain.null_step(q, v)
         a, back, log_determinant = factors(chain, q, v, self.decomposition)
-        n, m = back.shape[-2:]
-        d = degrees_of_freedom(self.sigma_b, m)
+        (n, m), d = back.shape[-2:], degrees_of_freedom(self.sigma_b, back.shape[-1])
         moving = np.any(task_step(chain, v), axis=-1)
         if measurement is not None:
             from pipeline.models.wishart.quadrature import blurred_log_density  # loads numba
@@ -142,14 +141,13 @@ def action_log_density(w: ndarray, a: ndarray, d: float) -> ndarray:
     r = np.sqrt(np.vecdot(a, a))
     e, u = a / r[..., None], w / r[..., None]
     along = np.vecdot(e, u)
-    inside = along > 0
-    z = np.where(inside, along, 1.0)
+    z = np.where(along > 0, along, 1.0)
     t = (u - along[..., None] * e) / z[..., None]
     shape = (d - m + 1) / 2
     z_term = shape * np.log(d / 2) - lgamma(shape) - (shape + 1) * np.log(z) - d / (2 * z)
     t_term = lgamma((d + 1) / 2) - lgamma((d - m + 2) / 2) - (m - 1) / 2 * np.log(np.pi)
     t_term = t_term - (d + 1) / 2 * np.log1p(np.vecdot(t, t))
-    return np.where(inside, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
+    return np.where(along > 0, z_term + t_term - m * np.log(r) - (m - 1) * np.log(z), -np.inf)
 
 
 def step_covariance(a: ndarray, back: ndarray, sigma_b: float) -> ndarray:
@@ -181,34 +179,26 @@ def step_variances(d: float, m: int) -> tuple[float, float]:
     return 2 * d**2 / ((d - m - 1) ** 2 * (d - m - 3)), square / (d - m)
 
 
-class StepSquares(NamedTuple):
-    """Squared lengths of steps in rad², or means of the squared lengths."""
-
-    every: ndarray  # ‖a‖²‖J₂⁺‖_F²
-    nominal: ndarray  # ‖J₂⁺a‖² (nominal step)
-
-
-def step_squares(a: ndarray, back: ndarray) -> StepSquares:
-    """Squares (...,) of the steps of ``a`` = J₁⁻¹v (..., m) and ``back`` = J₂⁺ (..., n, m)."""
+def step_squares(a: ndarray, back: ndarray) -> tuple[ndarray, ndarray]:
+    """‖a‖²‖J₂⁺‖_F², ‖J₂⁺a‖² (...,) in rad² of ``a`` J₁⁻¹v (..., m) and ``back`` J₂⁺ (..., n, m)."""
     mean, every = np.matvec(back, a), np.einsum("...ij,...ij->...", back, back)
-    return StepSquares(np.vecdot(a, a) * every, np.vecdot(mean, mean))
+    return np.vecdot(a, a) * every, np.vecdot(mean, mean)
 
 
-def dispersion_of_trace(squares: StepSquares, trace: float, m: int) -> float:
-    """Return σ_B of B (m, m) at which steps with the mean ``squares`` have the mean covariance
-    ``trace`` in rad². Raises ModelDomainError for trace ≤ 0, for steps at rest, and if σ_B would
-    reach its limit sqrt((m + 1)/(m + 3)).
+def dispersion_of_trace(every: float, nominal: float, trace: float, m: int) -> float:
+    """Return σ_B of B (m, m) at which steps with the mean :func:`step_squares` ``every`` and
+    ``nominal`` have the mean covariance ``trace`` in rad². Raises ModelDomainError for trace ≤ 0,
+    for steps at rest, and if σ_B would reach its limit sqrt((m + 1)/(m + 3)).
     """
     from scipy.optimize import brentq  # here: loading a model does not need SciPy
 
-    if not (trace > 0 and squares.every > 0):
+    if not (trace > 0 and every > 0):
         message = "no sigma_B: a Wishart step needs a positive variance and a motion that is not "
         raise ModelDomainError(message + "at rest at every step", trace_rad2=trace)
 
     def excess(x: float) -> float:
         along, across = step_variances(m + 3 + np.exp(x), m)
-        own = across * squares.every + (along - across) * squares.nominal
-        return float(np.log(own / trace))
+        return float(np.log((across * every + (along - across) * nominal) / trace))
 
     low, high = LOG_EXCESS
     if not excess(low) > 0:
