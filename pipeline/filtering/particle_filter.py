@@ -6,9 +6,7 @@ the set of regular poses within the joint limits. A particle that leaves D_q has
 posterior is conditioned on paths within D_q.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy import ndarray
@@ -18,18 +16,8 @@ from pipeline.arm.chain import SINGULAR_SINE, PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.options.analysis import Filter
+from pipeline.filtering import sampling
 from pipeline.filtering.measurement import Measurements
-from pipeline.filtering.sampling import (
-    RESAMPLED,
-    SCHEMES,
-    VANISHED,
-    Particles,
-    Record,
-    Setting,
-    fresh_arrays,
-    sequential_importance_sampling,
-    update,
-)
 from pipeline.models.draws import block_for, space_of
 from pipeline.models.model import Commands, MotionModel, corrected_command
 
@@ -79,21 +67,19 @@ def particle_filter(
     singular = [chain.straight, float(np.arcsin(SINGULAR_SINE))] if planar else [0.0, 0.0]
     # no effective sample size is below 0
     threshold = float(options.threshold) if options.scheme != "none" else 0.0
-    setting = Setting((*limits, *singular), frames, SCHEMES.index(options.scheme), threshold)
+    scheme = sampling.SCHEMES.index(options.scheme)
+    setting = sampling.Setting((*limits, *singular), frames, scheme, threshold)
     q = np.array(poses.T, order="C")
-    particles, record = fresh_arrays(*q.shape, len(commands.v) + 1)
+    particles, record = sampling.fresh_arrays(*q.shape, len(commands.v) + 1)
+    steps = setting, q, particles, record, rng
     if model.traits.compiled:
         v, path = (np.array(each, dtype=float, order="C") for each in commands[:2])
         loop = Commands(v, path, float(commands.share))
         arm = model.law(chain), chain.numbers(), space_of(chain), block_for(chain)
-        steps = loop, setting, q, particles, record, rng
-        vanished = sequential_importance_sampling(*arm, *steps)
+        vanished = sampling.sequential_importance_sampling(*arm, loop, *steps)
     else:
-        memory = None
-        if model.traits.memory:
-            memory = model.first_memory(poses, start.mean, rng)
-        step = partial(_draw, model, chain, commands, rng)
-        vanished = _filter_by_draws(step, memory, setting, q, particles, record, rng)
+        memory = model.first_memory(poses, start.mean, rng) if model.traits.memory else None
+        vanished = _filter_by_draws(model, chain, commands, memory, *steps)
     if vanished >= 0:
         message = f"all {options.particles} weights vanished: every particle has left the joint "
         message += "limits or is not finite; use more particles, or compare the model's noise and "
@@ -106,56 +92,34 @@ def particle_filter(
     return Posterior(*record, np.diff(frames.first) > 0, left_out, evidence)
 
 
-def _filter_by_draws(
-    step: Callable,
-    memory: ndarray | None,
-    setting: Setting,
-    q: ndarray,
-    particles: Particles,
-    record: Record,
-    rng: Generator,
-) -> int:
-    """Return and fill what :func:`sequential_importance_sampling` does, with a ``step`` in Python
-    from poses and memory of the particles. Each step takes tens of times as long.
+def _filter_by_draws(model, chain, commands, memory, setting, q, particles, record, rng) -> int:
+    """Return and fill what :func:`sequential_importance_sampling` does, by the ``model``'s draws in
+    NumPy, from the ``memory`` (P, s) of the particles or None. Each step takes tens of times as
+    long. A pose after a singular pose is NaN; the memory stays where it would not be finite.
     """
     before = q.copy()
     for k in range(len(record.ess)):
         if k > 0:
             q, before = before, q
-            q[:], memory = step(k - 1, before.T, memory)
-        state = update(k, setting, before, q, particles, record, rng)
-        if state == VANISHED:
+            alive = ~chain.singular(before.T)
+            poses, v = before.T[alive], commands.v[k - 1]
+            v = np.broadcast_to(v, (len(poses), len(v)))
+            if commands.share:
+                v = corrected_command(chain, poses, v, commands.path[k - 1], commands.share)
+            q[:] = np.nan
+            if memory is None:
+                q.T[alive] = model.sample(chain, poses, v, rng)
+            else:
+                q.T[alive], after = model.advance(chain, poses, v, memory[alive], rng)
+                memory = memory.copy()
+                memory[alive] = np.where(np.isfinite(after), after, memory[alive])
+        state = sampling.update(k, setting, before, q, particles, record, rng)
+        if state == sampling.VANISHED:
             return k
-        if state == RESAMPLED:
+        if state == sampling.RESAMPLED:
             before, q = q, before
             memory = None if memory is None else memory[particles.chosen]
     return -1
-
-
-def _draw(
-    model: MotionModel,
-    chain: Chain,
-    commands: Commands,
-    rng: Generator,
-    k: int,
-    q: ndarray,
-    memory: ndarray | None,
-) -> tuple[ndarray, ndarray | None]:
-    """Return (n, P) draws of the poses in rad after step ``k`` from ``q`` (P, n), NaN after a
-    singular pose, and their ``memory`` (P, s), that of before where it would not be finite.
-    """
-    alive = ~chain.singular(q)
-    v = np.broadcast_to(commands.v[k], (len(q), commands.v.shape[1]))[alive]
-    if commands.share:
-        v = corrected_command(chain, q[alive], v, commands.path[k], commands.share)
-    moved = np.full(q.shape, np.nan)
-    if memory is None:
-        moved[alive] = model.sample(chain, q[alive], v, rng)
-        return moved.T, None
-    moved[alive], after = model.advance(chain, q[alive], v, memory[alive], rng)
-    later = memory.copy()
-    later[alive] = np.where(np.isfinite(after), after, memory[alive])
-    return moved.T, later
 
 
 def initial_particles(
