@@ -14,7 +14,7 @@ from numpy import ndarray
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
 from pipeline.arm.serial import SerialChain
-from pipeline.arm.urdf import Description, Tree, describe, read_urdf
+from pipeline.arm.urdf import Tree, describe, read_urdf
 from pipeline.core.columns import PLANE, SPACE
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import Robot
@@ -79,7 +79,7 @@ def link_chains(robot: Robot, links: Iterable[str], key: str) -> dict[str, Seria
         if not joints:
             raise ConfigError(f"{key}: no joint of the arm moves {link!r}", file=tree.file)
         own = replace(robot, joints=joints, tool=link, plane=False, task=["x"])
-        chains[link] = layout_of(own).serial(SPACE, 1.0)
+        chains[link] = layout_of(own, tree).serial(SPACE, 1.0)
     return chains
 
 
@@ -99,14 +99,12 @@ def planar_tools(tree: Tree, joints: list[str]) -> list[str]:
     """Return the last links that can be the tool of a planar chain of three ``joints``; raises
     ConfigError as :func:`arm_of` where none can.
     """
-    tools, placed, fault = [], None, ConfigError("robot.joints: not one chain", file=tree.file)
+    tools, fault = [], ConfigError("robot.joints: not one chain", file=tree.file)
     for end in tree.ends:
         if [joint.name for joint in tree.above(end) if joint.name in joints] != joints:
             continue
         try:
-            described = describe(Robot(str(tree.file), joints, end, plane=True), tree)
-            placed = placed or _placed(described)
-            layout = _layout(described, *placed)
+            layout = layout_of(Robot(str(tree.file), joints, end, plane=True), tree)
             _planar(layout.in_frame(*_plane_of(layout)))
             tools.append(end)
         except ConfigError as error:
@@ -159,12 +157,6 @@ class Layout:
         return limited and len(self.names) == 3 and not self.sliding.any()
 
 
-def layout_of(robot: Robot) -> Layout:
-    """Layout of the arm in the base frame; all other joints of the URDF are fixed."""
-    described = describe(robot)
-    return _layout(described, *_placed(described))
-
-
 @lru_cache(maxsize=1)
 def _whole_model(tree: Tree) -> pin.Model:
     """Model of all joints in a URDF."""
@@ -176,13 +168,17 @@ def _whole_model(tree: Tree) -> pin.Model:
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
 
-def _placed(described: Description) -> tuple[pin.Model, pin.Data]:
-    """Model of the arm's joints and its frames at zero angles; all other joints are fixed."""
-    tree, names = described.tree, [joint.name for joint in described.joints]
+def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
+    """Layout of the arm in the base frame; all other joints of the URDF, its ``tree`` if read, are
+    fixed. Raises ConfigError as :func:`describe`, for a URDF that Pinocchio cannot read, and for an
+    axis that is no unit vector.
+    """
+    tree, joints, base, tip, held = describe(robot, tree)
+    names = [joint.name for joint in joints]
     try:
         full = _whole_model(tree)
         step = np.zeros(full.nv)
-        for name, value in described.held.items():
+        for name, value in held.items():
             step[full.joints[full.getJointId(name)].idx_v] = value
         others = [full.getJointId(name) for name in full.names[1:] if name not in names]
         fixed = pin.integrate(full, pin.neutral(full), step)
@@ -194,31 +190,22 @@ def _placed(described: Description) -> tuple[pin.Model, pin.Data]:
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)
-    return model, data
-
-
-def _layout(described: Description, model: pin.Model, data: pin.Data) -> Layout:
-    """Layout of an arm :func:`_placed` in the base frame."""
-    tree, joints = described.tree, described.joints
-    names = [joint.name for joint in joints]
-    # a single column is a vector in Pinocchio
-    jacobian = data.J.reshape(6, -1)
-    links = [link for link in (described.tip, described.base) if link is not None]
-    ids = [model.getFrameId(LINK + link, pin.FrameType.BODY) for link in links]
-    tip, *base = (data.oMf[number] for number in ids)
+    jacobian = data.J.reshape(6, -1)  # a single column is a vector in Pinocchio
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
     # a joint's column of the Jacobian is its axis in the root's frame
     axes = np.where(sliding, jacobian[:3], jacobian[3:]).T
-    points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
     for name, length in zip(names, np.linalg.norm(axes, axis=1), strict=True):
         if not abs(length - 1.0) < 1e-6:
             message = f"robot.urdf: the axis of {name} has length {length:.3g}; make it 1"
             raise ConfigError(message, file=tree.file)
-    ends = [(joint.lower, joint.upper) for joint in joints]
-    limits = [*np.array(ends).T, model.upperVelocityLimit]
-    place = tip.rotation.copy(), tip.translation.copy()
-    layout = Layout(tree.file, names, sliding, axes, points, *place, np.vstack(limits))
-    return layout.in_frame(base[0].rotation, base[0].translation) if base else layout
+    points = np.array([data.oMi[i].translation for i in range(1, model.njoints)])
+    ends = np.array([(joint.lower, joint.upper) for joint in joints]).T
+    links = [LINK + link for link in (tip, base) if link is not None]
+    end, *root = (data.oMf[model.getFrameId(link, pin.FrameType.BODY)] for link in links)
+    pose = end.rotation.copy(), end.translation.copy()
+    limits = np.vstack([*ends, model.upperVelocityLimit])
+    layout = Layout(tree.file, names, sliding, axes, points, *pose, limits)
+    return layout.in_frame(root[0].rotation, root[0].translation) if root else layout
 
 
 def _plane_of(layout: Layout) -> tuple[ndarray, ndarray]:
