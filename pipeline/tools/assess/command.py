@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from jinja2 import Template
 
 from pipeline.configuration import config
 from pipeline.core import contracts
@@ -36,6 +37,7 @@ from pipeline.tools.characterize.logs import folder_logs
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")
 CHARACTERIZED = Path("data/characterize")  # runs of characterize, one folder per dataset
+TEXT = Template((HERE / "take.txt").read_text(encoding="utf-8"), trim_blocks=True)
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
 ENOUGH = 20  # least number of test takes for a comparison without training takes
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
@@ -184,12 +186,12 @@ class TakeVerdict(NamedTuple):
     ends: np.ndarray  # (SPANS + 1,) s, limits of the spans
     span_t: np.ndarray  # (n, SPANS) t by joint and span
     p_spans: float  # p of the greatest |t| in ``span_t``
-    others: np.ndarray  # (T,) mask of the takes to compare with
+    count: int  # N
 
     @property
     def limit(self) -> float:
         """Greatest p of a take that is called different; with few takes the least possible p."""
-        return max(LEVEL / 2, 1 / (1 + self.others.sum()))
+        return max(LEVEL / 2, 1 / (1 + self.count))
 
     @property
     def behaves(self) -> bool:
@@ -230,7 +232,7 @@ def judge(
     table = pd.DataFrame(table, index=["all joints", *joints])
     ends = np.array([0, *(part[-1] + 1 for part in steps)]) / rate
     p_whole, p_spans = _p_value(t, their_t), _p_value(span_t, their_span_t)
-    return TakeVerdict(table, p_whole, ends, span_t, p_spans, others)
+    return TakeVerdict(table, p_whole, ends, span_t, p_spans, int(others.sum()))
 
 
 def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -254,26 +256,8 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     """Return the verdict as a sentence, and one line of numbers per joint. ``fitted`` is the number
     of takes to compare with to which the ``model`` was fitted.
     """
-    count = int(verdict.others.sum())
-    known = f", {fitted} of which the model was fitted to" if fitted else ""
     joint, span = np.unravel_index(np.argmax(np.abs(verdict.span_t)), verdict.span_t.shape)
-    t, begins, ends = verdict.span_t[joint, span], *verdict.ends[span : span + 2]
-    name = verdict.evidence.index[1 + joint]
-    if verdict.shows:
-        behaves = "behaves" if verdict.behaves else "does NOT behave"
-        head = f"{take} {behaves} as the {count} takes it is compared with"
-    else:
-        head = f"no difference of {take} can be shown with {count} takes to compare with"
-        head += f": record {FEWEST} or more"
-    lines = [
-        f"assess: {head}{known} ({model}).",
-        f"  largest difference: {name} from {begins:.3g} to {ends:.3g} s, "
-        f"{'less' if t < 0 else 'more'} likely by {abs(t):.3g} of their standard deviations; "
-        f"{100 * verdict.p_spans:.0f} % of such takes differ as much somewhere",
-        f"  as a whole: {100 * verdict.p_whole:.0f} % of such takes differ as much; by chance up "
-        f"to {200 * verdict.limit:.0f} % of takes of the same kind are called different",
-        "  joint: log evidence of this take; mean ± standard deviation of the others (nats a step)",
-    ]
-    for name, own, mean, std, p in verdict.evidence.itertuples():
-        lines.append(f"  {name}: {own:.4g}; {mean:.4g} ± {std:.2g}; {100 * p:.0f} % differ as much")
-    return "\n".join(lines)
+    begins, ends = verdict.ends[span : span + 2]
+    values = {"joint": verdict.evidence.index[1 + joint], "t": verdict.span_t[joint, span]}
+    values |= {"begins": begins, "ends": ends, "fewest": FEWEST, "fitted": fitted}
+    return TEXT.render(take=take, model=model, v=verdict, **values)

@@ -9,8 +9,8 @@ from base64 import b64encode
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from string import Template
 
+from jinja2 import Template
 from markdown_it import MarkdownIt
 from PIL import Image
 
@@ -33,6 +33,8 @@ UNSEEN = re.compile(  # a folded paragraph
 FOLDS = re.compile(r"(<h2 .*?</h2>)(.*?)(?=<h2 |\Z)", re.DOTALL)
 CARD = re.compile(r"<h3 .*?(?=<h3 |\Z)", re.DOTALL)
 CARDS = re.compile(r"(?:<h3 .*?(?=<h[1-3] |\Z))+", re.DOTALL)
+ONE_CARD = r'<div class="card">\n\g<0></div>\n'
+CARD_GROUP = '<div class="cards">\n{}</div>\n'
 FIGURE = re.compile(r'(<p [^>]*class="figure"[^>]*><img [^>]*>)\s+(.+?)</p>', re.DOTALL)
 DEPTH = 2  # levels of headings in the table of contents
 
@@ -58,18 +60,9 @@ def page(title: str, files: Sequence[Path], folder: Path) -> str:
     Links between the files become links inside the page, others lead to files from ``folder``.
     Raises ContractError for a file or a figure that is missing.
     """
-    sections, contents = [], ["<ul>"]
-    for file in files:
-        html, headings = _section(file, files, folder)
-        sections.append(f'<section aria-label="{escape(file.stem)}">\n{html}</section>')
-        (_, *first), *others = headings or [(1, "", file.stem)]
-        entry = '<li><a href="#{}">{}</a>'.format
-        inner = [f"{entry(*other)}</li>" for level, *other in others if level <= DEPTH]
-        below = "\n".join(["", "<ul>", *inner, "</ul>"]) if inner else ""
-        contents.append(f"{entry(*first)}{below}</li>")
-    return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
-        title=escape(title), contents="\n".join([*contents, "</ul>"]), sections="\n".join(sections)
-    )
+    sections = [(escape(file.stem), *_section(file, files, folder)) for file in files]
+    template = Template(TEMPLATE.read_text(encoding="utf-8"), trim_blocks=True)
+    return template.render(title=escape(title), sections=sections, depth=DEPTH) + "\n"
 
 
 def _section(
@@ -103,14 +96,10 @@ def _section(
     html = UNSEEN.sub(FOLD, html.replace("&lt;br&gt;", "<br>"))  # line ends in a table's cells
     html = FIGURE.sub(r"\1</p>\n<p>\2</p>", html)
     if file.stem == FOLDED:
-        return FOLDS.sub(FOLD, html), headings
-
-    def cards(found: re.Match) -> str:
-        """Return the parts under headings of level 3 beside each other."""
-        inner = CARD.sub(r'<div class="card">\n\g<0></div>\n', found[0])
-        return f'<div class="cards">\n{inner}</div>\n'
-
-    return CARDS.sub(cards, html), headings
+        html = FOLDS.sub(FOLD, html)
+    else:  # parts under headings of level 3 are beside each other
+        html = CARDS.sub(lambda found: CARD_GROUP.format(CARD.sub(ONE_CARD, found[0])), html)
+    return html, headings or [(1, "", file.stem)]
 
 
 def _anchor(file: Path, slug: str) -> str:
