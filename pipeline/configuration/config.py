@@ -88,30 +88,35 @@ def compose_config(params_file: Path) -> Config:
         values = _compose(overrides, sheet, option_file, *changes)
     except ConfigError as error:
         raise ConfigError(error.message, **({"file": params_file} | error.evidence)) from None
-    datasheet.require_filled(values, sheet, option_file)
-    config, faults = _validate(values)
+    open_keys = [*datasheet.unfilled_keys(values["dataset"])]
+    config, faults = (None, datasheet.to_fill_in(open_keys)) if open_keys else _validate(values)
     if unknown := sorted(set(values["models"] or {}) - set(params.models)):
         message = f"no model {', '.join(unknown)} is chosen; there are {', '.join(params.models)}"
         faults.append(ConfigError(message, key="overrides.models"))
     if faults:
-        section, *below = str(faults[0].evidence.get("key")).split(".")
-        group, option = section, vars(params).get(section)
-        if section == "models" and below:
-            group, option = "model", below[0]
-        sources = {params_file: params.overrides, sheet.file: {"dataset": sheet.values}}
-        if (file := CONF / group / f"{option}.yaml").is_file():
-            stated = read_yaml(file)
-            sources[file] = {section: stated if group == section else {option: stated}}
-        places = [section, *below]
-        raise joined_faults(faults, max(sources, key=lambda f: _depth(sources[f], places)))
+        key = str(faults[0].evidence.get("key"))
+        raise joined_faults(faults, _stating(key, params, params_file, sheet))
     return config
 
 
-def _depth(values: Any, places: list[str]) -> int:
-    """Return the number of the nested keys ``places`` that ``values`` have."""
-    if not (isinstance(values, dict) and places and places[0] in values):
-        return 0
-    return 1 + _depth(values[places[0]], places[1:])
+def _stating(key: str, params: Params, params_file: Path, sheet: datasheet.Datasheet) -> Path:
+    """Return the file that has the longest part of the nested ``key``: ``params_file``, the
+    datasheet, or the option file of the section or model.
+    """
+    section, *below = key.partition("[")[0].split(".")
+    group, option = section, vars(params).get(section)
+    if section == "models" and below:
+        group, option = "model", below[0]
+    sources = {params_file: params.overrides, sheet.file: {"dataset": sheet.values}}
+    if (file := CONF / group / f"{option}.yaml").is_file():
+        stated = read_yaml(file)
+        sources[file] = {section: stated if group == section else {option: stated}}
+
+    def depth(values: Any, places: list[str]) -> int:
+        inside = isinstance(values, dict) and places and places[0] in values
+        return 1 + depth(values[places[0]], places[1:]) if inside else 0
+
+    return max(sources, key=lambda file: depth(sources[file], [section, *below]))
 
 
 def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]:

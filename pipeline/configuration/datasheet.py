@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.dataset import About, Dataset
 from pipeline.core.typed_yaml import read_yaml
-from pipeline.core.validation import MISSING, all_faults, options, validated
+from pipeline.core.validation import MISSING, all_faults, joined_faults, options, validated
 
 DATASHEETS = Path(__file__).parents[2] / "data" / "raw"
 OPEN = "???"  # placeholder of a value that the user has to fill in
-ABSENT = object()
 
 
 class Datasheet(NamedTuple):
@@ -19,10 +18,6 @@ class Datasheet(NamedTuple):
 
     file: Path
     values: dict[str, Any]
-
-    def holds(self, key: str) -> bool:
-        """Return True if the datasheet has the nested ``key``."""
-        return get_nested(self.values, key, ABSENT) is not ABSENT
 
 
 @options()
@@ -45,7 +40,7 @@ def read(file: Path) -> Datasheet:
         message = "a datasheet needs about: subject, source and licence of its recordings"
         raise ConfigError(message, key="about", file=file)
     if is_open(about):
-        _require_none([*unfilled_keys({"about": about} | values)], file)
+        raise joined_faults(to_fill_in([*unfilled_keys({"about": about} | values)]), file)
     validated(About, about, "about", file)
     return Datasheet(file, values)
 
@@ -57,17 +52,9 @@ def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -
         raise ConfigError(message, key=keys[0], file=sheet.file)
 
 
-def require_filled(composed: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError with all keys of the ``composed`` dataset whose value is ???."""
-    keys = list(unfilled_keys(composed.get("dataset")))
-    _require_none([key for key in keys if sheet.holds(key.partition("[")[0])], sheet.file)
-    _require_none(keys, option_file)
-
-
-def _require_none(keys: list[str], file: Path) -> None:
-    if keys:
-        message = f"fill in {', '.join(keys)}: the value is ???"
-        raise ConfigError(message, key=keys[0], file=file)
+def to_fill_in(keys: list[str]) -> list[ConfigError]:
+    """Return the fault of ``keys`` of the dataset whose value is ???."""
+    return [ConfigError(f"fill in {', '.join(keys)}: the value is ???", key=f"dataset.{keys[0]}")]
 
 
 def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Iterator[str]:

@@ -50,7 +50,7 @@ def attempt(function: Callable, *arguments: Any) -> Any:
 
 
 @contextmanager
-def _collect(errors: list[PipelineError]) -> Iterator[None]:
+def collecting(errors: list[PipelineError]) -> Iterator[None]:
     """Append a PipelineError raised in the context to ``errors``."""
     try:
         yield
@@ -61,7 +61,7 @@ def _collect(errors: list[PipelineError]) -> Iterator[None]:
 def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict]:
     """Write the table ``name`` and return the quality rows; append an error for equal takes."""
     if takes:
-        with _collect(errors):
+        with collecting(errors):
             tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}
             parts = {take: rows["part"].iloc[0] for take, rows in tables.items() if "part" in rows}
             samples = {
@@ -77,28 +77,28 @@ def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dic
 
     quality, movements, takes, encoders = [], {}, [], []
     if dataset.joint_log is not None:
-        with _collect(errors):
+        with collecting(errors):
             for name, place in joint_logs.find_movements(raw, dataset).items():
-                with _collect(errors):
+                with collecting(errors):
                     movements[name] = joint_logs.read_dataset_movement(name, place, dataset)
             require_distinct("movements", {name: one.actual for name, one in movements.items()})
         if not errors:
-            with _collect(errors):
+            with collecting(errors):
                 trajectory, joints, counts = joint_logs.joint_log_rows(movements, dataset)
                 contracts.write(trajectory, "trajectory", folder)
                 contracts.write(joints, "joint_log", folder)
                 quality += counts
     if dataset.trajectory is not None:
-        with _collect(errors):
+        with collecting(errors):
             table = motion_capture.trajectory_rows(raw / dataset.trajectory, dataset)
             contracts.write(table, "trajectory", folder)
     if dataset.mocap is not None:
-        with _collect(errors):
+        with collecting(errors):
             for take in motion_capture.find_takes(raw, dataset.mocap):
-                with _collect(errors):
+                with collecting(errors):
                     takes.append(motion_capture.marker_rows(*take, dataset))
     if dataset.encoders is not None:
-        with _collect(errors):
+        with collecting(errors):
             encoders = joint_logs.encoder_rows(raw, dataset)
     quality += _write(takes, "markers", folder, errors)
     return quality + _write(encoders, "encoders", folder, errors)
@@ -119,7 +119,7 @@ def _depth(dataset: Dataset, raw: Path, folder: Path, errors: list, compute: Any
     read = partial(frame_rows, depth=dataset.depth, arm=arm, raw=raw, folder=folder.resolve())
     # set the bounds in each worker, since workers do not inherit them
     bounded, label = partial(attempt, within, dataset.reading, read), "ingest: depth takes"
-    with _collect(errors):
+    with collecting(errors):
         takes = list(take_paths(raw, dataset.depth).items())
         results = list(run_trials(bounded, takes, compute=compute, label=label))
     errors += [result for result in results if isinstance(result, PipelineError)]
@@ -132,6 +132,6 @@ def _force(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict
 
     records = []
     for name in dataset.force.configurations if dataset.force is not None else ():
-        with _collect(errors):
+        with collecting(errors):
             records.append(force_rows(raw, name, dataset.force))
     return _write(records, "force", folder, errors)

@@ -43,28 +43,28 @@ def test_innovations_are_as_large_as_predicted(kind, share, chain, tmp_path):
     def square(pose: np.ndarray) -> float:
         """Mean normalised square for the noise ``pose``."""
         model.record["pose_covariance_rad2"] = pose.tolist()
-        found = command.innovations_of(model, Commands(v, targets[:-1], share), poses)
-        white = np.linalg.solve(found.covariance, found.error[..., None])[..., 0]
-        return float(np.vecdot(found.error, white).mean())
+        error, covariance = command.innovations_of(model, Commands(v, targets[:-1], share), poses)
+        white = np.linalg.solve(covariance, error[..., None])[..., 0]
+        return float(np.vecdot(error, white).mean())
 
     # 3 on average; 2400 steps of heavy tails vary by a few per cent
     assert square(POSE) == pytest.approx(3.0, rel=0.08)
     assert square(np.eye(3) * 1e-12) > 3.5  # control: the measured poses are not exact
 
 
-def innovations(seed: int, takes: int = 51) -> command.Innovations:
+def innovations(seed: int, takes: int = 51) -> np.ndarray:
     """Of heavy-tailed steps, whose scale differs from take to take, and which are predicted normal;
     the evidence is then far from normal.
     """
     rng = np.random.default_rng(seed)
-    error = rng.gamma(4, 1 / 4, (takes, 1, 1)) * rng.standard_t(4, (takes, 100, 3))
-    return command.Innovations(error, np.broadcast_to(np.eye(3), (takes, 100, 3, 3)))
+    return rng.gamma(4, 1 / 4, (takes, 1, 1)) * rng.standard_t(4, (takes, 100, 3))
 
 
-def verdict(drawn: command.Innovations) -> command.TakeVerdict:
+def verdict(drawn: np.ndarray) -> command.TakeVerdict:
     """On the last of the takes, compared with all before it."""
-    others = np.arange(len(drawn.error)) < len(drawn.error) - 1
-    return command.judge(drawn, len(drawn.error) - 1, others, JOINTS, 100.0)
+    others = np.arange(len(drawn)) < len(drawn) - 1
+    predicted = np.broadcast_to(np.eye(3), (*drawn.shape, 3))
+    return command.judge(drawn, predicted, len(drawn) - 1, others, JOINTS, 100.0)
 
 
 def test_a_take_of_the_same_kind_is_called_another_as_seldom_as_the_level_says():
@@ -79,7 +79,7 @@ def test_a_take_of_the_same_kind_is_called_another_as_seldom_as_the_level_says()
 def test_a_push_is_found_in_its_joint_and_span(joint, first):
     drawn = innovations(3)
     assert verdict(drawn).behaves
-    drawn.error[-1, first : first + 8, joint] += 12.0
+    drawn[-1, first : first + 8, joint] += 12.0
     pushed = verdict(drawn)
     assert not pushed.behaves and pushed.p_spans <= pushed.limit
     text = command.assessment("new", "model.json", 0, pushed)

@@ -116,7 +116,7 @@ def _assessments(file: Path, law: ExportedModel, export: str) -> Iterator[str]:
     for number, name in enumerate(takes, len(known)):
         # a take of the dataset is compared with the others
         others = np.pad(known != name, (0, len(takes)))
-        verdict = judge(innovations, number, others, dataset.robot.joints, rate)
+        verdict = judge(*innovations, number, others, dataset.robot.joints, rate)
         among = int(np.sum(fitted[reference] & (known != name)))
         yield assessment(name, export, among, verdict)
 
@@ -149,18 +149,11 @@ def new_takes(file: Path, dataset: SimpleNamespace, mean: np.ndarray) -> dict[st
     }
 
 
-class Innovations(NamedTuple):
-    """Measured minus predicted poses ``error`` (T, M, n) in rad of T takes, and the predicted
-    ``covariance`` S (T, M, n, n) in rad².
-    """
-
-    error: np.ndarray
-    covariance: np.ndarray
-
-
-def innovations_of(model: ExportedModel, commands: Commands, poses: np.ndarray) -> Innovations:
-    """Return the innovations of the measured ``poses`` y (T, M+1, n) in rad under the ``commands``,
-    each one step after the last measured pose:
+def innovations_of(
+    model: ExportedModel, commands: Commands, poses: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the innovations e (T, M, n) of the measured ``poses`` y (T, M+1, n), in rad, under
+    the ``commands``, each one step after the last measured pose, and their covariance S in rad²:
 
         e = y_{k+1} − E(q_{k+1} | y_k),   S = Cov(q_{k+1} | y_k) + 2Σ.
 
@@ -175,7 +168,7 @@ def innovations_of(model: ExportedModel, commands: Commands, poses: np.ndarray) 
         message = "the model has no noise at a pose, so no measurement can be compared with it;"
         advice = "set dataset.motion.pose_noise and export the model again"
         raise ModelDomainError(f"{message} {advice}")
-    return Innovations(error, S)
+    return error, S
 
 
 class TakeVerdict(NamedTuple):
@@ -205,7 +198,12 @@ class TakeVerdict(NamedTuple):
 
 
 def judge(
-    innovations: Innovations, number: int, others: np.ndarray, joints: Sequence[str], rate: float
+    error: np.ndarray,
+    covariance: np.ndarray,
+    number: int,
+    others: np.ndarray,
+    joints: Sequence[str],
+    rate: float,
 ) -> TakeVerdict:
     """Return the verdict on take ``number`` of T takes of n ``joints``, compared with the takes in
     the mask ``others`` (T,); ``rate`` in Hz.
@@ -216,10 +214,9 @@ def judge(
     is the rank of the greatest |t|, exact for exchangeable takes (Vovk et al., Algorithmic Learning
     in a Random World, 2005).
     """
-    error = innovations.error
-    std = np.sqrt(np.diagonal(innovations.covariance, axis1=-2, axis2=-1))
+    std = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     alone = -0.5 * ((error / std) ** 2 + np.log(2 * np.pi)) - np.log(std)
-    together = normal_log_score(error, innovations.covariance)
+    together = normal_log_score(error, covariance)
     evidence = np.concatenate([together[..., None], alone], axis=-1)  # (T, M, 1 + n)
     whole = evidence.mean(axis=1)
     steps = np.array_split(np.arange(evidence.shape[1]), SPANS)

@@ -4,7 +4,6 @@ which the stages would raise an error.
 
 import os
 import re
-from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,7 +20,7 @@ from pipeline.core.options.analysis import Compute
 from pipeline.core.options.dataset import Dataset, Robot
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
-from pipeline.recordings.ingest import attempt, read_part
+from pipeline.recordings.ingest import collecting, read_part
 from pipeline.recordings.inventory import raw_folder
 
 PARAMS = Path("params.yaml")
@@ -55,7 +54,8 @@ def dataset_faults(option_file: Path) -> list[str]:
     if not texts and not errors:
         errors = ingest_faults(dataset)
     if not texts and not errors and read_yaml(PARAMS).get("dataset") == option_file.stem:
-        errors = _errors(config.compose_config, PARAMS)
+        with collecting(errors):
+            config.compose_config(PARAMS)
     # errors that differ only in numbers are one line, with the files of the further errors
     groups: dict[str, list[PipelineError]] = {}
     for error in errors:
@@ -80,10 +80,10 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
         key = "dataset.recordings"
         errors.append(RecordingError("no such folder", file=recordings, key=key))
     if urdf:
-        unreadable = _errors(read_urdf, Path(urdf))
-        errors += unreadable
-        if robot and not unreadable:
-            errors += _errors(lambda: chain_of(validated(Robot, robot, "robot")))
+        with collecting(errors):
+            read_urdf(Path(urdf))
+            if robot:
+                chain_of(validated(Robot, robot, "robot"))
     logged, joints = (get_filled(sound, k) for k in ("joint_log.joints", "robot.joints"))
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
@@ -98,14 +98,11 @@ def ingest_faults(dataset: Dataset) -> list[PipelineError]:
     for part in ("motion", "depth", "force"):
         with TemporaryDirectory() as name:
             folder = Path(name)
-            errors += _errors(read_part, part, dataset, Compute(), folder, errors)
+            with collecting(errors):
+                read_part(part, dataset, Compute(), folder, errors)
             if contracts.exists("joint_log", folder):
                 joints = contracts.read("joint_log", folder)
                 q = joints[columns("q", dataset.robot.joints)].to_numpy()
-                errors += _errors(lambda q=q: chain_of(dataset.robot).require_regular(q))
+                with collecting(errors):
+                    chain_of(dataset.robot).require_regular(q)
     return errors
-
-
-def _errors(function: Callable, *arguments: Any) -> list[PipelineError]:
-    outcome = attempt(function, *arguments)
-    return [outcome] if isinstance(outcome, PipelineError) else []

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jinja2 import Template
 
 from pipeline.configuration import config, datasheet
 from pipeline.configuration.datasheet import OPEN, get_filled, unfilled_keys
@@ -38,6 +39,7 @@ from pipeline.tools.new_dataset.template import (
 )
 from pipeline.tools.new_dataset.values import KEYS, entries
 
+MOTION = Template(Path(__file__).with_name("motion.txt").read_text(encoding="utf-8"))
 BETWEEN = "\n---\n"  # line between the texts of datasheet and option file
 UNPLACED = 12  # greatest number of unplaced recordings that the datasheet lists
 
@@ -225,16 +227,9 @@ class Draft:
         if not offered:
             raise ConfigError("the logs have no motion from rest to rest and no repeated motion")
         for number, motion in enumerate(offered, start=1):
-            counts = Counter(name for name, _ in motion.places).items()
-            pause = "no rest" if motion.pause is None else f"pauses of {motion.pause} or more"
-            disturbed = ", ".join(f"{name} row {place}" for name, place in motion.disturbed)
-            places = ", ".join(f"{name} ({count})" for name, count in counts)
-            print(
-                f"motion {number}: {motion.steps} steps, {pause}, in {places}\n"
-                f"  from {_round(motion.start, 2)} to {_round(motion.end, 2)} rad\n"
-                f"  commands differ by {motion.deviation:.2g} rad, least singular value "
-                f"{motion.least_singular:.2g}, disturbed: {disturbed or 'none'}"
-            )
+            counts = Counter(name for name, _ in motion.places)
+            ends = {"start": _round(motion.start, 2), "end": _round(motion.end, 2)}
+            print(MOTION.render(number=number, m=motion, counts=counts, **ends))
         return offered
 
     def _choose_motion(self, offered: list[FoundMotion], number: str) -> None:
