@@ -6,9 +6,18 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.filters import NONE, models_of
-from pipeline.evidence.table import difference_row, evidence_row, evidence_table
+from pipeline.evidence.table import difference_row, evidence_row, evidence_table, following_rows
 from pipeline.statistics.curves import following_tests
-from pipeline.statistics.scores import FOLLOWS, Filtered, bound_scores, filter_tables
+from pipeline.statistics.scores import (
+    FOLLOWS,
+    Filtered,
+    bound_scores,
+    posterior_scores,
+    score_comparison,
+)
+from pipeline.statistics.takes import resampled_differences
+
+COMPARED = (FOLLOWS, "relative_error_of_bound")  # quantities of the bound
 
 
 def filter_evidence(
@@ -18,42 +27,48 @@ def filter_evidence(
     rng: np.random.Generator,
 ) -> tuple[pd.DataFrame, pd.DataFrame, list[str]]:
     """Return the evidence, the table ``filter_against_none``, and messages on posteriors without a
-    log score. ``filters`` have the names of :mod:`pipeline.core.filters`.
+    log score. ``filters`` have the names of :mod:`pipeline.core.filters`; the models' filters are
+    compared with the first model's, all filters with the training mean.
 
     The bounds also have the correlation with the error over the ``steady`` steps (K − 1,) alone.
     There the speed is constant and causes no correlation. ``rng`` resamples the takes, then draws
     for the limits of the correlation (:func:`following_tests`).
     """
-    rows, (tables, refusals) = [], filter_tables(filters, joints, rng)
-    for name in models_of(filters):
-        error, bound = filters[name].error, filters[name].bound
+    laws, refusals, rows, models = {}, [], [], models_of(filters)
+    for name, each in filters.items():
+        laws[name], refused = posterior_scores(each.error, each.measured_covariance, joints)
+        if refused:
+            refusals.append(f"the posterior of {name} is not scored as a normal law: {refused}")
+    bounds = {name: filters[name].bound for name in models}
+
+    def of_bound(model: str, takes: np.ndarray) -> np.ndarray:
+        scores = bound_scores(filters[model].error[takes], bounds[model][takes], joints)
+        return np.array([scores[joint][name] for joint in joints for name in COMPARED])
+
+    differences = resampled_differences(of_bound, models, len(filters[NONE].error), rng)
+    for name in models:
+        error, bound = filters[name].error, bounds[name]
         for joint, scores in bound_scores(error, bound, joints).items():
             keys = {"model": name, "joint": joint}
             rows += [evidence_row(quantity, value, **keys) for quantity, value in scores.items()]
         chosen = np.append(False, steady)
         tests = following_tests(bound.mean(axis=0), error, chosen, joints, rng, centred=False)
-        for own in tests.itertuples():
-            keys = {"model": name, "joint": own.joint, "steps": own.steps.removeprefix("all")}
-            if keys["steps"]:
-                rows.append(evidence_row(FOLLOWS, own.correlation, **keys))
-            rows.append(evidence_row("correlation_of_bound_limit", own.limit, **keys))
-            rows.append(evidence_row("correlation_of_bound_power", own.power, **keys))
-    bounds, scores = {}, {"log_score": {"quantity": "filter_log_score"}}
-    for joint in joints:
-        for quantity in (FOLLOWS, "relative_error_of_bound"):
-            bounds[f"{quantity}_{joint}"] = {"quantity": quantity, "joint": joint}
-        scores[f"rms_error_{joint}_rad"] = {"quantity": "rms_error_of_a_take", "joint": joint}
-        scores[f"coverage_of_one_sigma_{joint}"] = {"quantity": "coverage", "joint": joint}
-    against, first = tables["filter_against_none"], models_of(filters)[0]
-    for own in against[against["score"].isin(scores)].itertuples():
-        rows.append(evidence_row(value=own.mean, **scores[own.score], model=own.model))
-    compared = {name: place for name, place in scores.items() if place["quantity"] != "coverage"}
-    for name, places, rival in (
-        ("bound_comparison", bounds, first),
-        ("filter_comparison", compared, first),
-        ("filter_against_none", compared, NONE),
-    ):
-        table = tables[name].rename(columns={"quantity": "score"})
-        for own in table[table["score"].isin(places) & (table["model"] != rival)].itertuples():
-            rows.append(difference_row(own=own, model=own.model, rival=rival, **places[own.score]))
-    return evidence_table(rows), against, refusals
+        for row in following_rows(tests, FOLLOWS, "correlation_of_bound", name):
+            row["steps"] = row["steps"].removeprefix("all")
+            rows += [row] if row["steps"] or row["quantity"] != FOLLOWS else []
+    scores = {"log_score": ("filter_log_score", "")}
+    scores |= {f"rms_error_{joint}_rad": ("rms_error_of_a_take", joint) for joint in joints}
+    every = scores | {f"coverage_of_one_sigma_{joint}": ("coverage", joint) for joint in joints}
+    tables = {rival: score_comparison(laws, rival) for rival in (models[0], NONE)}
+    for own in tables[NONE][tables[NONE]["score"].isin(every)].itertuples():
+        quantity, joint = every[own.score]
+        rows.append(evidence_row(quantity, own.mean, model=own.model, joint=joint))
+    for name in models[1:]:
+        places = [(joint, quantity) for joint in joints for quantity in COMPARED]
+        for (joint, quantity), own in zip(places, differences[name], strict=True):
+            rows.append(difference_row(quantity, own, model=name, rival=models[0], joint=joint))
+    for rival, table in tables.items():
+        for own in table[table["score"].isin(scores) & (table["model"] != rival)].itertuples():
+            quantity, joint = scores[own.score]
+            rows.append(difference_row(quantity, own, model=own.model, rival=rival, joint=joint))
+    return evidence_table(rows), tables[NONE], refusals

@@ -2,13 +2,19 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
 import pandas as pd
 
 from pipeline.evidence.case import Takes
-from pipeline.evidence.table import RECORDED, difference_row, evidence_row, evidence_table
+from pipeline.evidence.table import (
+    RECORDED,
+    difference_row,
+    evidence_row,
+    evidence_table,
+    following_rows,
+)
 from pipeline.models.closed_loop import ClosedLoopFit
 from pipeline.models.model import MotionModel
 from pipeline.models.prediction import modelled_noise
@@ -19,14 +25,13 @@ from pipeline.statistics.curves import (
     VARYING,
     ModelledNoise,
     following_tests,
-    mean_error_comparison,
+    jackknifed_mean_error,
+    jackknifed_spreads,
     root_mean_square,
-    size_differences,
-    spread_comparison,
     variation,
 )
 from pipeline.statistics.scores import score_comparison
-from pipeline.statistics.takes import lag_one_correlation, share_between
+from pipeline.statistics.takes import jackknife_difference, lag_one_correlation, share_between
 
 # estimates of the noise, which have entries, and of the paper's estimator, which have none
 NOISE = {"sigma_omega": "sigma_omega_{}_rad2", "correlation_omega": "correlation_omega_{}"}
@@ -80,11 +85,12 @@ def motion_evidence(
     rows = [*_recorded_rows(takes, limits)]
     for name, each in outcomes.items():
         rows += _estimate_rows(name, each.estimates, len(training.joints))
-    for name, each in realized.items():
-        error = np.linalg.norm(each.mean - takes.poses.mean(axis=0), axis=1)[1:]
-        rows.append(evidence_row("greatest_mean_error", error.max(), model=name))
-    error = np.linalg.norm(_nominal_error(training).mean(axis=0), axis=-1)
-    rows.append(evidence_row("greatest_mean_error", error.max(), model=NO_NOISE))
+    off = {name: (each.mean - takes.poses.mean(axis=0))[1:] for name, each in realized.items()}
+    nominal = training.q + training.chain.nominal_step(training.q, training.v)
+    off[NO_NOISE] = (nominal - training.q_next).mean(axis=0)
+    for name, error in off.items():
+        greatest = np.linalg.norm(error, axis=-1).max()
+        rows.append(evidence_row("greatest_mean_error", greatest, model=name))
     for name, curves in std.items():
         for joint, curve in zip(training.joints, curves.T, strict=True):
             if np.all(np.isfinite(curve)):
@@ -92,14 +98,8 @@ def motion_evidence(
                 value = variation(curve)
                 rows.append(evidence_row("std_variation", value, model=name, joint=joint))
     if mode == "one_step" and modelled:
-        following = {name: outcomes[name].following for name in modelled}
-        rows += _noise_rows(modelled, following, training)
+        rows += _noise_rows({name: outcomes[name] for name in modelled}, training)
     return evidence_table([*rows, *_score_rows(outcomes)])
-
-
-def _nominal_error(training: Recorded) -> np.ndarray:
-    """Return the nominal next pose minus the measured one (takes, M, n) in rad."""
-    return training.q + training.chain.nominal_step(training.q, training.v) - training.q_next
 
 
 def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
@@ -118,8 +118,7 @@ def _recorded_rows(takes: Takes, limits: np.ndarray) -> Rows:
 
 def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Rows:
     """Yield the estimates that have a published value, with their intervals if there are any."""
-    places = {name: {"quantity": name, "estimator": "paper"} for name in PAPERS}
-    named = {f"{name}_paper": place for name, place in places.items()}
+    named = {f"{name}_paper": {"quantity": name, "estimator": "paper"} for name in PAPERS}
     named["u_paper_unbounded"] = {"quantity": "u_unbounded", "estimator": "paper"}
     for pair in combinations_with_replacement(range(1, joints + 1), 2):
         entry = "".join(map(str, pair))
@@ -131,31 +130,36 @@ def _estimate_rows(model: str, numbers: Mapping[str, float], joints: int) -> Row
             yield evidence_row(value=numbers[name], model=model, **ends, **place)
 
 
-def _noise_rows(
-    modelled: Mapping[str, ModelledNoise], following: Mapping[str, pd.DataFrame], training: Recorded
-) -> Rows:
-    """Yield the comparisons of the modelled noise with the recorded one at its total variance."""
-    for model, table in following.items():
-        for own in table.itertuples():
-            keys = {"model": model, "joint": own.joint, "steps": own.steps}
-            yield evidence_row("std_correlation", own.correlation, **keys)
-            yield evidence_row("std_correlation_limit", own.limit, **keys)
-            yield evidence_row("std_correlation_power", own.power, **keys)
-    for joint in training.joints:
+def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
+    """Yield the comparisons of the modelled noise with the recorded one at its total variance: of
+    the relative error of its standard deviation with the first model's in the same joint, with 1
+    for a prediction without noise (NO_NOISE), and with the same model's in the last joint.
+    """
+    for model, each in outcomes.items():
+        yield from following_rows(each.following, "std_correlation", "std_correlation", model)
+    modelled, joints = {name: each.modelled for name, each in outcomes.items()}, training.joints
+    errors, sizes = jackknifed_spreads(modelled, training.noise)
+    for joint in joints:
         yield evidence_row("std_error", 1.0, model=NO_NOISE, joint=joint)
-    table = spread_comparison(modelled, training.noise, training.joints)
-    for own in table.drop_duplicates(["model", "joint"]).itertuples():
-        yield evidence_row("std_error", own.error, model=own.model, joint=own.joint)
-    for own in table.itertuples():
-        rival = own.rival_joint if own.rival == own.model else own.rival
-        yield difference_row("std_error", own, model=own.model, joint=own.joint, rival=rival)
-    for model, joint, own in size_differences(modelled, training.noise, training.joints):
+    places, first = [*product(errors, enumerate(joints))], next(iter(errors))
+    for model, (j, joint) in places:
+        yield evidence_row("std_error", errors[model][0, j], model=model, joint=joint)
+    for model, (j, joint) in places:
+        rivals = {NO_NOISE: 1.0, first: errors[first][:, j], joints[-1]: errors[model][:, -1]}
+        for rival, other in rivals.items():
+            if rival not in (model, joint):
+                own = jackknife_difference(errors[model][:, j] - other)
+                yield difference_row("std_error", own, model=model, joint=joint, rival=rival)
+    for model, (j, joint) in places:
+        own = jackknife_difference(sizes[model][:, j])
         yield difference_row("std", own, model=model, joint=joint, rival=RECORDED)
-    table = mean_error_comparison({model: each.error for model, each in modelled.items()})
-    for own in table.drop_duplicates("model").itertuples():
-        yield evidence_row("mean_error_variation", own.std_over_time_rad, model=own.model)
-    for own in table.itertuples():
-        yield difference_row("mean_error_variation", own, model=own.model, rival=own.rival)
+    std = {name: jackknifed_mean_error(each.error) for name, each in modelled.items()}
+    if len(std) > 1:
+        for model, own in std.items():
+            yield evidence_row("mean_error_variation", own[0], model=model)
+    for model, rival in permutations(std, 2):
+        own = jackknife_difference(std[model] - std[rival])
+        yield difference_row("mean_error_variation", own, model=model, rival=rival)
 
 
 def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:

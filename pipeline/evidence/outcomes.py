@@ -54,24 +54,27 @@ def evaluate(
     outcomes = map_trials(_outcome, models)
     loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
     trials: dict[str, Trial] = {}
-    wanted: list[tuple[int, str, str, str]] = []  # number of the case, filter, take, key of a trial
-    for number, case in enumerate(cases):
+    keys: list[dict[str, dict[str, str]]] = []  # filter → take → key of its trial, for each case
+    for case in cases:
+        keys.append({})
         batch = takes[case.batch * count : (case.batch + 1) * count]
-        for name in filter(KINDS.__contains__, case.models):
+        for name in filter(KINDS.__contains__, case.models if len(batch) == count else ()):
             for closed, loop in loops[repr(case.model_case(name))].items():
                 part = case.filter_case(name, closed)
-                for take in batch if len(batch) == count else []:
+                own = keys[-1][names.closed(name) if closed else name] = {}
+                for take in batch:
+                    own[take] = f"{take} {part!r}"
                     measured = cameras[case.clock].takes[take]
-                    trials[key := f"{take} {part!r}"] = (takes.index(take), part, loop, measured)
-                    wanted.append((number, names.closed(name) if closed else name, take, key))
+                    trials[own[take]] = (takes.index(take), part, loop, measured)
     posteriors = map_trials(_posterior, trials)
-    filtered = [{} for _ in cases]
-    for number, name, take, key in wanted:
-        filtered[number].setdefault(name, {})[take] = posteriors[key]
     results = []
-    for case, by_filter in zip(cases, filtered, strict=True):
+    for case, filters in zip(cases, keys, strict=True):
         of_case = {name: outcomes[repr(case.model_case(name))] for name in case.models}
-        results.append(case_evidence(case, recordings, of_case, by_filter))
+        found = {
+            name: {take: posteriors[key] for take, key in own.items()}
+            for name, own in filters.items()
+        }
+        results.append(case_evidence(case, recordings, of_case, found))
     return results
 
 
@@ -150,17 +153,14 @@ def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[
 
 def _log_scores(case: Choices, fit: Estimate, takes: Takes) -> dict[str, np.ndarray]:
     """Mean log density (takes,) of test takes, else of training takes under fits to the others."""
-    training, folds = takes.training, []
+    training, count, folds = takes.training, len(takes.poses), []
     if takes.test:
         folds.append((fit.model, training, np.stack(list(takes.test.values()))))
-    else:
-        for i in range(len(takes.poses)):
-            others = training.subset(np.delete(np.arange(len(takes.poses)), i))
-            model = kinds.estimate(others, case.options).model
-            folds.append((model, others, takes.poses[[i]]))
+    for i in range(0 if takes.test else count):
+        others = training.subset(np.delete(np.arange(count), i))
+        folds.append((kinds.estimate(others, case.options).model, others, takes.poses[[i]]))
     density = np.concatenate([_log_density(*fold, case.measurement) for fold in folds])
-    moving = np.any(training.v, axis=1)
-    scores = {"moving": density[:, moving].mean(axis=1)}
+    scores = {"moving": density[:, np.any(training.v, axis=1)].mean(axis=1)}
     return scores if case.measurement == 0 else scores | {"all": density.mean(axis=1)}
 
 
@@ -200,33 +200,38 @@ def case_evidence(
         lost = {f"{model}: {reason}" for reason in by_take.values() if isinstance(reason, str)}
         refusals |= lost
         if by_take and not lost:
-            complete[model], tested = list(by_take.values()), list(by_take)
+            moments = ((own.mean, own.covariance) for own in by_take.values())
+            complete[model], tested = tuple(map(np.stack, zip(*moments, strict=True))), [*by_take]
     if names.models_of(complete):
+        measured = [camera.takes[take] for take in tested] if case.closed else None
         truth = np.stack([takes.test[take] for take in tested])
-        poses = case.measurement * pose_covariances(takes.training, takes.poses)
-        filters = {names.NONE: training_mean(takes.poses, truth)}
-        if case.closed:
-            measured = [camera.takes[take] for take in tested]
-            known = (measured, recordings.rate, poses[0])
-            filters[names.MEMORY] = linear_filter(takes, truth, *known)
-        for name, by_take in complete.items():
-            error = np.stack([posterior.mean for posterior in by_take]) - truth
-            covariance = np.stack([posterior.covariance for posterior in by_take])
-            loop = 0 if name in names.models_of(complete) else 1
-            filters[name] = Filtered(error, covariance, poses[loop])
+        filters = all_filters(takes, truth, complete, measured, recordings.rate, case.measurement)
         stream, steady = recordings.generator("score.bounds"), constant_speed(takes.poses)
         tables.append(filter_evidence(filters, takes.training.joints, steady, stream)[0])
     return pd.concat(tables, ignore_index=True), sorted(refusals)
 
 
-def linear_filter(
-    takes: Takes, truth: np.ndarray, measured: Sequence[Measurements], rate: float, pose: np.ndarray
-) -> Filtered:
-    """Return the autocorrelated filter of the test takes with poses ``truth`` (takes, M+1, n) rad;
-    ``pose`` (n, n) rad² is the noise of a measured pose.
+def all_filters(
+    takes: Takes,
+    truth: np.ndarray,
+    posteriors: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    measured: Sequence[Measurements] | None,
+    rate: float,
+    factor: float = 1.0,
+) -> dict[str, Filtered]:
+    """Return the training mean, the linear filter of the takes ``measured`` at ``rate`` in 1/s, if
+    any, and the filters with ``posteriors``: mean (takes, M+1, n) rad and covariance (takes, M+1,
+    n, n) rad², all beside ``truth`` (takes, M+1, n) rad; ``factor`` is on the noise of a pose.
     """
-    means, covariances = autocorrelated_filter(takes.poses, pose, measured, 1 / rate)
-    return Filtered(means - truth, covariances, pose)
+    poses = factor * pose_covariances(takes.training, takes.poses)
+    filters = {names.NONE: training_mean(takes.poses, truth)}
+    if measured is not None:
+        posterior = autocorrelated_filter(takes.poses, poses[0], measured, 1 / rate)
+        posteriors = {names.MEMORY: posterior} | {**posteriors}
+    for name, (mean, covariance) in posteriors.items():
+        noise = poses[int(name.endswith(names.CLOSED))]
+        filters[name] = Filtered(mean - truth, covariance, noise)
+    return filters
 
 
 def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The table of evidence: one number in each row, with its interval, by the columns KEYS."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -55,6 +55,19 @@ def evidence_row(
 def difference_row(quantity: str, own: NamedTuple, **keys: object) -> dict[str, object]:
     """Return the row of a difference with its interval: the fields of ``Difference`` in ``own``."""
     return evidence_row(quantity, own.difference, own.low, own.high, own.standard_error, **keys)
+
+
+def following_rows(
+    tests: pd.DataFrame, correlation: str, prefix: str, model: str
+) -> Iterator[dict[str, object]]:
+    """Yield the quantity ``correlation``, and limit and power with the ``prefix``, of each of the
+    :func:`pipeline.statistics.curves.following_tests`.
+    """
+    for own in tests.itertuples():
+        keys = {"model": model, "joint": own.joint, "steps": own.steps}
+        yield evidence_row(correlation, own.correlation, **keys)
+        yield evidence_row(f"{prefix}_limit", own.limit, **keys)
+        yield evidence_row(f"{prefix}_power", own.power, **keys)
 
 
 def evidence_table(rows: Iterable[dict]) -> pd.DataFrame:

@@ -10,12 +10,12 @@ from pipeline.configuration import config
 from pipeline.core import contracts, rng
 from pipeline.core.columns import matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
-from pipeline.core.filters import MEMORY, NONE, closed
+from pipeline.core.filters import closed
 from pipeline.evidence.camera import camera_evidence
 from pipeline.evidence.case import Takes, recorded_takes
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
-from pipeline.evidence.outcomes import linear_filter, pose_covariances
+from pipeline.evidence.outcomes import all_filters, pose_covariances
 from pipeline.evidence.wrench import wrench_evidence
 from pipeline.filtering.measurement import measured_takes
 from pipeline.models.closed_loop import FOLDER
@@ -27,7 +27,6 @@ from pipeline.recordings.commands import constant_speed, speed_scores
 from pipeline.recordings.inventory import by_place
 from pipeline.recordings.steps import truth_of
 from pipeline.statistics.curves import variation_limits
-from pipeline.statistics.scores import Filtered, training_mean
 from pipeline.statistics.takes import wrench_summary
 from pipeline.verdicts.run import Run
 
@@ -153,13 +152,15 @@ def _score_filters(models: list[str], takes: Takes, settings, folder: Path) -> S
     tested = list(dict.fromkeys(steps["take"]))
     truth = np.stack([takes.test[take] for take in tested])
     frames = {take.take: take for take in measured_takes(settings.dataset)}
-    noise, closed_noise = pose_covariances(takes.training, takes.poses)
-    known = ([frames[take] for take in tested], settings.dataset.motion.rate, noise)
-    filters = {NONE: training_mean(takes.poses, truth), MEMORY: linear_filter(takes, truth, *known)}
-    for name, posterior in posteriors.items():
-        error = values(posterior, "m").reshape(truth.shape) - truth
-        covariance = matrices(posterior, "c", names).reshape(*truth.shape, len(names))
-        filters[name] = Filtered(error, covariance, noise if name in models else closed_noise)
+    moments = {
+        name: (
+            values(own, "m").reshape(truth.shape),
+            matrices(own, "c", names).reshape(*truth.shape, len(names)),
+        )
+        for name, own in posteriors.items()
+    }
+    measured, rate = [frames[take] for take in tested], settings.dataset.motion.rate
+    filters = all_filters(takes, truth, moments, measured, rate)
     errors = [
         steps.assign(model=name, **spread("e", names, f.error), **spread("s", names, f.bound))
         for name, f in filters.items()

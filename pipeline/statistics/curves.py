@@ -11,7 +11,6 @@ takes up and down.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
 import pandas as pd
@@ -21,9 +20,7 @@ from scipy.special import ndtr, ndtri
 
 from pipeline.statistics.takes import (
     REPLICATES,
-    Difference,
     jackknife_counts,
-    jackknife_difference,
     lag_one_correlation,
 )
 
@@ -185,82 +182,38 @@ def _correlations(curve: ndarray, others: ndarray) -> ndarray:
     return a @ b / (np.linalg.norm(a) * np.linalg.norm(b, axis=0))
 
 
-def spread_comparison(
-    modelled: Mapping[str, ModelledNoise], noise: ndarray, joints: Sequence[str]
-) -> pd.DataFrame:
-    """Tabulate the relative error of each model's standard deviation over time in each joint, and
-    the difference to three other errors with 95 % intervals of the jackknife over takes. The other
-    errors are the first model's in the same joint, 1 for a prediction without noise (NO_NOISE), and
-    the same model's in the last joint.
+def jackknifed_spreads(
+    modelled: Mapping[str, ModelledNoise], noise: ndarray
+) -> tuple[dict[str, ndarray], dict[str, ndarray]]:
+    """Return by model, for each row of :func:`jackknife_counts`, the relative error (1 + takes, n)
+    of the standard deviation over time in each joint, and the modelled minus the recorded standard
+    deviation (1 + takes, n) in rad, root mean square over time.
 
     All models have one level: in every set of takes of ``noise`` (takes, M, n) in rad, a factor on
     a model's variances makes modelled plus measurement variance equal to the takes' variance.
     """
     recorded = _variances(jackknife_counts(len(noise)), noise)
-    errors = {
-        model: np.linalg.norm(np.sqrt(variances) - np.sqrt(recorded), axis=1)
-        / np.sqrt(recorded.sum(axis=1))  # (1 + takes, n)
-        for model, variances in _at_total_variance(modelled, recorded).items()
-    }
-    first, last, rows = next(iter(modelled)), len(joints) - 1, []
-    for model, error in errors.items():
-        for j, joint in enumerate(joints):
-            others = {(NO_NOISE, joint): np.ones(len(error))}
-            if model != first:
-                others[first, joint] = errors[first][:, j]
-            if j != last:
-                others[model, joints[last]] = error[:, last]
-            for (rival, where), other in others.items():
-                difference = jackknife_difference(error[:, j] - other)
-                rows.append((model, joint, rival, where, error[0, j], other[0], *difference))
-    names = ["model", "joint", "rival", "rival_joint", "error", "rival_error"]
-    return pd.DataFrame(rows, columns=[*names, *Difference._fields])
-
-
-def _at_total_variance(
-    modelled: Mapping[str, ModelledNoise], recorded: ndarray
-) -> dict[str, ndarray]:
-    """Return each model's variances (R, M, n) in rad² at the total variance of ``recorded``."""
     measurement = next(iter(modelled.values())).measurement
     total = np.maximum(recorded.mean(axis=1).sum(axis=-1) - measurement.sum(), 0)
-    return {
-        model: (total / each.motion.mean(axis=0).sum())[:, None, None] * each.motion + measurement
-        for model, each in modelled.items()
-    }
+    errors, sizes = {}, {}
+    for model, each in modelled.items():
+        level = (total / each.motion.mean(axis=0).sum())[:, None, None]
+        own = level * each.motion + measurement
+        off = np.linalg.norm(np.sqrt(own) - np.sqrt(recorded), axis=1)
+        errors[model] = off / np.sqrt(recorded.sum(axis=1))
+        sizes[model] = np.sqrt(own.mean(axis=1)) - np.sqrt(recorded.mean(axis=1))
+    return errors, sizes
 
 
-def size_differences(
-    modelled: Mapping[str, ModelledNoise], noise: ndarray, joints: Sequence[str]
-) -> list[tuple[str, str, Difference]]:
-    """Return model, joint, and the difference in rad of the modelled minus the recorded standard
-    deviation, root mean square over time, with the interval of the jackknife over takes.
+def jackknifed_mean_error(error: ndarray) -> ndarray:
+    """Return the standard deviation over time (1 + takes,) of the error of a model's mean, ‖mean −
+    recorded mean‖ in rad, for each row of :func:`jackknife_counts`; ``error`` (takes, M, n) in rad
+    is exact mean minus measured pose.
     """
-    recorded = _variances(jackknife_counts(len(noise)), noise)
-    size = np.sqrt(recorded.mean(axis=1))
-    return [
-        (model, joint, jackknife_difference(np.sqrt(own.mean(axis=1))[:, j] - size[:, j]))
-        for model, own in _at_total_variance(modelled, recorded).items()
-        for j, joint in enumerate(joints)
-    ]
-
-
-def mean_error_comparison(error: Mapping[str, ndarray]) -> pd.DataFrame:
-    """Tabulate the standard deviation over time of the error of each model's mean, ‖mean − recorded
-    mean‖ in rad, and the difference to every other model with the 95 % interval of the jackknife
-    over takes; ``error`` (takes, M, n) in rad by model is exact mean minus measured pose.
-    """
-    std = {}
-    for model, by_take in error.items():
-        counts = jackknife_counts(len(by_take))
-        weights = counts / counts.sum(axis=1, keepdims=True)
-        means = (weights @ by_take.reshape(len(by_take), -1)).reshape(-1, *by_take.shape[1:])
-        std[model] = np.linalg.norm(means, axis=-1).std(axis=1)
-    rows = [
-        (model, rival, own[0], other[0], *jackknife_difference(own - other))
-        for (model, own), (rival, other) in permutations(std.items(), 2)
-    ]
-    names = ["model", "rival", "std_over_time_rad", "rival_std_over_time_rad"]
-    return pd.DataFrame(rows, columns=[*names, *Difference._fields])
+    counts = jackknife_counts(len(error))
+    weights = counts / counts.sum(axis=1, keepdims=True)
+    means = (weights @ error.reshape(len(error), -1)).reshape(-1, *error.shape[1:])
+    return np.linalg.norm(means, axis=-1).std(axis=1)
 
 
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:

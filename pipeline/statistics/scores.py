@@ -13,14 +13,8 @@ import pandas as pd
 from numpy import ndarray
 
 from pipeline.core.errors import ModelDomainError
-from pipeline.core.filters import NONE, models_of
 from pipeline.statistics.curves import correlation, root_mean_square, variation
-from pipeline.statistics.takes import (
-    Difference,
-    paired_difference,
-    resampled_differences,
-    takes_moments,
-)
+from pipeline.statistics.takes import Difference, paired_difference, takes_moments
 
 FOLLOWS = "correlation_of_bound_with_error"
 Scores = dict[str, ndarray]  # score → (takes,) values
@@ -129,33 +123,6 @@ def training_mean(training: ndarray, measured: ndarray) -> Filtered:
     mean, covariance = takes_moments(training)
     covariances = np.broadcast_to(covariance, (len(measured), *covariance.shape))
     return Filtered(mean - measured, covariances, np.zeros(covariance.shape[1:]))
-
-
-def filter_tables(
-    filters: Mapping[str, Filtered], joints: Sequence[str], rng: np.random.Generator
-) -> tuple[dict[str, pd.DataFrame], list[str]]:
-    """Return the tables by name, and messages on posteriors that have no log score.
-
-    ``bound_comparison`` has the models' filters, ``filter_comparison`` all filters minus the first
-    model's filter, ``filter_against_none`` all filters minus the training mean. ``filters`` have
-    the names of :mod:`pipeline.core.filters`; ``rng`` resamples the takes.
-    """
-    models, laws, refusals = models_of(filters), {}, []
-    bounds = {name: each.bound for name, each in filters.items()}
-    for name, each in filters.items():
-        laws[name], refused = posterior_scores(each.error, each.measured_covariance, joints)
-        if refused:
-            refusals.append(f"the posterior of {name} is not scored as a normal law: {refused}")
-
-    def quantities(model: str, takes: ndarray) -> dict[str, float]:
-        scores = bound_scores(filters[model].error[takes], bounds[model][takes], joints)
-        return {f"{name}_{joint}": x for joint, own in scores.items() for name, x in own.items()}
-
-    return {
-        "bound_comparison": resampled_differences(quantities, models, len(bounds[NONE]), rng),
-        "filter_comparison": score_comparison(laws, models[0]),
-        "filter_against_none": score_comparison(laws, NONE),
-    }, refusals
 
 
 def bound_scores(

@@ -14,8 +14,7 @@ TAILS = (0.025, 0.975)
 NORMAL_QUANTILE = 1.959964  # 0.975 quantile of the normal law
 REPLICATES = 200  # resamplings of the takes
 
-# model, indices of the takes → value by quantity
-Quantities = Callable[[str, ndarray], dict[str, float]]
+Quantities = Callable[[str, ndarray], ndarray]  # model, indices of the takes → values (q,)
 
 
 class Difference(NamedTuple):
@@ -110,24 +109,18 @@ def drawn_takes(takes: int, rng: np.random.Generator) -> list[ndarray]:
 
 def resampled_differences(
     quantities: Quantities, models: Sequence[str], takes: int, rng: np.random.Generator
-) -> pd.DataFrame:
-    """Tabulate every quantity of every model, and its difference to the first model with the 95 %
-    percentile interval of the bootstrap over takes, the same takes for all models.
+) -> dict[str, list[Difference]]:
+    """Return by model the difference of every quantity to the first model, with the 95 % percentile
+    interval of the bootstrap over takes, the same takes for all models.
     """
-    drawn, tables, first = [np.arange(takes), *drawn_takes(takes, rng)], [], None
+    drawn, found, first = [np.arange(takes), *drawn_takes(takes, rng)], {}, None
     for model in models:
-        values = pd.DataFrame([quantities(model, indices) for indices in drawn])
-        table = pd.DataFrame({"model": model, "quantity": values.columns, "value": values.iloc[0]})
-        table = table.assign(**dict.fromkeys(Difference._fields, np.nan))
+        values = np.transpose([quantities(model, indices) for indices in drawn]).copy()
         first = values if first is None else first
-        if model != models[0]:
-            difference = (values - first)[values.columns]
-            table["difference"] = difference.iloc[0]
-            if len(drawn) > 1:
-                table["low"], table["high"] = percentile_interval(difference.iloc[1:])
-                table["standard_error"] = difference.iloc[1:].std(ddof=1).to_numpy()
-        tables.append(table)
-    return pd.concat(tables, ignore_index=True)
+        rest = (values - first)[:, 1:]
+        ends = [*percentile_interval(rest.T), rest.std(axis=1, ddof=1)] if len(drawn) > 1 else []
+        found[model] = [Difference(*own) for own in zip((values - first)[:, 0], *ends, strict=True)]
+    return found
 
 
 def wrench_summary(errors: pd.DataFrame, spread: pd.DataFrame) -> pd.DataFrame:

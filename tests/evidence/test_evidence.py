@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pipeline.core.columns import spread, triangle
-from pipeline.core.filters import NONE
+from pipeline.core.filters import MEMORY, NONE, closed
 from pipeline.evidence.camera import camera_evidence
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.table import KEYS, depends_on, evidence_row, evidence_table
@@ -65,6 +65,35 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
     assert values[FOLLOWS, "m", "", ""] > 0.9
     assert values[FOLLOWS, "m", "constant_speed", ""] < -0.9
     assert values["filter_log_score", "m", "", NONE] == 0.0
+
+
+def filtered(error: np.ndarray, bound: np.ndarray) -> Filtered:
+    return Filtered(error, bound[..., None] ** 2 * np.eye(2), np.zeros((2, 2)))
+
+
+def test_filters_are_compared_with_the_first_model_and_with_the_training_mean():
+    rng, steps = np.random.default_rng(1), 100
+    width = np.linspace(0.5, 2.0, steps)[:, None] * np.ones(2)
+    error, other = width * rng.normal(size=(2, 40, steps, 2))
+    constant = 1.3 + 0.01 * rng.random(error.shape)
+    filters = {
+        NONE: filtered(error, np.tile(width, (40, 1, 1))),
+        MEMORY: filtered(error / 2, np.tile(width / 2, (40, 1, 1))),
+        "constant": filtered(2 * error, constant),
+        "follows": filtered(other, np.tile(width, (40, 1, 1))),
+        closed("constant"): filtered(error / 2, np.tile(width / 2, (40, 1, 1))),
+    }
+    evidence, against, refusals = filter_evidence(filters, JOINTS, np.full(steps - 1, False), rng)
+    assert refusals == [] and np.isnan(against.query("model == @NONE")["difference"]).all()
+    rows = evidence.set_index(["quantity", "model", "rival", "joint", "steps"])
+    assert rows.loc[("filter_log_score", "constant", NONE, "", ""), "high"] < 0
+    assert rows.loc[("filter_log_score", closed("constant"), NONE, "", ""), "low"] > 0
+    assert rows.loc[("rms_error_of_a_take", MEMORY, NONE, "knee", ""), "high"] < 0
+    assert rows.loc[("filter_log_score", NONE, "constant", "", ""), "low"] > 0
+    # only the models' bounds are compared
+    assert rows.loc[(FOLLOWS, "follows", "constant", "knee", ""), "low"] > 0.5
+    assert rows.loc[("relative_error_of_bound", "follows", "constant", "knee", ""), "high"] < 0
+    assert (FOLLOWS, MEMORY, "constant", "knee", "") not in rows.index
 
 
 def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_without_a_record():

@@ -10,13 +10,12 @@ from scipy.stats import ttest_rel
 
 from pipeline.statistics.curves import (
     HALF_EXPLAINED,
-    NO_NOISE,
     POWER,
     RECOGNISED,
     ModelledNoise,
     following_tests,
-    mean_error_comparison,
-    spread_comparison,
+    jackknifed_mean_error,
+    jackknifed_spreads,
     variation_limits,
 )
 from pipeline.statistics.takes import (
@@ -147,36 +146,32 @@ def test_errors_are_compared_at_one_level_and_the_true_model_has_the_least(level
     motion = {"flat": level * FLAT**2, "ramp": RAMP**2, "same": 2 * FLAT**2}
     motion["even"] = level * np.mean(RAMP**2, 1)[:, None] * np.ones(2)
     modelled = {name: ModelledNoise(own, MEASUREMENT, noise) for name, own in motion.items()}
-    table = spread_comparison(modelled, noise, JOINTS)
-    rows = table.set_index(["model", "rival", "joint", "rival_joint"])
-    ramp = rows.loc[("ramp", "flat", "elbow", "elbow")]
-    assert ramp["high"] < 0 and ramp["error"] < 0.2 < ramp["rival_error"]
-    assert rows.loc[("ramp", NO_NOISE, "elbow", "elbow"), "rival_error"] == 1
+    errors, sizes = jackknifed_spreads(modelled, noise)
+    assert jackknife_difference(errors["ramp"][:, 0] - errors["flat"][:, 0]).high < 0
+    assert errors["ramp"][0, 0] < 0.2 < errors["flat"][0, 0] < 1
     # a model with one variance for all joints has the greater error in the joint with the least
-    assert rows.loc[("even", "even", "elbow", "wrist"), "high"] < 0
-    same = rows.loc[("same", "flat", "elbow", "elbow"), ["difference", "low", "high"]]
-    np.testing.assert_allclose(same.to_numpy(float), 0, atol=1e-12)
-    # the first model has no difference to itself, nor the last joint
-    assert ("flat", "flat", "elbow", "elbow") not in rows.index
-    assert ("ramp", "ramp", "wrist", "wrist") not in rows.index
+    assert jackknife_difference(errors["even"][:, 0] - errors["even"][:, 1]).high < 0
+    np.testing.assert_allclose(errors["same"], errors["flat"])
+    ends = [jackknife_difference(own) for own in sizes["ramp"].T]
+    assert all(own.low < 0 < own.high for own in ends) and sizes["even"][0, 0] < 0
 
 
 def test_the_error_of_a_biased_mean_varies_more_and_an_order_by_chance_is_not_decided():
     noise, course = noise_of(FLAT, TAKES, 7), np.sin(np.linspace(0, 3, STEPS))[:, None]
-    error = {"plain": noise, "again": noise_of(FLAT, TAKES, 8), "biased": noise + course}
-    rows = mean_error_comparison(error).set_index(["model", "rival"])
-    assert rows.loc[("plain", "biased"), "high"] < 0 < rows.loc[("biased", "plain"), "low"]
-    chance = rows.loc[("plain", "again")]
-    assert chance["low"] < 0 < chance["high"]
+    plain, again, biased = map(
+        jackknifed_mean_error, (noise, noise_of(FLAT, TAKES, 8), noise + course)
+    )
+    assert jackknife_difference(plain - biased).high < 0
+    chance = jackknife_difference(plain - again)
+    assert chance.low < 0 < chance.high
 
 
 def means(values: dict[str, np.ndarray]):
-    return lambda model, takes: {"mean": float(values[model][takes].mean())}
+    return lambda model, takes: np.array([values[model][takes].mean()])
 
 
 def resampled(a: np.ndarray, b: np.ndarray, rng: np.random.Generator):
-    rows = resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng)
-    return rows.set_index("model")
+    return resampled_differences(means({"a": a, "b": b}), ["a", "b"], len(a), rng)["b"][0]
 
 
 def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
@@ -197,7 +192,7 @@ def jackknife(values: np.ndarray):
 
 def percentile(values: np.ndarray):
     rng = np.random.default_rng(int(1e6 * abs(values[0])))
-    return resampled(np.zeros(len(values)), values, rng).loc["b", ["difference", "low", "high"]]
+    return resampled(np.zeros(len(values)), values, rng)
 
 
 @pytest.mark.parametrize(
@@ -225,8 +220,8 @@ def test_an_interval_that_does_not_exist_is_a_gap():
     assert single.difference == 1.5 and np.isnan(single[1:]).all()
     for missing in (np.nan, -np.inf):
         assert np.isnan(paired_difference(np.array([1.0, missing]), np.array([0.0, missing]))).all()
-    rows = resampled(np.ones(1), np.zeros(1), np.random.default_rng(3))
-    assert rows["low"].isna().all() and rows.loc["b", "difference"] == -1
+    alone = resampled(np.ones(1), np.zeros(1), np.random.default_rng(3))
+    assert np.isnan(alone.low) and alone.difference == -1
     assert np.isnan(jackknife(np.array([0.0, 1.0])).low)
     assert np.isfinite(jackknife(np.array([0.0, 1.0, 3.0]))).all()
     # a resampling of one take alone has no variance

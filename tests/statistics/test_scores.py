@@ -1,12 +1,11 @@
 """Scores against SciPy's densities and simulation, each with a law that it must tell from the true
-one; and tables of the filters beside the training mean.
+one.
 """
 
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest, multivariate_normal
 
-from pipeline.core.filters import MEMORY, NONE, closed, models_of
 from pipeline.statistics import scores
 from pipeline.statistics.takes import paired_difference
 
@@ -53,11 +52,6 @@ def test_an_honest_posterior_covers_as_it_says_in_every_joint_and_a_narrow_one_d
     assert table.loc[("narrow", "log_score"), "high"] < 0
 
 
-def filtered(error: np.ndarray, bound: np.ndarray) -> scores.Filtered:
-    covariance = bound[..., None] ** 2 * np.eye(bound.shape[-1])
-    return scores.Filtered(error, covariance, np.zeros(covariance.shape[-2:]))
-
-
 @pytest.fixture
 def takes() -> tuple[np.ndarray, np.ndarray]:
     """Training and test takes (takes, FRAMES, 2) of one law, whose spread grows over the steps."""
@@ -74,36 +68,3 @@ def test_without_a_filter_the_training_takes_predict_the_test_takes_as_they_say(
     np.testing.assert_allclose(none.covariance[7, 30], np.cov(training[:, 30].T))
     assert np.mean(np.abs(none.error) <= none.bound) == pytest.approx(0.683, abs=0.02)
     assert not none.measurement.any()
-
-
-def test_filters_are_held_against_the_first_model_and_against_none(takes):
-    training, measured = takes
-    none, rng = scores.training_mean(training, measured), np.random.default_rng(2)
-    pose = 1e-4 * np.eye(2)
-    worse = scores.Filtered(2 * none.error, 4 * none.covariance, pose)
-    better = scores.Filtered(0.5 * none.error, 0.25 * none.covariance, 0 * pose)
-    filters = {NONE: none, MEMORY: better, "lag": worse, "drift": worse, closed("lag"): better}
-    tables, refusals = scores.filter_tables(filters, JOINTS, rng)
-    assert refusals == [] and models_of(filters) == ["lag", "drift"]
-    against = tables["filter_against_none"].set_index(["model", "score"])
-    assert against.loc[("lag", "log_score"), "high"] < 0
-    assert against.loc[("lag_closed", "log_score"), "low"] > 0
-    assert against.loc[("lag_closed", "rms_error_knee_rad"), "high"] < 0
-    assert np.isnan(against.loc[(NONE, "log_score"), "difference"])
-    compared = tables["filter_comparison"].set_index(["model", "score"])
-    assert compared.loc[("drift", "log_score"), "difference"] == 0
-    assert compared.loc[(NONE, "log_score"), "low"] > 0
-    assert set(tables["bound_comparison"]["model"]) == {"lag", "drift"}
-
-
-def test_a_bound_that_follows_the_error_is_told_from_one_that_does_not():
-    rng, shape = np.random.default_rng(1), (40, FRAMES, 2)
-    width = np.linspace(0.5, 2.0, FRAMES)[:, None] * np.ones(2)
-    error = {model: width * rng.normal(size=shape) for model in ("constant", "following")}
-    bound = {"constant": 1.3 + 0.01 * rng.random(shape), "following": np.tile(width, (40, 1, 1))}
-    filters = {name: filtered(error[name], bound[name]) for name in error}
-    filters[NONE] = filters["constant"]
-    tables, _ = scores.filter_tables(filters, JOINTS, rng)
-    rows = tables["bound_comparison"].set_index(["model", "quantity"])
-    assert rows.loc[("following", "correlation_of_bound_with_error_knee"), "low"] > 0.5
-    assert rows.loc[("following", "relative_error_of_bound_knee"), "high"] < 0
