@@ -221,32 +221,30 @@ def judge(
     whole = evidence.mean(axis=1)
     steps = np.array_split(np.arange(evidence.shape[1]), SPANS)
     spans = np.stack([evidence[:, part, 1:].mean(axis=1) for part in steps], axis=-1)
-    t, their_t = _distances(whole[others], whole[number])
-    span_t, their_span_t = _distances(spans[others], spans[number])
+    _, p_whole, p = _distances(whole[number], whole[others])
+    span_t, p_spans, _ = _distances(spans[number], spans[others])
     table = {"own": whole[number], "mean": whole[others].mean(axis=0)}
-    table["std"] = whole[others].std(axis=0, ddof=1)
-    table["p"] = [_p_value(one, rest) for one, rest in zip(t, their_t.T, strict=True)]
+    table |= {"std": whole[others].std(axis=0, ddof=1), "p": p}
     table = pd.DataFrame(table, index=["all joints", *joints])
     ends = np.array([0, *(part[-1] + 1 for part in steps)]) / rate
-    p_whole, p_spans = _p_value(t, their_t), _p_value(span_t, their_span_t)
     return TakeVerdict(table, p_whole, ends, span_t, p_spans, int(others.sum()))
 
 
-def _distances(theirs: np.ndarray, one: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return t of ``one`` (...) from N takes ``theirs``, and t of every take in ``theirs``."""
+def _distances(own: np.ndarray, theirs: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Return t (...) of ``own`` (...) from N takes ``theirs`` (N, ...); p of the greatest |t| by
+    its rank among the greatest of the N takes; and p of each |t| alone.
+    """
 
     def distance(one: np.ndarray, rest: np.ndarray) -> np.ndarray:
         scale = rest.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(rest))
         return (one - rest.mean(axis=0)) / scale
 
-    others = [np.delete(theirs, i, axis=0) for i in range(len(theirs))]
-    return distance(one, theirs), np.stack(list(map(distance, theirs, others)))
-
-
-def _p_value(t: np.ndarray, theirs: np.ndarray) -> float:
-    """Return p of the greatest |``t``|, by its rank among the greatest |t| of N others."""
-    greatest = np.abs(theirs).reshape(len(theirs), -1).max(axis=1)
-    return float((1 + np.sum(greatest >= np.abs(t).max())) / (1 + len(theirs)))
+    t, count = distance(own, theirs), len(theirs)
+    others = [np.delete(theirs, i, axis=0) for i in range(count)]
+    sizes = np.abs(np.stack(list(map(distance, theirs, others))))
+    greatest = sizes.reshape(count, -1).max(axis=1)
+    p = (1 + np.sum(greatest >= np.abs(t).max())) / (1 + count)
+    return t, float(p), (1 + np.sum(sizes >= np.abs(t), axis=0)) / (1 + count)
 
 
 def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:

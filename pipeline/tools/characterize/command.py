@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from jinja2 import Template
 
 from pipeline.arm.model import chain_of
 from pipeline.arm.urdf import read_urdf
@@ -32,18 +33,14 @@ from pipeline.recordings.runs import RunsOfLogs, joint_runs
 from pipeline.stages import fit, ingest, predict, track
 from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
-from pipeline.tools.export.command import (
-    EXPORTS,
-    error_record,
-    exported_record,
-    write_export,
-)
+from pipeline.tools.export import command as export
 from pipeline.tools.new_dataset.command import assigned_values, open_draft
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
 
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
+LOGGED = Template(Path(__file__).with_name("logged.txt").read_text(encoding="utf-8"))
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
 HEADING, TO_EXPORT = (
@@ -93,7 +90,7 @@ def run(
             record = exported and (
                 _record_of_runs(exported, logged, name)
                 if logged and exported in FAMILY
-                else exported_record(exported, settings)
+                else export.exported_record(exported, settings)
             )
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
@@ -104,7 +101,7 @@ def run(
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
     print(f"characterize: wrote {report / 'model_card.md'} from {place}")
     if record is not None:
-        write_export(record, file := EXPORTS / f"{name}_{exported}.json")
+        export.write_export(record, file := export.EXPORTS / f"{name}_{exported}.json")
         command = f"python -m pipeline assess RECORDING --model {file}"
         print(f"characterize: `{command}` compares another recording with these")
 
@@ -123,24 +120,13 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
         for reason in reasons:
             print(f"characterize: not used as a joint log: {reason}")
         return None
-    for words, names in logs.suggested.items():
-        print(f"characterize: ! {', '.join(names)}: {words}; --set changes it")
     stated = parse_yaml(assigned.get("motion.pose_noise", "null"))
     if stated is not None and not (isinstance(stated, int | float) and stated > 0):
         message = f"motion.pose_noise must be a number > 0 in rad, got {stated!r}"
         raise ConfigError(message, key="--set")
     found = joint_runs(logs.movements, logs.rate, pose_noise=stated)
-    for run in found.runs:
-        rows = f"{len(run.command)} samples of motion {run.motion}"
-        lags = f"{1e3 * run.lag.min():.2f} to {1e3 * run.lag.max():.2f} ms taken out"
-        quantum = f"{1e6 * run.quantum.max():.3g} µrad" if run.quantum.any() else "none found"
-        print(f"characterize: run {run.name}: {rows}, lag {lags}, step of the angles {quantum}")
-    noise = found.runs[0].pose_noise
-    known = f"{1e6 * noise:.3g} µrad" if noise else "! not known: no row at rest and no step"
-    print(f"characterize: noise of a measured angle: {known}")
     unused = logs.unused | found.unused
-    for name, reason in unused.items():
-        print(f"characterize: not used: {name}: {reason}")
+    print(LOGGED.render(suggested=logs.suggested, runs=found.runs, unused=unused))
     return RunsOfLogs(found.runs, unused)
 
 
@@ -152,7 +138,7 @@ def _tables_of_runs(logged: RunsOfLogs) -> dict[str, pd.DataFrame]:
 def _record_of_runs(model: str, logged: RunsOfLogs, name: str) -> dict[str, Any]:
     if model not in FAMILY:
         raise ConfigError(f"the model {model} needs a Jacobian: give --urdf FILE", key="--model")
-    return error_record(model, config.model_options([model])[model], logged.runs, name)
+    return export.error_record(model, config.model_options([model])[model], logged.runs, name)
 
 
 def _write_dataset(

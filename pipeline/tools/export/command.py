@@ -68,8 +68,7 @@ def write_export(record: dict[str, Any], file: Path) -> None:
     print(f"export: wrote {file} and {reader}")
     print(f"export: in that folder: from {reader.stem} import load; load('{file.name}')")
     for each in record["not_known"]:
-        of = f" of {each['joint']}" if each.get("joint") else ""
-        print(f"export: not known: {each['parameter']}{of}: {each['found']}")
+        print(f"export: not known: {each['parameter']}: {each['found']}")
 
 
 def error_record(

@@ -2,7 +2,6 @@
 with ??? for every value that the recordings do not state.
 """
 
-import json
 import os
 import re
 from collections import Counter
@@ -29,14 +28,8 @@ from pipeline.recordings.motions import NEARLY, FoundMotion, find_motions
 from pipeline.tools.check.command import value_faults
 from pipeline.tools.inspect.command import inspect
 from pipeline.tools.inspect.finding import printable_path
+from pipeline.tools.new_dataset import template
 from pipeline.tools.new_dataset.layout import RecordingLayout, layout
-from pipeline.tools.new_dataset.template import (
-    Entry,
-    fill_template,
-    keyed_lines,
-    set_value,
-    text_of,
-)
 from pipeline.tools.new_dataset.values import KEYS, entries
 
 MOTION = Template(Path(__file__).with_name("motion.txt").read_text(encoding="utf-8"))
@@ -108,12 +101,13 @@ def open_draft(name: str, folder: Path | None, assigned: Mapping[str, str]) -> "
     recorded = layout(inspect(folder), folder)
     known = entries(name, recorded, folder, {"robot": {"urdf": assigned.get("robot.urdf")}})
     sections = {key.partition(".")[0] for key in known}
-    known |= {key: Entry() for key in assigned if key.partition(".")[0] in sections}
-    text = fill_template(_template("template", name), known)
-    if unplaced := [text_of(printable_path(one.file, folder)) for one in recorded.unplaced]:
-        listed = f"# {len(unplaced)} not placed: {', '.join(unplaced[:UNPLACED])}"
+    known |= {key: template.Entry() for key in assigned if key.partition(".")[0] in sections}
+    text = template.fill_template(_read("template", name), known)
+    if count := len(recorded.unplaced):
+        files = [printable_path(one.file, folder) for one in recorded.unplaced[:UNPLACED]]
+        listed = f"# {count} not placed: {', '.join(map(template.text_of, files))}"
         text = text.replace(BETWEEN, f"\n{listed}{BETWEEN}", 1)
-        print(f"new-dataset: {len(unplaced)} files not placed, named in the datasheet; see inspect")
+        print(f"new-dataset: {count} files not placed, named in the datasheet; see inspect")
     return Draft(name, text, recorded, folder)
 
 
@@ -122,7 +116,7 @@ def dataset_files(name: str) -> tuple[Path, Path]:
     return datasheet.path_of(name), config.CONF / "dataset" / f"{name}.yaml"
 
 
-def _template(file: str, name: str) -> str:
+def _read(file: str, name: str) -> str:
     text = Path(__file__).with_name(f"{file}.yaml").read_text(encoding="utf-8")
     return text.replace("{name}", name)
 
@@ -154,7 +148,7 @@ class Draft:
         """Return key → comment of every ???, in the order of the files."""
         return {
             key: parts["hint"] or ""
-            for _, key, parts in keyed_lines(self.text)
+            for _, key, parts in template.keyed_lines(self.text)
             if parts is not None and OPEN in (parts["value"] or "")
         }
 
@@ -165,12 +159,7 @@ class Draft:
         value = " ".join(value.split())
         if value in ("", OPEN):
             raise ConfigError("a value is required here", key=key)
-        try:
-            parse_yaml(f"key: {value}")
-            quoted = re.search("(^| )#", value)
-        except ConfigError:
-            quoted = True
-        text = set_value(self.text, key, json.dumps(value, ensure_ascii=False) if quoted else value)
+        text = template.set_value(self.text, key, template.yaml_of(value))
         before = {str(fault) for fault in value_faults(self.values())}
         for fault in value_faults(values_of(text, self.name)):
             if str(fault) not in before:
@@ -208,7 +197,7 @@ class Draft:
         inventory = next(iter(texts)).with_name("dvc.yaml")
         outside = inventory.parent.resolve() not in self.folder.resolve().parents
         if outside and not inventory.exists():
-            texts[inventory] = _template("inventory", self.name)
+            texts[inventory] = _read("inventory", self.name)
         for file, text in texts.items():
             contracts.write_text(f"{text.rstrip()}\n", file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")

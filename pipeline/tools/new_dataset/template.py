@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from pipeline.configuration.datasheet import OPEN
@@ -28,6 +29,15 @@ def text_of(text: str) -> str:
     """Return ``text`` as YAML, quoted if YAML could read another value."""
     plain = re.fullmatch(r"[A-Za-z_.][\w./*-]*", text, re.ASCII) and parse_yaml(text) == text
     return text if plain else json.dumps(text, ensure_ascii=False)
+
+
+def yaml_of(value: str) -> str:
+    """Return ``value`` if it is YAML without a comment, else as a quoted text."""
+    with suppress(ConfigError):
+        parse_yaml(f"key: {value}")
+        if not re.search("(^| )#", value):
+            return value
+    return json.dumps(value, ensure_ascii=False)
 
 
 def keyed_lines(text: str) -> Iterator[tuple[str, str, re.Match | None]]:
