@@ -38,10 +38,11 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
     MIPS or fewer frames than it states, and for no points, no marker, no rate or no unit.
     """
     header = _first_block(file)
-    require("markers", header.points, "points", file)
+    points, first = header.points, header.first
+    require("markers", points, "points", file)
     contents = read_alone(read_contents, str(file), file=file, advice=AGAIN)
-    if not header.points:
-        channels = [name.strip() for name in contents["channels"].tolist()]
+    if not points:
+        channels = contents["channels"]
         message = f"the file has no points, only {len(channels)} analog channels "
         message += f"({', '.join(channels)}) of {header.samples} samples: export the markers"
         raise RecordingError(message if channels else "the file has no points: no take", file=file)
@@ -50,45 +51,42 @@ def read_c3d(file: Path, unit: str | None = None) -> MotionTake:
         require("memory_mib", announced * header.row / MIB, "MiB of frames", file)
         pieces = str(file), header, min(announced, header.held)
         contents |= read_alone(read_contents, *pieces, file=file, advice=AGAIN)
-    points, first = header.points, header.first
     position, residual, rate = (contents[name] for name in ("points", "residuals", "rate"))
     _, found, frames = position.shape
     if (found, residual.shape) != (points, (found, frames)):
         message = f"the header announces {points} points, the file holds {found}; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:USED")
     counts = compare_announced("frames", announced, frames, f"truncated? {AGAIN}", file=file)
-    if rate.shape != (1,) or not 0 < rate[0] < np.inf:
+    if len(rate) != 1 or not 0 < rate[0] < np.inf:
         message = f"the file has no frame rate; {AGAIN}"
         raise RecordingError(message, file=file, key="POINT:RATE")
-    stated = {text.strip().lower() for text in contents["units"]} - {""}
-    unit = settle_unit(" and ".join(sorted(stated)), unit, file, key="POINT:UNITS")
+    stated = sorted({text.lower() for text in contents["units"]} - {""})
+    unit = settle_unit(" and ".join(stated), unit, file, key="POINT:UNITS")
     if (number := _long(contents["start"])) is not None:
         first = number if first in (number % 2**16, LONGEST) else first
-    labels = [label.strip() for label in contents["labels"].tolist()]
-    outputs = {name.strip() for name in contents["outputs"].tolist()} - {""}
-    markers, invalid_samples = {}, 0
+    labels, outputs = contents["labels"], {*contents["outputs"]} - {""}
     names = [*labels[:points], *[""] * (points - len(labels))]
     names = [name or f"Point {number}" for number, name in enumerate(names, start=1)]
-    for number, name in enumerate(names):
-        # the list of outputs has the label with its subject (Arm:HipAngles) or without
-        if {name, name.rpartition(":")[2]} & outputs:
-            continue
-        samples = position[:, number].T.copy()
-        with np.errstate(invalid="ignore"):
-            invalid = ~(np.abs(samples) < GREATEST)
-        invalid_samples += int(invalid.any(axis=1).sum())
-        samples[invalid | (residual[number] < 0)[:, None]] = np.nan
-        several = names.count(name) > 1
-        markers[f"{name} [{names[: number + 1].count(name)}]" if several else name] = samples
+    samples = position.transpose(1, 2, 0).copy()
+    with np.errstate(invalid="ignore"):
+        invalid = ~(np.abs(samples) < GREATEST)
+    samples[invalid | (residual < 0)[..., None]] = np.nan
+    # the list of outputs has the label with its subject (Arm:HipAngles) or without
+    own = [n for n, name in enumerate(names) if not {name, name.rpartition(":")[2]} & outputs]
+    markers = {}
+    for n in own:
+        several, number = names.count(names[n]) > 1, names[: n + 1].count(names[n])
+        markers[f"{names[n]} [{number}]" if several else names[n]] = samples[n]
     if not markers:
         message = f"all {points} points are outputs of a model (angles, moments or others)"
         raise RecordingError(f"{message}; export the take with its markers", file=file)
-    rare = {"skipped_model_outputs": points - len(markers), "invalid_samples": invalid_samples}
-    rare["skipped_labels"] = max(len(labels) - points, 0)
     more = {"unlabelled_points": points - sum(map(bool, labels[:points]))}
+    rare = {"skipped_model_outputs": points - len(markers)}
+    rare["invalid_samples"] = int(invalid[own].any(axis=-1).sum())
+    rare["skipped_labels"] = max(len(labels) - points, 0)
     more |= {name: count for name, count in rare.items() if count}
     frame = np.arange(frames) + first
-    about = Path(file).stem, "C3D", float(rate[0]), frame, np.zeros(0), markers, {}, counts, unit
+    about = Path(file).stem, "C3D", rate[0], frame, np.zeros(0), markers, {}, counts, unit
     return checked_take(MotionTake(*about), file, more=more)
 
 
@@ -130,7 +128,7 @@ def _first_block(file: Path) -> C3dHeader:
     return C3dHeader(points, frames, first, last, frames * ratio, start, row, held)
 
 
-def _announced_frames(header: C3dHeader, contents: dict[str, np.ndarray]) -> int:
+def _announced_frames(header: C3dHeader, contents: dict) -> int:
     """Return the frames by the header, TRIAL, POINT:LONG_FRAMES or the file's length."""
     start, end, stated = (_long(contents[name]) for name in ("start", "end", "long_frames"))
     if None not in (start, end):
@@ -142,11 +140,11 @@ def _announced_frames(header: C3dHeader, contents: dict[str, np.ndarray]) -> int
     return header.held if capped and (behind or header.held < header.frames) else header.frames
 
 
-def _long(words: np.ndarray) -> int | None:
+def _long(words: list[float]) -> int | None:
     """Return the number of one or two ``words``, the low one first; None for no number."""
-    if words.size not in (1, 2) or not np.isfinite(words).all():
+    if len(words) not in (1, 2) or not np.isfinite(words).all():
         return None
-    low, *high = (int(word) for word in words)
+    low, *high = map(int, words)
     return low % 2**16 + high[0] % 2**16 * 2**16 if high else low
 
 
@@ -177,32 +175,32 @@ def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -
     return {name: np.concatenate([one[name] for one in parts], n) for name, n in joined.items()}
 
 
-def _contents(descriptor: int) -> dict[str, np.ndarray]:
+def _contents(descriptor: int) -> dict:
     import ezc3d
 
     recording = ezc3d.c3d(f"/proc/self/fd/{descriptor}")
     parameters = recording["parameters"]
     point, trial = parameters["POINT"], parameters.get("TRIAL", {})
+
+    def values(kind: type, group: dict, *names: str) -> list:
+        """Return all values of the parameters ``names`` in a group, in the order of ``names``."""
+        found = [value for name in names if name in group for value in group[name]["value"]]
+        return [value.strip() if kind is str else value for value in map(kind, found)]
+
     # LABELS2 before LABELS10
     labels = sorted(sorted(name for name in point if re.fullmatch(r"LABELS\d*", name)), key=len)
-    outputs = [name for name in point if OUTPUTS.fullmatch(name)]
     return {
         "points": recording["data"]["points"][:3],
         "residuals": recording["data"]["meta_points"]["residuals"][0],
-        "labels": np.array(_values(point, *labels), dtype=str),
-        "outputs": np.array([str(name) for name in _values(point, *outputs)], dtype=str),
-        "units": np.array(_values(point, "UNITS"), dtype=str),
-        "rate": np.array(_values(point, "RATE"), dtype=float),
-        "channels": np.array(_values(parameters.get("ANALOG", {}), "LABELS"), dtype=str),
-        "start": np.array(_values(trial, "ACTUAL_START_FIELD"), dtype=float),
-        "end": np.array(_values(trial, "ACTUAL_END_FIELD"), dtype=float),
-        "long_frames": np.array(_values(point, "LONG_FRAMES"), dtype=float),
+        "labels": values(str, point, *labels),
+        "outputs": values(str, point, *filter(OUTPUTS.fullmatch, point)),
+        "units": values(str, point, "UNITS"),
+        "rate": values(float, point, "RATE"),
+        "channels": values(str, parameters.get("ANALOG", {}), "LABELS"),
+        "start": values(float, trial, "ACTUAL_START_FIELD"),
+        "end": values(float, trial, "ACTUAL_END_FIELD"),
+        "long_frames": values(float, point, "LONG_FRAMES"),
     }
-
-
-def _values(group: dict, *names: str) -> list:
-    """Return all values of the parameters ``names`` in a group, in the order of ``names``."""
-    return [value for name in names if name in group for value in group[name]["value"]]
 
 
 def _processor(content: bytes) -> int:

@@ -58,45 +58,44 @@ def read_motive(file: Path, unit: str | None = None) -> MotionTake:
     raise RecordingError(message, file=file, line=1)
 
 
-class ColumnLabels(NamedTuple):
+class Header(NamedTuple):
     """Column labels in the header rows."""
 
     line: int  # line number of the axis row, the last header row
     time: int | None  # column of the times
     # (type, name, ID): {(quantity, axis): column}
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]]
-    labels: list[str]  # one label per column, up to the last labelled column
+    labelled: list[bool]  # whether a column has a label, up to the last labelled column
     bones: int  # number of bones and bone markers, which are not read
     unused: int  # number of labelled columns outside ``groups``
 
 
-def _labels(lines: list[str], file: Path) -> ColumnLabels:
+def _header(lines: list[str], file: Path) -> Header:
     """Return the column labels; RecordingError where a label is missing or occurs twice."""
-    rows, number = [], 1
+    rows, number, message = [], 1, ""
     for number, line in enumerate(lines[1:HEADER_LINES], start=2):
         cells = cells_of(line, ",", file=file, number=number)
-        rows += [cells] if any(cells) else []
+        rows += [cells] * any(cells)
         if any(cells[:1]):
             break
-    rows = [[*row] for row in zip(*zip_longest(*rows, fillvalue=""), strict=True)]
-    named, message = {row[1]: row for row in rows[:-2] if row[1]}, ""
-    whole = len(rows) > 3 and rows[-1][0] == "Frame" and (not named or {"Type", "Name"} <= {*named})
-    if not whole:
+    columns = [*zip_longest(*rows, fillvalue="")]
+    rows = [*zip(*columns, strict=True)]
+    named = {row[1]: row for row in rows[:-2] if row[1]}
+    if len(rows) < 4 or rows[-1][0] != "Frame" or (named and not {"Type", "Name"} <= {*named}):
         message = "no row that starts with 'Frame' follows the rows Type, Name and quantity: "
         message += "the header is truncated or damaged; export the take again"
         raise RecordingError(message, file=file, line=number)
     types, names = named.get("Type", rows[0]), named.get("Name", rows[1])
     identities = named.get("ID", rows[2] if len(rows) > 4 and not named else [""] * len(types))
     groups: dict[tuple[str, str, str], dict[tuple[str, str], int]] = {}
-    for column, (*asset, quantity, axis) in enumerate(
-        zip(types, names, identities, *rows[-2:], strict=True)
-    ):
-        if asset[0] in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
-            group = groups.setdefault(tuple(asset), {})
+    labels = zip(types, names, identities, *rows[-2:], strict=True)
+    for column, (kind, name, identity, quantity, axis) in enumerate(labels):
+        if kind in (RAW, SOLVED, BODY) and quantity in ("Position", "Rotation"):
+            group = groups.setdefault((kind, name, identity), {})
             if group.setdefault((quantity, axis), column) != column:
-                message = f"{asset[1]!r} has two columns {quantity} {axis}"
+                message = f"{name!r} has two columns {quantity} {axis}"
     for (kind, name, _), group in groups.items():
-        if any(("Position", axis) not in group for axis in "XYZ"):
+        if not {("Position", axis) for axis in "XYZ"} <= {*group}:
             message = f"{kind} {name!r} lacks one of its columns X, Y, Z of Position"
     bones = {(kind, name) for kind, name in zip(types, names, strict=True) if "Bone" in kind}
     if not groups:
@@ -105,10 +104,8 @@ def _labels(lines: list[str], file: Path) -> ColumnLabels:
         raise RecordingError(f"{message}; export the take again", file=file, line=number)
     time = next((n for n, axis in enumerate(rows[-1]) if axis in ("Time", "Time (Seconds)")), None)
     unused = sum(map(bool, types[2:])) - sum(map(len, groups.values()))
-    labels = [" ".join(dict.fromkeys(filter(None, column))) for column in zip(*rows, strict=True)]
-    while not labels[-1]:
-        del labels[-1]
-    return ColumnLabels(number, time, groups, labels, len(bones), unused)
+    width = max(n for n, column in enumerate(columns, start=1) if any(column))
+    return Header(number, time, groups, [*map(any, columns[:width])], len(bones), unused)
 
 
 def _fields(line: str, file: Path) -> dict[str, str]:
@@ -129,7 +126,7 @@ def _fields(line: str, file: Path) -> dict[str, str]:
 
 
 def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
-    header = _labels(text.lines, file)
+    header = _header(text.lines, file)
     fields, groups = _fields(text.lines[0], file), header.groups
     require("markers", len(groups), "markers and bodies", file)
     rows, numbers, repeated = _rows(text, header, file)
@@ -144,40 +141,39 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     counts |= capture.compare_frames(fields.get("Total Exported Frames", ""), len(frame))
     rate = _rate(fields, frame, printed, file)
     unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
-    markers, solved, bodies, places, solved_places = {}, {}, {}, {}, {}
     # a name that two assets share does not identify an asset: the ID is appended
     uses = Counter((kind, name) for kind, name, _ in groups)
     shared = {name for (_, name), number in uses.items() if number > 1}
+    positions, places, bodies = {RAW: {}, SOLVED: {}, BODY: {}}, {}, {}
     for (kind, name, identity), group in groups.items():
         key = f"{name} [{identity}]" if name in shared else name
         xyz = [group["Position", axis] for axis in "XYZ"]
-        (solved_places if kind == SOLVED else places)[key] = xyz
-        position = np.stack([values[column] for column in xyz], axis=-1)
+        position = positions[kind][key] = np.stack([values[column] for column in xyz], axis=-1)
+        if kind != SOLVED or key not in places:  # a raw marker replaces a solved one
+            places[key] = xyz
         if kind == BODY:
             rotation = {axis: values[group[q, axis]] for q, axis in group if q == "Rotation"}
             quaternion = _quaternion(rotation, fields.get("Rotation Type", ""), file)
             bodies[key] = capture.RigidBody(position, quaternion)
-        else:
-            (markers if kind == RAW else solved)[key] = position
+    markers, solved = positions[RAW], positions[SOLVED]
     more = {"solved_replaced": len({*solved} & {*markers}), "unused_columns": header.unused}
     more["solved_only"] = len(solved) - more["solved_replaced"]
-    markers |= {name: position for name, position in solved.items() if name not in markers}
-    places = solved_places | places
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
+    markers |= {name: solved[name] for name in solved if name not in markers}
     rate_from = "" if any(fields.get(key) for key in RATES) else capture.FROM_TIMES
     origin = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
     raw = MotionTake(*origin, printed, markers, bodies, counts, unit, rate_from=rate_from)
     return capture.checked_take(raw, file, numbers, places, more)
 
 
-def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list[int], int]:
+def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int], int]:
     """Return frame rows, their lines, and repeated rows; RecordingError for a malformed row."""
-    rows, numbers, repeated, width = [], [], 0, len(header.labels)
+    rows, numbers, repeated, width = [], [], 0, len(header.labelled)
     for number, line in enumerate(text.lines[header.line :], start=header.line + 1):
         if not line.strip(", \t"):
             continue
-        labelled = zip_longest(cells := line.split(","), header.labels)
+        labelled = zip_longest(cells := line.split(","), header.labelled)
         beyond = [cell.strip() for cell, label in labelled if cell and not label]
         if len(cells) < width or any(beyond):
             found = f"{max(beyond)!r} in a column without a label" if any(beyond) else "a cut row"
@@ -185,7 +181,7 @@ def _rows(text: Text, header: ColumnLabels, file: Path) -> tuple[list[str], list
             message += "(row of another take, or decimal commas?); export the take again"
             raise RecordingError(message, file=file, line=number)
         row = ",".join(cells[:width])
-        if rows and row == rows[-1]:
+        if row in rows[-1:]:
             repeated += 1
             continue
         rows.append(row)
