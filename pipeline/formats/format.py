@@ -32,8 +32,8 @@ class Kind(StrEnum):
     JOINTS = "joints"  # read(file, options) → pipeline.formats.joints.log.JointLog
     FORCE = "force"  # read(file, options) → pipeline.formats.force.record.ForceRecord
     CALIBRATION = "calibration"  # read(file) → pipeline.formats.force.calibration.Calibration
-    IMAGE = "image"  # read(content, file=) → pipeline.formats.depth.image.RawDepth
-    CLOUD = "cloud"  # read(content, file=) → pipeline.formats.depth.cloud.PointCloud
+    IMAGE = "image"  # read(file, shape=) → pipeline.formats.depth.image.RawDepth
+    CLOUD = "cloud"  # read(file) → pipeline.formats.depth.cloud.PointCloud
     SEQUENCE = "sequence"  # read(file) → pipeline.formats.depth.image.DepthIndex
     INTRINSICS = "intrinsics"  # read(file, width=, height=) → …depth.intrinsics.Intrinsics
     TRAJECTORY = "trajectory"  # read(file) → table t, x:*, v:*

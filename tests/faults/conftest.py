@@ -21,7 +21,7 @@ from pipeline.core.columns import values
 from pipeline.core.errors import PipelineError
 from pipeline.core.options.analysis import ArticulationSection
 from pipeline.core.options.dataset import Dataset, Motion
-from pipeline.formats.depth.image import encode_depth, write_index
+from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.motion.motive import write_motive
 from pipeline.formats.motion.take import MotionTake
@@ -144,7 +144,7 @@ def depth_bench(folder: Path, dataset: Dataset, arm: Arm, motion) -> Bench:
     (take / "depth").mkdir(parents=True)
     names = tuple(f"depth/{i:04d}.png" for i in range(FRAMES))
     for name, q in zip(names, motion(time), strict=True):
-        (take / name).write_bytes(encode_depth(camera.observe(q, rng)))
+        write_depth(take / name, camera.observe(q, rng))
     write_index(take / "depth.txt", time + 0.1, names)
     intrinsics = Intrinsics(*coarse.values(), SIZE[1], SIZE[0])
     write_intrinsics(folder / "kinect/intrinsics.yaml", intrinsics)

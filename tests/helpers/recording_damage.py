@@ -4,11 +4,9 @@ with "all_"), severity and draws.
 
 import re
 from functools import partial
-from pathlib import Path
 
+import cv2
 import numpy as np
-
-from pipeline.formats.depth.image import decode_depth, encode_depth
 
 ROW = re.compile(rb'[ \t"]*[-+]?[\d.]')  # start of a row of numbers, not of a header
 
@@ -143,9 +141,9 @@ def on_pixels(change):
     def apply(files, severity, rng):
         changed = dict(files)
         for name in (name for name in files if name.endswith(".png")):
-            height, width = (int.from_bytes(files[name][i : i + 4]) for i in (20, 16))
-            image = decode_depth(files[name], shape=(height, width), file=Path(name)).pixels
-            changed[name] = encode_depth(change(image, severity, rng).astype(np.uint16))
+            image = cv2.imdecode(np.frombuffer(files[name], np.uint8), cv2.IMREAD_UNCHANGED)
+            image = change(image, severity, rng).astype(np.uint16)
+            changed[name] = cv2.imencode(".png", image)[1].tobytes()
         return changed
 
     return apply

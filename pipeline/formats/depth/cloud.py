@@ -72,16 +72,12 @@ def is_cloud(file: Path) -> bool:
 
 
 def read_cloud(file: Path) -> PointCloud:
-    """Return the points of the cloud in ``file``; see :func:`decode_cloud`."""
-    return decode_cloud(file_content(file), file=Path(file))
-
-
-def decode_cloud(content: bytes, *, file: Path) -> PointCloud:
-    """Return the points in the ``content`` of ``file``, in the sensor's frame, without other
-    fields. Bytes behind the announced points are counted, since PCL pads files to whole pages.
-    Raises RecordingError for content that is truncated or of another format, has no x, y and z, or
+    """Return the points of the cloud in ``file``, in the sensor's frame, without other fields.
+    Bytes behind the announced points are counted, since PCL pads files to whole pages. Raises
+    RecordingError for content that is truncated or of another format, has no x, y and z, or
     contradicts the header.
     """
+    content = file_content(file)
     try:
         header = (_ply_header if _is_ply(content) else _pcd_header)(content)
         names, size = header.point.names, header.count * header.point.itemsize
@@ -221,4 +217,4 @@ def _begins(head: Head) -> bool:
     return _is_ply(head.content) or is_pcd or head.suffix == ".pcd"
 
 
-FORMAT = Format("point cloud", Kind.CLOUD, decode_cloud, _begins)
+FORMAT = Format("point cloud", Kind.CLOUD, read_cloud, _begins)

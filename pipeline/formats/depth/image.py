@@ -8,7 +8,6 @@ bytes.
 
 import io
 import re
-import struct
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,9 +30,6 @@ WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, limits of the median step; times in ms exceed them
 PIXEL = 4  # bytes, size of the largest decoded pixel
 NO_DISPARITY = 2047  # value of the Kinect's 11-bit disparity without a measurement
-# exceptions that Pillow raises for a damaged header
-HEADER_DAMAGE = (OSError, EOFError, ValueError, SyntaxError, TypeError, LookupError, OverflowError)
-HEADER_DAMAGE += (RuntimeError, struct.error, AttributeError, Image.DecompressionBombError)
 # run-length coded row differences: a fixed filter halves the time, level 6 would save 1 % of size
 PARAMETERS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB)
 PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
@@ -102,28 +98,30 @@ def metres(raw: RawDepth, encoding: Encoding, **evidence: object) -> np.ndarray:
     return depth
 
 
-def read_depth(file: Path, *, shape: tuple[int, int]) -> RawDepth:
-    """Return the image in ``file``; see :func:`decode_depth`."""
-    return decode_depth(file_content(file), shape=shape, file=file)
-
-
-def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDepth:
-    """Return the image of ``shape`` = (H, W) in the ``content`` of ``file``; RecordingError for
+def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
+    """Return the image of ``shape`` = (H, W), by default any, in ``file``; RecordingError for
     truncated content, another format or size, and pixels that are not one channel of 16 bits or of
     floating point.
     """
-    stated, description = _header(content, file)
-    if stated != tuple(shape):
-        found, wanted = (f"{width} × {height}" for height, width in (stated, shape))
-        message = f"the image has {found} pixels where the camera has {wanted}; check the "
-        raise RecordingError(f"{message}intrinsics", file=file)
+    content, pixels, reason = file_content(file), None, ""
+    if not content.startswith((PNG, PGM, *TIFF)):
+        message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
+        raise RecordingError(message, file=file)
     try:
+        size, description = _header(content, file)
+        if shape not in (None, size):
+            found, wanted = (f"{width} × {height}" for height, width in (size, shape))
+            message = f"the image has {found} pixels where the camera has {wanted}; check the "
+            raise RecordingError(f"{message}intrinsics", file=file)
         # other modes convert 16 bits to 8
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        pixels = None
+    except RecordingError:
+        raise
+    except Exception as error:  # Pillow has no common class for damaged headers
+        reason = re.sub(" ?<.*>", "", f" ({error})")  # without the address of the buffer
     if pixels is None:
-        raise _damaged(file)
+        message = f"the depth frame is truncated or damaged{reason}; copy it again, or take its "
+        raise RecordingError(f"{message}line out of the index", file=file)
     if pixels.dtype == np.float64:
         with np.errstate(over="ignore"):  # values beyond float32 are no depth
             pixels = pixels.astype(np.float32)
@@ -135,58 +133,34 @@ def decode_depth(content: bytes, *, shape: tuple[int, int], file: Path) -> RawDe
     return RawDepth(pixels, description)
 
 
-def depth_size(content: bytes, *, file: Path) -> tuple[int, int]:
-    """Return (H, W) of the image in the ``content`` of ``file``; RecordingError for no image."""
-    return _header(content, file)[0]
-
-
 def _header(content: bytes, file: Path) -> tuple[tuple[int, int], str]:
     """Return (H, W) of an image, whose checksums or length are right, and a TIFF's description."""
-    if not content.startswith((PNG, PGM, *TIFF)):
-        message = "the depth frame is no PNG, TIFF or PGM image; convert it to 16-bit PNG"
-        raise RecordingError(message, file=file)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
-            if content.startswith(TIFF):
-                # read the tags alone, since Pillow opens no image of float64
-                tags = ImageFileDirectory_v2((stream := io.BytesIO(content)).read(8))
-                stream.seek(tags.next)
-                tags.load(stream)
-                if tags.next:
-                    message = "the file holds several images; write one depth frame to a file"
-                    raise RecordingError(message, file=file)
-                height, width = int(tags[LENGTH]), int(tags[WIDTH])
-                _require_size(height, width, file)
-                return (height, width), str(tags.get(DESCRIPTION, ""))
-            with Image.open(io.BytesIO(content), formats=("PNG", "PPM")) as image:
-                width, height = image.size
-                _require_size(height, width, file)
-                (image.verify if content.startswith(PNG) else image.load)()
-                return (height, width), ""
-    except HEADER_DAMAGE as error:
-        raise _damaged(file, f" ({error})") from None
-
-
-def _require_size(height: int, width: int, file: Path) -> None:
-    require("part_mib", height * width * PIXEL / MIB, "MiB of pixels", file)
-
-
-def _damaged(file: Path, reason: str = "") -> RecordingError:
-    message = f"the depth frame is truncated or damaged{reason}; copy it again, or take its line "
-    return RecordingError(f"{message}out of the index", file=file)
-
-
-def encode_depth(raw: np.ndarray) -> bytes:
-    """Return ``raw`` depth (H, W) uint16 as PNG; equal frames have equal bytes."""
-    if raw.ndim != 2 or raw.dtype != np.uint16:
-        raise TypeError(f"raw depth must be (H, W) uint16, got {raw.shape} {raw.dtype}")
-    return cv2.imencode(".png", raw, PARAMETERS)[1].tobytes()
+    stream = io.BytesIO(content)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Pillow, about odd tags and sizes
+        if content.startswith(TIFF):
+            # read the tags alone, since Pillow opens no image of float64
+            tags = ImageFileDirectory_v2(stream.read(8))
+            stream.seek(tags.next)
+            tags.load(stream)
+            if tags.next:
+                message = "the file holds several images; write one depth frame to a file"
+                raise RecordingError(message, file=file)
+            size = int(tags[LENGTH]), int(tags[WIDTH])
+            require("part_mib", size[0] * size[1] * PIXEL / MIB, "MiB of pixels", file)
+            return size, str(tags.get(DESCRIPTION, ""))
+        with Image.open(stream, formats=("PNG", "PPM")) as image:
+            size = image.height, image.width
+            require("part_mib", size[0] * size[1] * PIXEL / MIB, "MiB of pixels", file)
+            (image.verify if content.startswith(PNG) else image.load)()
+            return size, ""
 
 
 def write_depth(file: Path, raw: np.ndarray) -> None:
-    """Write ``raw`` depth (H, W) uint16 as PNG; see :func:`encode_depth`."""
-    Path(file).write_bytes(encode_depth(raw))
+    """Write ``raw`` depth (H, W) uint16 as PNG; equal frames have equal bytes."""
+    if raw.ndim != 2 or raw.dtype != np.uint16:
+        raise TypeError(f"raw depth must be (H, W) uint16, got {raw.shape} {raw.dtype}")
+    Path(file).write_bytes(cv2.imencode(".png", raw, PARAMETERS)[1].tobytes())
 
 
 @dataclass(frozen=True)
@@ -290,6 +264,6 @@ def _begins(head: Head) -> bool:
     return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(frame_endings())
 
 
-IMAGE = Format("depth image", Kind.IMAGE, decode_depth, begins(PNG, *TIFF, PGM))
+IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))
 INDEX = Format("depth sequence with index", Kind.SEQUENCE, read_index, _begins, option="index")
 FORMAT = (IMAGE, INDEX)

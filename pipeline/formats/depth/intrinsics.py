@@ -14,23 +14,18 @@ import numpy as np
 import yaml
 
 from pipeline.core.errors import RecordingError
+from pipeline.core.typed_yaml import read_yaml
 from pipeline.formats.delimited import read_text
 from pipeline.formats.format import Format, Head, Kind, read_alone
 
 FOCAL = ("fx", "fy", "cx", "cy")
-# keys of the camera matrix, the distortion and the image size
-MATRIX = ("cameraMatrix", "camera_matrix", "Camera_Matrix", "CameraMatrix")
-MATRIX += ("K", "k", "intrinsic_matrix")
-DISTORTION = ("distortionCoefficients", "distortion_coefficients", "Distortion_Coefficients")
-DISTORTION += ("DistCoeffs", "distCoeffs", "dist_coeffs", "distortion", "coeffs", "D", "d")
-KEYS = {"camera matrix": MATRIX, "distortion": DISTORTION}
-KEYS |= {side: (side, f"image_{side}", f"image_{side.title()}") for side in ("width", "height")}
+_STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
+KEYS: dict[str, list[str]] = _STATED["keys"]  # item → keys that state it
+MATRIX, DISTORTION = KEYS["camera matrix"], KEYS["distortion"]
+REALSENSE: dict[str, str] = _STATED["realsense"]  # key of RealSense → key of this module
+MODELS: list[str] = _STATED["models"]  # names of distortion models with OpenCV's coefficients
 # keys that may state a distortion
 DISTORTION_KEY = re.compile(r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1")
-# names of distortion models with OpenCV's coefficients
-MODELS = ("plumb_bob", "radtan", "rational_polynomial", "distortion.brown_conrady", "none")
-# keys of RealSense → keys of this module
-REALSENSE = {"ppx": "cx", "ppy": "cy", "coeffs": "D", "model": "distortion_model"}
 ANY_SIZE = (10**6, 10**6)  # px, stands for an unknown image size
 NARROWEST = 100  # greatest focal length over the longer side: a field of view of half a degree
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # possible numbers of coefficients in OpenCV's model
@@ -110,23 +105,23 @@ def read_intrinsics(
     def numbers(item: str, given: str | None = None, count: int | None = None) -> np.ndarray | None:
         keys = (given,) if given else KEYS.get(item, (item,))
         present = [key for key in keys if key in values]
+        if not (present or given):
+            return None
         message = f"{len(present)} of {', '.join(present or keys)} are there, one {item} is needed"
         if len({str(values[key]) for key in present}) == 1:
-            value, wanted = values[present[0]], {count} - {None}
+            value, counts = values[present[0]], {count} - {None}
             if isinstance(value, Mapping):
                 size = [str(value.get(name)) for name in ("rows", "cols")]
-                known = all(re.fullmatch(r"\d{1,9}", side) for side in size)
-                wanted |= {int(size[0]) * int(size[1])} if known else set()
+                if all(re.fullmatch(r"\d{1,9}", side) for side in size):
+                    counts.add(int(size[0]) * int(size[1]))
                 value = value.get("data")
             with suppress(ValueError):  # nested lists of unequal lengths
                 words = np.array(value, dtype=str)
                 decimal = all(map(DECIMAL.fullmatch, words.ravel().tolist()))
-                if decimal and not wanted - {words.size} and np.isfinite(words.astype(float)).all():
+                if decimal and not counts - {words.size} and np.isfinite(words.astype(float)).all():
                     return words.astype(float)
-            message = f"{present[0]} must be {max(wanted, default='')} decimal numbers, found "
+            message = f"{present[0]} must be {max(counts, default='')} decimal numbers, found "
             message += str(value)[:80]
-        elif not (present or given):
-            return None
         message = f"{message}; name the key by option; {keys_found}"
         raise RecordingError(message, file=file, key=item)
 
@@ -134,22 +129,21 @@ def read_intrinsics(
     stated = [None if side is None else int(side) for side in sides]
     sides = zip((width, height), stated, ANY_SIZE, strict=True)
     size = tuple(given or own or most for given, own, most in sides)
-    camera = numbers("camera matrix", matrix, 9)
+    camera, bend = numbers("camera matrix", matrix, 9), numbers("distortion", distortion)
     if camera is not None:
         # Open3D writes the matrix as a flat list, column by column
         columns = camera.ndim == 1 and "intrinsic_matrix" in ({matrix} if matrix else values)
-        camera = camera.reshape(3, 3).T if columns else camera.reshape(3, 3)
+        camera = camera.reshape(3, 3, order="F" if columns else "C")
     elif {*FOCAL} <= {*values}:
         fx, fy, cx, cy = (numbers(name, count=1).item() for name in FOCAL)
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    bend = numbers("distortion", distortion)
-    absent = bend is None and (not is_json or any(map(DISTORTION_KEY.fullmatch, values)))
-    if camera is None or absent:
-        wanted = ("camera matrix", f"fx, fy, cx, cy or {', '.join(MATRIX)}")
-        if camera is not None:
-            wanted = ("distortion", f"{', '.join(DISTORTION)}, with zeros for no distortion")
-        message = f"no {wanted[0]}; {keys_found}: name its key by option, or write "
-        message += f"at the outermost level one of {wanted[1]}"
+    else:
+        message = f"no camera matrix; {keys_found}: name its key by option, or write at the "
+        message += f"outermost level one of fx, fy, cx, cy or {', '.join(MATRIX)}"
+        raise RecordingError(message, file=file)
+    if bend is None and (not is_json or any(map(DISTORTION_KEY.fullmatch, values))):
+        message = f"no distortion; {keys_found}: name its key by option, or write at the outermost "
+        message += f"level one of {', '.join(DISTORTION)}, with zeros for no distortion"
         raise RecordingError(message, file=file)
     bend, model = np.zeros(0) if bend is None else bend.ravel(), values.get("distortion_model")
     own = tuple(side or given for side, given in zip(stated, size, strict=True))

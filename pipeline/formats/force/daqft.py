@@ -11,6 +11,7 @@ labels, and one row per packet: integer counts in earlier versions, later decima
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import NUMBER
 from pipeline.formats.force import record as forces
-from pipeline.formats.force.record import KINDS, NO_OPTIONS, OPTION, ForceLogOptions, ForceRecord
+from pipeline.formats.force.record import NO_OPTIONS, OPTION, ForceLogOptions, ForceRecord
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.number_sheet import Sheet, read_sheet
 
@@ -48,18 +49,16 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         raise RecordingError(message, file=file, key=f"{OPTION}.calibration")
     named = options.columns or any(map(forces.axis_of, sheet.labels))
     gauged = not named and not {*GAUGES}.isdisjoint(sheet.labels)
-    columns, factors = (_gauges if gauged else forces.axis_factors)(sheet, options)
-    record = forces.sheet_record(sheet, options, columns, factors, lambda: _rate(sheet, options))
-    counts, units = dict(record.counts), {}
+    columns, factors, units = (_gauges if gauged else forces.axis_factors)(sheet, options)
+    about = {"serial": serial, "started": started, "units": units, "counts": {}}
     if delay := DELAY.match("".join(sheet.header[:1])):
-        counts["paused_ms" if delay[1] == "Paused for" else "skipped_samples"] = int(delay[2])
-    for n, label in enumerate(sheet.labels):
-        if (axis := forces.axis_of(label)) and (unit := sheet.unit(n)):
-            units.setdefault(KINDS[axis], unit)
-    return replace(record, serial=serial, started=started, counts=counts, units=units)
+        kind = "paused_ms" if delay[1] == "Paused for" else "skipped_samples"
+        about["counts"] = {kind: int(delay[2])}
+    rate = partial(_rate, sheet, options)
+    return forces.sheet_record(sheet, options, columns, factors, rate, **about)
 
 
-def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray]:
+def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, dict]:
     """Return the columns of G0 to G5 and the matrix (6, 6) to N and N·m of the calibration. It has
     no offset, so that the tare removes the bias of the gauges.
     """
@@ -69,7 +68,7 @@ def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarr
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
         raise RecordingError(message, **where)
     factors = forces.calibrated_factors(options.calibration, options)
-    return [*map(sheet.labels.index, GAUGES)], factors[:, None] * options.calibration.matrix
+    return [*map(sheet.labels.index, GAUGES)], factors[:, None] * options.calibration.matrix, {}
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:
@@ -115,8 +114,8 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         message = "no row of labels with 'RDT Sequence': no log of a Net F/T, or a truncated one"
         raise RecordingError(message, file=file, key=f"{OPTION}.format")
     settings, counted = sheet.settings, options.counts
-    units = {kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")}
-    columns, factors = forces.axis_factors(sheet, options, units)
+    stated = {kind: settings.get(f"{kind.title()} Units") for kind in ("force", "torque")}
+    columns, factors, units = forces.axis_factors(sheet, options, stated)
 
     def positive(name: str, option: str) -> float:
         text = settings.get(name, "")
@@ -138,17 +137,14 @@ def read_netft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
         factors = factors / [positive(f"Counts per Unit {kind}", "counts") for kind in kinds]
     axes = dict(zip([*forces.FORCES, *forces.TORQUES], columns, strict=False))
     timed = replace(options, columns=axes | {"t": "RDT Sequence"})
-
-    def rate() -> float:
-        return options.rate or positive("RDT Sample Rate", "rate")
-
-    record = forces.sheet_record(sheet, timed, columns, factors, rate)
+    status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])
+    about = {"started": settings.get("Start Time", ""), "units": units}
+    rate = options.rate or positive("RDT Sample Rate", "rate")
+    record = forces.sheet_record(sheet, timed, columns, factors, lambda: rate, **about)
     counts = dict(record.counts)
     counts["lost_packets"] = counts.pop("missing_samples")
-    status = sheet.words(sheet.columns({"status": "Status (hex)"}, forces.KEY)["status"])
     counts["status_rows"] = sum(bool(word.strip("0x")) for word in status)
-    units = {kind: unit for kind, unit in units.items() if unit}
-    return replace(record, started=settings.get("Start Time", ""), counts=counts, units=units)
+    return replace(record, counts=counts)
 
 
 def _is_netft(lines: list[str]) -> bool:

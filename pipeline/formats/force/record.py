@@ -5,8 +5,9 @@ in N and N·m by definition.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,9 +40,9 @@ class ForceRecord:
     force: np.ndarray  # (N, 3) N
     torque: np.ndarray  # (N, 3) N·m, NaN if the log has no torques
     rate: float  # Hz, nominal
-    serial: str
-    started: str  # start time as printed in the log
-    counts: dict[str, int]  # see the reader
+    serial: str = ""
+    started: str = ""  # start time as printed in the log
+    counts: Mapping[str, int] = field(default_factory=dict)  # see the reader
     units: Mapping[str, str] = field(default_factory=dict)  # quantity → unit stated in the log
     marks: Mapping[str, str] = field(default_factory=dict)  # separator and decimal of a table
 
@@ -169,17 +170,13 @@ def plateau(values: np.ndarray) -> np.ndarray:
 
 
 def timed_record(
-    time: np.ndarray,
-    values: np.ndarray,
-    places: tuple[str, Sequence[int]],
-    file: Path,
-    counts: Mapping[str, int],
+    time: np.ndarray, values: np.ndarray, place: str, rows: Sequence[int], file: Path, **more: Any
 ) -> ForceRecord:
-    """Return the record of ``values`` (N, axes) at ``time`` (N,) s. Its counts are ``counts``,
-    ``doubled_rows`` (sample and time equal to the row before; left out), ``equal_times`` (only the
-    time equal; kept), ``uneven_steps`` (off the median step by more than JITTER of it) and
-    ``missing_samples`` (in long steps). RecordingError, with the entry of ``places`` (name, numbers
-    (N,)), where the time decreases or most steps are 0.
+    """Return the record of ``values`` (N, axes) at ``time`` (N,) s, and ``more`` of its fields.
+    Counts are added: :func:`repeats`, ``doubled_rows`` (sample and time equal to the row before;
+    left out), ``equal_times`` (only the time equal; kept), ``uneven_steps`` (off the median step by
+    more than JITTER of it) and ``missing_samples`` (in long steps). RecordingError, with the entry
+    of ``rows`` (N,) as ``place``, where the time decreases or most steps are 0.
     """
     time = time - time[0] if len(time) else time
     steps = np.diff(time)
@@ -191,22 +188,22 @@ def timed_record(
         message = f"the time goes back to {time[row]:.9g} s: rows are swapped or of two recordings"
         if not back.any():
             message = "most samples have the same time as the sample before: no clock"
-        raise RecordingError(message, file=file, **{places[0]: places[1][row]})
+        raise RecordingError(message, file=file, **{place: rows[row]})
     clock = {
         "doubled_rows": int(doubled.sum()),
         "equal_times": int(np.sum(kept == 0)),
         "uneven_steps": int(np.sum(np.abs(kept - median) > JITTER * median)),
         "missing_samples": int(np.sum(np.rint(kept[kept > 1.5 * median] / median) - 1)),
     }
-    time, values = time[~doubled], values[~doubled]
-    return _record(time, values, 1 / median, repeats(values) | {**counts} | clock)
+    counts = more.pop("counts", {}) | clock
+    return _record(time[~doubled], values[~doubled], counts, **{"rate": 1 / median} | more)
 
 
 def _record(
-    time: np.ndarray, values: np.ndarray, rate: float, counts: dict[str, int]
+    time: np.ndarray, values: np.ndarray, counts: Mapping[str, int], **more: Any
 ) -> ForceRecord:
     torque = values[:, 3:] if values.shape[1] == 6 else np.full((len(values), 3), np.nan)
-    return ForceRecord(time, values[:, :3], torque, rate, "", "", counts)
+    return ForceRecord(time, values[:, :3], torque, counts=repeats(values) | {**counts}, **more)
 
 
 def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
@@ -218,14 +215,15 @@ def read_force_table(file: Path, options: ForceLogOptions) -> ForceRecord:
     decreases or a row is malformed.
     """
     sheet = read_sheet(file, separator=options.separator, decimal=options.decimal, key=OPTION)
-    return sheet_record(sheet, options, *axis_factors(sheet, options))
+    columns, factors, units = axis_factors(sheet, options)
+    return sheet_record(sheet, options, columns, factors, units=units)
 
 
 def axis_factors(
     sheet: Sheet, options: ForceLogOptions, stated: Mapping[str, str | None] | None = None
-) -> tuple[list[int], np.ndarray]:
-    """Return the columns of the forces, and of the torques if present, by options or labels, and
-    their factors to N and N·m from the units ``stated`` (kind → unit), else from the header.
+) -> tuple[list[int], np.ndarray, dict[str, str]]:
+    """Return the columns of the forces, and of the torques if present, by options or labels, their
+    factors to N and N·m, and kind → unit, from the units ``stated``, else from the header.
     """
     named, twice = {axis: column for axis, column in options.columns.items() if axis != "t"}, ""
     for column, label in enumerate(() if options.columns else sheet.labels):
@@ -233,17 +231,18 @@ def axis_factors(
             twice = label if axis in named else twice
             named[axis] = column
     wanted = [*FORCES, *(TORQUES if {*TORQUES} & {*named} else ())]
+    where = {"file": sheet.file, "line": sheet.label_line}
     if twice or {*wanted} ^ {*named}:
         found = ", ".join(sorted(named)) + (f", two columns {twice}" if twice else "")
         labels = ", ".join(sheet.labels) or "none"
         message = f"the named axes are {found or 'none'} (labels: {labels}); fx, fy and fz, and "
         message += "all or none of tx, ty, tz are required once each; name them in columns"
-        raise RecordingError(message, file=sheet.file, line=sheet.label_line, key=KEY)
+        raise RecordingError(message, **where, key=KEY)
     columns = sheet.columns({axis: named[axis] for axis in wanted}, KEY)
     units = {axis: stated[KINDS[axis]] if stated else sheet.unit(n) for axis, n in columns.items()}
-    where = {"file": sheet.file, "line": sheet.label_line}
     factors = [si_factor(axis, unit, options, **where) for axis, unit in units.items()]
-    return [*columns.values()], np.array(factors)
+    kinds = {KINDS[axis]: unit for axis, unit in reversed(units.items()) if unit}
+    return [*columns.values()], np.array(factors), dict(reversed(kinds.items()))
 
 
 def sheet_record(
@@ -251,41 +250,35 @@ def sheet_record(
     options: ForceLogOptions,
     columns: list[int],
     factors: np.ndarray,
-    rate: Callable[[], float] | None = None,
+    rate: Callable[[], float | None] | None = None,
+    **more: Any,
 ) -> ForceRecord:
     """Return the record of the ``columns`` times ``factors`` (axes,) or (axes, columns) to N and
-    N·m, at the times of a column of times or sample numbers, else equally spaced at ``rate()`` in
-    Hz (default the option).
+    N·m, and ``more`` of its fields, at the times of a column of times or sample numbers, else
+    equally spaced at ``rate()`` in Hz (default the option).
     """
-
-    def frequency() -> float:
-        if not (known := rate() if rate else options.rate):
-            message = "the samples have no time: name a column t, or set rate in Hz"
-            raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
-        return known
-
     labels = [bare(label) for label in sheet.labels]
     fits = [n for kind in (TIMES, NUMBERS) for n, name in enumerate(labels) if kind.fullmatch(name)]
     named = options.columns.get("t") if options.columns else next(iter(fits), None)
     clock = [] if named is None else [*sheet.columns({"t": named}, KEY).values()]
     samples = sheet.samples([*clock, *columns], *clock)
-    values, counts = samples.values[:, len(clock) :], sheet.counts | samples.counts
+    values = samples.values[:, len(clock) :]
     values = values * factors if factors.ndim == 1 else values @ factors.T
-    marks = {"separator": sheet.separator, "decimal": sheet.decimal}
-    numbered = clock and labels and NUMBERS.fullmatch(labels[clock[0]])
-    steady = frequency() if numbered or not clock else None  # rate by which rows are placed
-    if not clock:
-        time = (samples.rows - samples.rows[0]) / steady
-        record = _record(time, values, steady, repeats(values) | counts)
-        return replace(record, marks=marks)
-    ticks, where = samples.values[:, 0], {"file": sheet.file, "line": sheet.label_line}
-    if not steady:
-        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(*clock), options, **where)
+    more["counts"] = sheet.counts | samples.counts | more.get("counts", {})
+    more["marks"] = {"separator": sheet.separator, "decimal": sheet.decimal}
+    ticks = samples.values[:, 0] if clock else samples.rows
+    if not clock or (labels and NUMBERS.fullmatch(labels[clock[0]])):
+        if not (steady := rate() if rate else options.rate):
+            message = "the samples have no time: name a column t, or set rate in Hz"
+            raise RecordingError(message, file=sheet.file, key=f"{OPTION}.rate")
+        time, more["rate"] = (ticks - ticks[0]) / steady, steady
     else:
-        time = (ticks - ticks[0]) / steady
+        where = {"file": sheet.file, "line": sheet.label_line}
+        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(*clock), options, **where)
+    if not clock:
+        return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]
-    record = timed_record(time, values, ("line", lines), sheet.file, counts)
-    return replace(record, marks=marks, rate=steady or record.rate)
+    return timed_record(time, values, "line", lines, sheet.file, **more)
 
 
 def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord:
@@ -303,8 +296,7 @@ def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRe
     if not (finite := np.isfinite(samples).all(axis=1)).all():
         where = {"file": file, "topic": topic, "sample": int(np.argmin(finite))}
         raise RecordingError("a force or torque is not finite", **where)
-    places = ("sample", range(len(samples)))
-    return timed_record(samples[:, 0], samples[:, 1:], places, file, {})
+    return timed_record(samples[:, 0], samples[:, 1:], "sample", range(len(samples)), file)
 
 
 def _sample(message: object) -> list[float]:

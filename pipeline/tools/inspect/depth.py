@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.core.bounds import read_whole
 from pipeline.core.errors import RecordingError
 from pipeline.formats.depth import cloud, image
 from pipeline.formats.depth.image import dropped_frames, median_step, named_frames
@@ -16,12 +15,12 @@ UNIT, SIZE = "dataset.depth.units_per_metre", ("width", "height")
 
 
 def add_image(finding: Finding, form: Format) -> None:
-    shape = image.depth_size(read_whole(finding.file), file=finding.file)
-    pixels = image.read_depth(finding.file, shape=shape).pixels
+    pixels = form.read(finding.file).pixels
+    height, width = pixels.shape
     measured, span = pixels[pixels > 0], ""
     # values above 0 may also be missing depths, depending on the encoding
     share = round(1 - measured.size / pixels.size, 4)
-    finding.facts = {"width": shape[1], "height": shape[0], "share_not_above_zero": share}
+    finding.facts = {"width": width, "height": height, "share_not_above_zero": share}
     finding.version = f"{8 * pixels.itemsize} bits"
     if measured.size:
         span = f", {float(measured.min()):g} to {float(measured.max()):g}"
@@ -34,7 +33,7 @@ def add_image(finding: Finding, form: Format) -> None:
 def add_cloud(finding: Finding, form: Format) -> None:
     from scipy.spatial.transform import Rotation
 
-    read = form.read(read_whole(finding.file), file=finding.file)
+    read = form.read(finding.file)
     share = round(read.missing / max(len(read.points) + read.missing, 1), 4)
     finding.facts = {"points": len(read.points), "organised": read.organised}
     finding.facts["share_without_position"] = share
