@@ -89,7 +89,8 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
                 infos[first] = second
             elif kind == "frame":
                 tracked, markers = _blocks(rest, 11, 5 if named else 4)
-                k, lines = len(times), [*lines, number]
+                k, markers = len(times), [[*one, ""][:5] for one in markers]
+                lines.append(number)
                 times.append(_numbers([first, second]))
                 if unknown := {_whole(one[0]) for one in tracked} - {*bodies}:
                     raise ValueError(f"rigid body {min(unknown)} is not defined")

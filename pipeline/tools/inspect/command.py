@@ -35,7 +35,7 @@ from pipeline.formats.format import (
 from pipeline.formats.joints.log import BAG, JOINT_STATE
 from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
-from pipeline.tools.inspect.depth import UNIT, add_cloud, add_image, add_index, describe_numbered
+from pipeline.tools.inspect.depth import add_cloud, add_image, add_index, describe_numbered
 from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
@@ -160,8 +160,7 @@ def _add_motion(finding: Finding, form: Format) -> None:
     finding.duration = steps / take.rate
     markers = [name for name in take.markers if not STRAY.fullmatch(name)]
     if not (markers or take.bodies):
-        question = "no marker has a name, and there is no rigid body: label the markers"
-        finding.ask(question, "dataset.mocap.markers")
+        finding.ask("markers")
     finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
     finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
     finding.count({"unlabelled_markers": len(take.markers) - len(markers)})
@@ -169,9 +168,9 @@ def _add_motion(finding: Finding, form: Format) -> None:
 
 
 def _add_trajectory(finding: Finding, form: Format) -> None:
-    t = form.read(finding.file)["t"].to_numpy()
-    finding.duration, finding.facts["steps"] = float(t[-1] - t[0]), len(t) - 1
-    finding.rate = round((len(t) - 1) / finding.duration, 6)
+    time = form.read(finding.file)["t"].to_numpy()
+    finding.timed(time, digits=6)
+    finding.facts["steps"] = len(time) - 1
 
 
 def _add_force(finding: Finding, form: Format) -> None:
@@ -191,8 +190,7 @@ def _add_calibration(finding: Finding, form: Format) -> None:
     finding.facts = {name: np.asarray(value).tolist() for name, value in values.items()}
     if finding.kind == Kind.INTRINSICS and (values["width"], values["height"]) == ANY_SIZE:
         finding.facts |= {"width": None, "height": None}
-        question = "the file does not state the size of the images"
-        finding.ask(question, "dataset.depth.width, .height")
+        finding.ask("image_size")
 
 
 def _add_bag(finding: Finding, form: Format) -> None:
@@ -212,11 +210,9 @@ def _add_bag(finding: Finding, form: Format) -> None:
         if len(names) == 1:
             finding.facts[option.rpartition(".")[2]] = names[0]
         elif names:
-            question = f"several topics could be meant: {', '.join(names)}"
-            finding.ask(question, f"dataset.{option}")
+            finding.ask("topic", names=", ".join(names), option=option)
     if rosbag.IMAGE in types:
-        known = "ROS drivers: 1000; images of 32 bits: 1"
-        finding.ask(f"the unit of images of 16 bits is not stated ({known})", UNIT)
+        finding.ask("bag_unit")
     if not types & ANALYSED:
         known = "Image, PointCloud2, WrenchStamped or JointState"
         finding.stops.append(f"no topic of {known} with a message: nothing to analyse")
@@ -249,9 +245,9 @@ def _add_robot(finding: Finding, form: Format) -> None:
     if not (arms or chains):
         finding.stops.append("no revolute or prismatic joint moves a last link: no arm")
     elif len(chains) > 1:
-        finding.ask("which three parallel joints are the chain", "dataset.robot.joints")
+        finding.ask("chain")
     elif len(chains[0]["tools"] if chains else arms) > 1:
-        finding.ask("which link is the end-effector", "dataset.robot.tool")
+        finding.ask("tool")
 
 
 URDF = Format("URDF", ROBOT, read_whole, is_xml("robot"))

@@ -11,7 +11,7 @@ from pipeline.formats.depth.image import dropped_frames, median_step, named_fram
 from pipeline.formats.format import Format, Kind
 from pipeline.tools.inspect.finding import Finding
 
-UNIT, SIZE = "dataset.depth.units_per_metre", ("width", "height")
+SIZE = ("width", "height")
 
 
 def add_image(finding: Finding, form: Format) -> None:
@@ -24,10 +24,8 @@ def add_image(finding: Finding, form: Format) -> None:
     finding.version = f"{8 * pixels.itemsize} bits"
     if measured.size:
         span = f", {float(measured.min()):g} to {float(measured.max()):g}"
-    known = "1000 for millimetres, 5000 for TUM RGB-D, 1 for metres"
-    finding.ask(f"the unit of the values{span}, is not stated ({known})", UNIT)
-    known = "plain, rotated_bits (SUN RGB-D) or disparity (NYU Depth v2)"
-    finding.ask(f"the encoding of the values is not stated ({known})", "dataset.depth.encoding")
+    finding.ask("image_unit", span=span)
+    finding.ask("image_encoding")
 
 
 def add_cloud(finding: Finding, form: Format) -> None:
@@ -46,22 +44,16 @@ def add_cloud(finding: Finding, form: Format) -> None:
         at, axis = (" ".join(f"{v + 0.0:.3g}" for v in e) for e in (place, turn / (angle or 1.0)))
         turned = f"at {at}, turned by {angle:.4g}° about {axis}"
         finding.facts["viewpoint"] = f"{turned}, not applied: points are in the sensor's frame"
-    question = "the unit of the coordinates is not stated (1 for metres, 1000 for millimetres)"
-    finding.ask(question, UNIT)
+    finding.ask("cloud_unit")
 
 
 def add_index(finding: Finding, form: Format) -> None:
     index = form.read(finding.file)
     finding.count(index.counts)
+    finding.count({"dropped_frames": (dropped := dropped_frames(index.time))})
     if len(index.time) > 1:
-        _add_times(finding, index.time)
+        finding.timed(index.time, dropped)
     _add_frames(finding, index.files)
-
-
-def _add_times(finding: Finding, time: np.ndarray) -> None:
-    finding.count({"dropped_frames": (dropped := dropped_frames(time))})
-    finding.duration = float(time[-1] - time[0])
-    finding.rate = round((len(time) - 1 + dropped) / finding.duration, 3)
 
 
 def describe_numbered(pattern: Path) -> Finding:
@@ -70,14 +62,15 @@ def describe_numbered(pattern: Path) -> Finding:
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
     time = np.array(frames.values) - frames.values[0]
     if frames.timed:
+        time = time * 1e-9
+    finding.count({"dropped_frames": (dropped := dropped_frames(time))})
+    if frames.timed:
         finding.facts["times"] = "in the names"
-        _add_times(finding, time * 1e-9)
+        finding.timed(time, dropped)
     else:
         step = median_step(time)
-        finding.count({"dropped_frames": dropped_frames(time)})
         words = f"; the numbers step by {step:g}: state how many a second has" * (step != 1)
-        question = f"numbered frames have no times: their rate is not stated{words}"
-        finding.ask(question, "dataset.depth.rate")
+        finding.ask("frame_rate", step=words)
     _add_frames(finding, [file.name for file in frames.files])
     return finding
 

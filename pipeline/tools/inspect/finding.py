@@ -9,8 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.core.errors import PipelineError
+import numpy as np
 
+from pipeline.core.errors import PipelineError
+from pipeline.core.typed_yaml import read_yaml
+
+QUESTIONS: dict[str, dict[str, str]] = read_yaml(Path(__file__).with_name("questions.yaml"))
 UNKNOWN, ROBOT = "unknown", "robot"  # kinds in addition to pipeline.formats.format.Kind
 WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
@@ -61,15 +65,25 @@ class Finding:
         self.facts |= facts
         self.gaps |= {n: number for n, number in counts.items() if number and n not in facts}
 
-    def ask(self, question: str, option: str, suggested: str | None = None) -> None:
-        """Add a question."""
+    def ask(self, name: str, suggested: str | None = None, **found: object) -> None:
+        """Add the question ``name`` of questions.yaml about the values that were ``found``."""
+        question, option = (text.format(**found) for text in QUESTIONS[name].values())
         self.open.append(Question(question, option, suggested))
+
+    def withdraw(self, name: str) -> None:
+        """Remove the question ``name``, which another file answers."""
+        self.open = [one for one in self.open if one.option != QUESTIONS[name]["option"]]
+
+    def timed(self, time: np.ndarray, lost: int = 0, digits: int = 3) -> None:
+        """Add duration and rate of samples at ``time`` (N,) s, with ``lost`` ones in between."""
+        self.duration = float(time[-1] - time[0])
+        self.rate = round((len(time) - 1 + lost) / self.duration, digits)
 
     def refuse(self, error: PipelineError) -> "Finding":
         """Add a question if ``error`` names an option of the dataset, else a stop."""
         option = str(error.evidence.get("key", ""))
         if option.startswith("dataset."):
-            self.ask(error.message, option)
+            self.open.append(Question(error.message, option))
         else:
             evidence = {n: value for n, value in error.evidence.items() if n not in ("file", "key")}
             self.stops.append(str(PipelineError(error.message, **evidence)))

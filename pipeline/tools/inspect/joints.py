@@ -50,11 +50,6 @@ RATES = 5.0, 5000.0  # Hz, range of the rates of controllers' logs
 ORDER = 6  # order of the differences that estimate noise
 LEAST_NOISE = 1e-8  # rad, least estimate of the noise
 ANGLES = ("actual", "target")  # signals to compare
-LOG_OF_BOTH = f"{OPTION}.joints, .signals, .time, or dataset.force.log.columns with format table"
-ONE_COLUMN = (
-    "the table has one column: for one joint, set signals {actual: [0], …} and time null; for "
-    "several joints, write the values of all joints at one time in one line"
-)
 
 
 def add_joint_log(finding: Finding, form: Format) -> None:
@@ -72,16 +67,12 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     bag = form.name == BAG.name
     record = _in_units(finding, record, bag or record.time_unit, bag or record.angle_unit)
     time = record.time
-    finding.duration = float(time[-1] - time[0])
-    finding.rate = round((len(time) - 1) / finding.duration, 3)
+    finding.timed(time)
     steps = np.diff(time)
     if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > CLOCK_TOLERANCE).any():
         smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
-        question = (
-            f"the times jitter by {1e3 * float(steps.std()):.3g} ms; over evenly spaced rows the "
-            f"angles are {smoother:.3g} times as smooth as over the times"
-        )
-        finding.ask(question, f"{OPTION}.clock", "rows" if smoother > 1 else "times")
+        likely, jitter = "rows" if smoother > 1 else "times", 1e3 * float(steps.std())
+        finding.ask("clock", likely, jitter=jitter, smoother=smoother)
     if {*ANGLES} <= {*signals}:
         _add_tracking(finding, record)
 
@@ -128,16 +119,14 @@ def add_table(finding: Finding, form: Format) -> None:
             facts["signals"] = certain
         if guesses:
             each = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
-            question = f"no label states the signal: {'; '.join(guesses.values())}"
-            finding.ask(question, f"{OPTION}.signals", f"{{{each}}}")
+            finding.ask("signals", f"{{{each}}}", reasons="; ".join(guesses.values()))
     other = other_content(labels, [sheet.unit(n) for n in range(len(labels))])
     if other and not signals:
         finding.version = f"of {other}"
     elif sheet.width == 1:
-        finding.ask(ONE_COLUMN, f"{OPTION}.signals")
+        finding.ask("one_column")
     elif {*ANGLES} - {*signals} and "signals" not in finding.suggested:
-        question = "the content of the columns is not stated: a log of joints, or of forces"
-        finding.ask(question, LOG_OF_BOTH)
+        finding.ask("content")
     if {*ANGLES} <= {*signals}:
         _add_signals(finding, sheet, signals, clock)
 
@@ -165,8 +154,7 @@ def _add_signals(
     finding.count(log.counts)
     if clock is None:
         content = ", ".join(f"{label} holds {what}" for label, what in sheet.left_out.items())
-        question = f"no column is a clock{content and f' ({content})'}: name the column of numbers"
-        finding.ask(f"{question}, or null for even rows at motion.rate", f"{OPTION}.time", "null")
+        finding.ask("no_clock", "null", content=content and f" ({content})")
     else:
         step = round(float(np.median(np.diff(log.time))), 9)
         finding.facts |= {"time": labels[clock], "step_of_time": step}
@@ -191,9 +179,10 @@ def compare_tables(findings: Sequence[Finding]) -> None:
         roles = {role: tables[names[0]] for role, names in named.items() if len(names) == 1}
         for role, one in roles.items():
             one.facts["role"] = role
-            one.open = [each for each in one.open if each.option != LOG_OF_BOTH]
+            one.withdraw("content")
         for one in inside.values():  # a column of times beside them is no log
-            one.open = [each for each in one.open if each.question != ONE_COLUMN]
+            if one.facts["columns"] == 1:
+                one.withdraw("one_column")
         finding = roles["target"]
         options = LogOptions(joints=finding.facts["columns"] - 1, signals={"angles": None})
         try:
@@ -216,22 +205,18 @@ def _in_units(
     if not timed:
         step = float(np.median(np.diff(log.time)))
         fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
-        question = f"the unit of the times is not stated; they step by {step:g}"
-        finding.ask(question, f"{OPTION}.time_unit", clock := (fits or ["s"])[0])
+        finding.ask("time_unit", clock := (fits or ["s"])[0], step=step)
         second = TIME_UNITS[clock]
     if not angled:
         first = log.signals.get("actual", np.hstack([*log.signals.values()]))
-        greatest, unit = float(np.abs(without_damage(first)).max()), "rad"
-        question = f"the unit of the angles is not stated; the greatest is {greatest:.4g}"
-        if greatest > MOST_TURNS * TURN:
-            angle, unit = ANGLE_UNITS["deg"], "deg"
-            if not (first % 1).any():
-                counts = 2 ** ceil(log2(greatest + 1))
-                angle, unit = TURN / counts, None
-                question = f"whole numbers from {first.min():g} to {first.max():g} may be counts of"
-                question += " an encoder: multiply them by 2π over the counts per turn "
-                question += f"(2π/{counts} = {angle:.6g} rad) and save them again, or set deg"
-        finding.ask(question, f"{OPTION}.angle_unit", unit)
+        greatest = float(np.abs(without_damage(first)).max())
+        angle = ANGLE_UNITS["deg"] if greatest > MOST_TURNS * TURN else 1.0
+        if angle == 1.0 or (first % 1).any():
+            finding.ask("angle_unit", "rad" if angle == 1.0 else "deg", greatest=greatest)
+        else:
+            counts = 2 ** ceil(log2(greatest + 1))
+            ends, angle = {"least": first.min(), "greatest": first.max()}, TURN / counts
+            finding.ask("encoder_counts", counts=counts, angle=angle, **ends)
     signals = {name: values * angle for name, values in log.signals.items()}
     if "actual" in signals:
         sound = without_damage(signals["actual"])
@@ -264,8 +249,7 @@ def _add_tracking(
     actual = actual + TURN * whole_turns(target, actual)
     pairing = find_pairing(actual, target, rate)
     for quantity, option, value, without in suspects(pairing, actual, target, rate):
-        question = f"the command differs from the measured angles by its {quantity}: without this "
-        finding.ask(f"{question}option the error is {without:.2g} of the motion", option, value)
+        finding.ask("pairing", value, quantity=quantity, without=without, option=option)
     actual, target = pairing.apply(actual, target)
     standing, late = standing_joints(actual, target), lag(target, actual, rate)
     missing = tracking_errors(actual, target)[~standing].max(initial=0.0)
@@ -280,10 +264,8 @@ def _add_tracking(
     finding.facts["motions"] = f"{lacks.count('')} whole"
     finding.count({"motions_cut_off": sum("cut off" in lack for lack in lacks)})
     if any("never rests" in lack for lack in lacks):
-        question = "the command never rests: motions have no rest before and after"
-        finding.ask(question, f"{OPTION}.rest", "0")
+        finding.ask("rest", "0")
         if len(actual) > ORDER:  # noise in rad, from differences of order ORDER
             power = np.mean(np.diff(actual, ORDER, axis=0) ** 2, axis=0).max()
             noise = max(float(np.sqrt(power / comb(2 * ORDER, ORDER))), LEAST_NOISE)
-            question = "no row at rest shows the noise of a measured angle"
-            finding.ask(question, "dataset.motion.pose_noise", f"{noise:.1e}")
+            finding.ask("pose_noise", f"{noise:.1e}")
