@@ -4,7 +4,6 @@ are not.
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +13,13 @@ from scipy.special import stdtrit
 
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.models import kinds
-from pipeline.models.steps import Estimate, Options, Recorded
+from pipeline.models.steps import Options, Recorded
 from pipeline.statistics.takes import TAILS
 
 LEAST_TAKES = 10  # minimum for a 95 % interval: fewer takes have too few distinct resamplings
 
 Estimates = dict[str, float]
-Estimator = Callable[[ndarray], Estimates]  # indices of takes → estimates by name
+FromTakes = Callable[[ndarray], Estimates]  # indices of takes → estimates by name
 
 
 class Spread(NamedTuple):
@@ -31,21 +30,17 @@ class Spread(NamedTuple):
     high: float
 
 
-def resampled_estimator(recorded: Recorded, options: Options, estimate: Estimate) -> Estimator:
-    """Return a function from take indices of ``recorded`` to the estimates with ``options``;
-    ``estimate`` is the fit to all takes.
+def replicate(
+    recorded: Recorded, options: Options, from_takes: FromTakes | None, rng: np.random.Generator
+) -> Estimates | None:
+    """Return the estimates of one resampling of the takes of ``recorded``, by ``from_takes`` of the
+    fit to all takes or by another fit with ``options``; None if the estimator fails.
     """
-    return estimate.from_takes or partial(_fit_takes, recorded, options)
-
-
-def _fit_takes(recorded: Recorded, options: Options, takes: ndarray) -> Estimates:
-    return kinds.estimate(recorded.subset(takes), options).estimates
-
-
-def replicate(estimator: Estimator, takes: int, rng: np.random.Generator) -> Estimates | None:
-    """Return the estimates of one resampling of ``takes`` takes; None if the estimator fails."""
+    takes = rng.integers(len(recorded.q), size=len(recorded.q))
     try:
-        return estimator(rng.integers(takes, size=takes))
+        if from_takes is not None:
+            return from_takes(takes)
+        return kinds.estimate(recorded.subset(takes), options).estimates
     except (ModelDomainError, SolverError):
         return None
 

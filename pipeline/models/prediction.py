@@ -60,8 +60,10 @@ def score_steps(
         reasons["log density"] = str(error)
     try:
         covariance = model.covariance(chain, q, v) + measurement
-        error = q_next - model.mean(chain, q, v)
-        scores |= {"z": _standardise(error, covariance), "nees": nees(error, covariance)}
+        normal, refused = normal_steps(q_next - model.mean(chain, q, v), covariance)
+        scores |= {"z": normal["z"], "nees": normal["nees"]}
+        if refused:
+            reasons["mean and covariance"] = refused["log density"]
     except ModelDomainError as error:
         reasons["mean and covariance"] = str(error)
     return scores, reasons
@@ -72,18 +74,14 @@ def normal_steps(error: ndarray, covariance: ndarray) -> tuple[Steps, dict[str, 
     ``covariance``) (M, n, n) in rad². All scores but ``z`` are NaN if a covariance is singular,
     e.g. a sample covariance of few takes.
     """
-    z = {"z": _standardise(error, covariance)}
+    with np.errstate(divide="ignore", invalid="ignore"):  # all takes may be equal: zero variance
+        z = {"z": error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))}
     try:
         log_density = normal_log_score(error, covariance)
         return z | {"log_density": log_density, "nees": nees(error, covariance)}, {}
     except ModelDomainError as refused:
         gaps = np.full(len(error), np.nan)
         return z | {"log_density": gaps, "nees": gaps}, {"log density": str(refused)}
-
-
-def _standardise(error: ndarray, covariance: ndarray) -> ndarray:
-    with np.errstate(divide="ignore", invalid="ignore"):  # all takes may be equal: zero variance
-        return error / np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
 
 
 def groups_by_speed(recorded: Recorded, rate: float) -> Mapping[str, ndarray]:

@@ -86,9 +86,8 @@ def _estimated(
     except ModelDomainError as error:
         return None, str(error), [], {}
     takes, scale = len(recorded.q), settings.scale
-    estimator = bootstrap.resampled_estimator(recorded, options, estimate)
     stream = (settings.seed, f"fit.{model}.bootstrap")
-    trial = partial(_replicate, estimator=estimator, takes=takes, stream=stream)
+    trial = partial(_replicate, fit=(recorded, options, estimate.from_takes), stream=stream)
     if estimate.from_takes is not None:  # too quick for workers
         replicates = [*map(trial, range(scale.bootstrap_replicates))]
     else:
@@ -99,10 +98,8 @@ def _estimated(
     return estimate, "", replicates, _uncertainty(known, takes >= bootstrap.LEAST_TAKES)
 
 
-def _replicate(
-    number: int, estimator: bootstrap.Estimator, takes: int, stream: tuple[int, str]
-) -> Metrics | None:
-    return bootstrap.replicate(estimator, takes, rng.stream(*stream, number))
+def _replicate(number: int, fit: tuple, stream: tuple[int, str]) -> Metrics | None:
+    return bootstrap.replicate(*fit, rng.stream(*stream, number))
 
 
 def _uncertainty(spreads: dict[str, bootstrap.Spread], with_ends: bool = True) -> Metrics:

@@ -12,7 +12,7 @@ from random_arm import motion, random_arm
 from pipeline.core.errors import ModelDomainError
 from pipeline.models import kinds
 from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.bootstrap import replicate, resampled_estimator, spreads
+from pipeline.models.bootstrap import replicate, spreads
 from pipeline.models.draws import draw_steps
 from pipeline.models.gaussian.fit import Options as Gaussian
 from pipeline.models.gaussian.law import GaussianModel
@@ -253,10 +253,9 @@ def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
 
 
 def standard_error(data: Recorded, rng: np.random.Generator) -> float:
-    estimator = resampled_estimator(data, ADDITIVE, estimate(data, ADDITIVE))
-    again = [replicate(estimator, len(data.q), rng) for _ in range(60)]
+    again = [replicate(data, ADDITIVE, None, rng) for _ in range(60)]
     assert None not in again
-    result = spreads(again, estimator(np.arange(len(data.q))), len(data.q))
+    result = spreads(again, estimate(data, ADDITIVE).estimates, len(data.q))
     return result["sigma_omega_11_rad2"].standard_error
 
 

@@ -10,7 +10,6 @@ from itertools import chain, islice
 from operator import length_hint
 from typing import TYPE_CHECKING
 
-from pipeline.core.compute.pickled import call_pickled
 from pipeline.core.errors import ComputeError
 
 if TYPE_CHECKING:
@@ -19,6 +18,15 @@ if TYPE_CHECKING:
 START = 6.0  # s of processor time to start workers; they must save more than this
 LOADING = 2.0  # s of the first trial attributed to loading compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
+
+
+def call_pickled(function: bytes, trial: bytes) -> bytes:
+    """Return the pickled result of a pickled function at a pickled trial, in every process alike.
+
+    A single process pickles too: unpickled arrays have another layout, on which the last bit of a
+    sum depends. So no trial sees changes that another trial made to shared arguments.
+    """
+    return pickle.dumps(pickle.loads(function)(pickle.loads(trial)))
 
 
 def run_trials(function: Callable, trials: Iterable, *, compute: "Compute", label: str) -> Iterator:
@@ -48,8 +56,10 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
     """
     left = length_hint(trials) or math.inf
     trials = iter(trials)
+    if compute.dask is not None:
+        from pipeline.core.compute.cluster import results_of_cluster
     if compute.dask is not None and compute.dask.address is not None:
-        yield from _by_cluster(function, trials, compute, label)
+        yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
     pace = 0.0  # s per trial: first trial without loading, then the mean of later trials
@@ -65,13 +75,7 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
             if compute.dask is None:
                 yield from _by_processes(function, trials, int(workers), label)
             else:
-                yield from _by_cluster(function, trials, compute, label)
-
-
-def _by_cluster(function: bytes, trials: Iterator, compute: "Compute", label: str) -> Iterator:
-    from pipeline.core.compute.cluster import results_of_cluster
-
-    yield from results_of_cluster(function, trials, compute, label)
+                yield from results_of_cluster(function, trials, compute, label)
 
 
 def _by_processes(function: bytes, trials: Iterator, workers: int, label: str) -> Iterator:

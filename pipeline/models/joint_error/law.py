@@ -115,13 +115,6 @@ def past_of(r: ndarray, keep: float) -> ndarray:
     return np.stack([r, np.concatenate([r[:1], r[:-1]]), smoothed(r, keep)], axis=-1)
 
 
-def growth_of(speed: ndarray, power: float | str) -> ndarray:
-    """Growth g of the variance at the commanded ``speed`` in rad/s."""
-    if power == SATURATING:
-        return speed**2 / (speed**2 + SLOW**2)
-    return (np.abs(speed) > 0) * np.abs(speed) ** power
-
-
 def drive(command: ndarray, rate: float, power: float | str) -> Drive:
     """Inputs at every sample of ``command`` (N, n) in rad at ``rate`` samples per second."""
     speed = np.zeros_like(command)
@@ -137,11 +130,13 @@ def drive(command: ndarray, rate: float, power: float | str) -> Drive:
 
 def _terms(speed: ndarray, change: ndarray, sign: ndarray, young, power: float | str) -> Drive:
     """Return the inputs of speed in rad/s, acceleration, sign and its ``young`` parts."""
-    one = np.ones_like(speed)
+    one, size = np.ones_like(speed), np.abs(speed)
+    if power == SATURATING:
+        growth, far = speed**2 / (speed**2 + SLOW**2), size
+    else:
+        growth, far = (size > 0) * size**power, np.zeros_like(speed)
     mean = np.stack([one, speed, change, sign, *young], axis=-1)
-    far = np.abs(speed) if power == SATURATING else np.zeros_like(speed)
-    terms = [one, growth_of(speed, power), far, young[-1] ** 2]
-    return Drive(mean, np.stack(terms, axis=-1))
+    return Drive(mean, np.stack([one, growth, far, young[-1] ** 2], axis=-1))
 
 
 @dataclass(frozen=True)

@@ -43,19 +43,7 @@ def companion_of(memory: ndarray, keep: float) -> ndarray:
 
 @compiled
 def composite_loss(
-    memory: ndarray,
-    scale: ndarray,
-    drift: float,
-    degrees: float,
-    keep: float,
-    persistence: float,
-    r: ndarray,
-    past: ndarray,
-    growth: ndarray,
-    horizons: ndarray,
-    ends: ndarray,
-    counts: ndarray,
-    least: float,
+    memory, scale, drift, degrees, keep, persistence, r, past, growth, horizons, ends, counts, least
 ) -> float:
     """Mean negative log density of the residuals ``r`` (N,) at samples ``ends``, summed over the
     ``horizons``, plus the penalty CALIBRATION. ``counts`` ends belong to each horizon.

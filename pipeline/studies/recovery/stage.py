@@ -13,7 +13,7 @@ from pipeline.configuration import config
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, SolverError
 from pipeline.figures import style
-from pipeline.models.bootstrap import replicate, resampled_estimator
+from pipeline.models.bootstrap import replicate
 from pipeline.models.draws import draw_steps
 from pipeline.models.kinds import build_model, estimate, truths
 from pipeline.models.model import MotionModel
@@ -103,7 +103,7 @@ def recover(trial: tuple[KnownLaw, int], recorded: Recorded, seed: int) -> dict[
             continue
         # the same resampling for every estimator
         takes = rng.stream(seed, stream, number, 1)
-        again = replicate(resampled_estimator(data, model, fit), len(data.q), takes)
+        again = replicate(data, model, fit.from_takes, takes)
         pairs[name] = None if again is None else (fit.estimates, again)
     return pairs
 
