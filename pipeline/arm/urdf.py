@@ -97,25 +97,20 @@ def read_urdf(file: Path) -> Tree:
 
 def _require_tree(links: list[str], joints: list[Joint]) -> None:
     """Raise ValueError where the ``joints`` do not make one tree of all ``links``."""
-    children, ends = [joint.child for joint in joints], {*links}
-    twice = [n for each in (links, [j.name for j in joints], children) for n in _repeated(each)]
-    unknown = sorted({name for joint in joints for name in joint[2:4]} - ends)
+    children, names = [joint.child for joint in joints], [joint.name for joint in joints]
+    counts = (each for listed in (links, names, children) for each in Counter(listed).items())
+    twice = next((name for name, count in counts if count > 1), None)
+    unknown = min({name for joint in joints for name in joint[2:4]} - {*links}, default=None)
     roots = [link for link in links if link not in {*children}]
-    fault = ""
-    if twice:
-        fault = f"the name {twice[0]!r} occurs twice, or the link has two joints above it"
-    elif unknown:
-        fault = f"joints name the link {unknown[0]!r}, which the file lacks"
-    elif len(roots) != 1 and links:
-        fault = f"{len(roots)} root links ({', '.join(roots[:5])}), where a tree has one"
-    elif len(links) > len(joints) + 1:
-        fault = "links form a loop"
-    if fault:
+    faults = {
+        f"the name {twice!r} occurs twice, or the link has two joints above it": twice is not None,
+        f"joints name the link {unknown!r}, which the file lacks": unknown is not None,
+        f"{len(roots)} root links ({', '.join(roots[:5])}), where a tree has one": links
+        and len(roots) != 1,
+        "links form a loop": len(links) > len(joints) + 1,
+    }
+    for fault in (fault for fault, found in faults.items() if found):
         raise ValueError(f"{fault}: connect all links by joints")
-
-
-def _repeated(names: list[str]) -> list[str]:
-    return [name for name, count in Counter(names).items() if count > 1]
 
 
 def _joint(element: ElementTree.Element) -> Joint:

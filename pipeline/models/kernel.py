@@ -211,7 +211,14 @@ def _factor_step(law, before, block, rows, n, m, count):
     rows stay, because the law is invariant under rotations of a.
     """
     if law.kind == GIVEN_LAW:
-        _multiply(law.parameters, 1 + (m * m if before else 0), block, rows, m, count)
+        # J₁, then its inverse, row by row after the degrees of freedom
+        first, product = 1 + (m * m if before else 0), rows.spare
+        for r in range(m):
+            fill(block, product + r, 0.0, count)
+            at = first + r * m
+            add_combination(block, product + r, law.parameters, at, rows.task, m, count)
+        for r in range(m):
+            copy(block, rows.task + r, product + r, count)
     elif law.kind == PIVOTED_LU_LAW and before:
         _eliminate(block, rows, n, m, count)
     elif law.kind == PIVOTED_LU_LAW:
@@ -223,16 +230,6 @@ def _factor_step(law, before, block, rows, n, m, count):
             for below in range(m - 1, k, -1):
                 flag -= 1
                 _exchange(block, task + k, task + below, flag, count)
-
-
-@inner
-def _multiply(matrix, at, block, rows, m, count):
-    """Multiply the task rows by M (m, m), stored row by row in ``matrix`` from index ``at``."""
-    for r in range(m):
-        fill(block, rows.spare + r, 0.0, count)
-        add_combination(block, rows.spare + r, matrix, at + r * m, rows.task, m, count)
-    for r in range(m):
-        copy(block, rows.task + r, rows.spare + r, count)
 
 
 @inner

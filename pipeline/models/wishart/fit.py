@@ -4,9 +4,9 @@ maximum likelihood), and σ̂_B as a function of α₂/α₁, which the paper do
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 import pandas as pd
@@ -55,27 +55,22 @@ class Options(base.Options):
         return self
 
 
-class DispersionFit(NamedTuple):
-    """σ̂_B of all takes, and a function for σ̂_B of resampled takes."""
-
-    sigma_b: float
-    from_takes: Callable[[ndarray], dict[str, float]]  # take indices → σ̂_B
-    diagnostics: Mapping[str, float] = {}
-    problems: tuple = ()  # weights (α₁, α₂) and objectives (takes·M,) of the convex problems
-
-
 def estimate(recorded: Recorded, options: Options) -> Estimate:
     """Estimate σ_B by the estimator of ``options``; raises the errors of the estimator."""
     decomposition = _decomposition(options, recorded)
     if options.estimator == "paper":
-        fit = fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
-    else:
-        fits = {"moments": fit_moments, "likelihood": fit_likelihood}
-        fit = fits[options.estimator](recorded, decomposition)
+        return fit_paper(recorded, decomposition, options.floor, options.ratio_factor)
+    fit = fit_moments if options.estimator == "moments" else fit_likelihood
+    return fit(recorded, decomposition)
+
+
+def _estimate(
+    sigma_b: float, recorded: Recorded, decomposition: Decomposition, diagnostics, **more
+) -> Estimate:
     limit = largest_dispersion(len(recorded.chain.task), inverse_moments=2)
-    diagnostics = {**fit.diagnostics, "sigma_b_limit_of_the_covariance": limit}
-    parameters, values = _parameters(fit.sigma_b, decomposition), {"sigma_b": fit.sigma_b}
-    return Estimate(parameters, values, diagnostics, from_takes=fit.from_takes)
+    diagnostics = {**diagnostics, "sigma_b_limit_of_the_covariance": limit}
+    parameters = _parameters(sigma_b, decomposition)
+    return Estimate(parameters, {"sigma_b": sigma_b}, diagnostics, **more)
 
 
 def _decomposition(options: Options, recorded: Recorded) -> Decomposition:
@@ -126,13 +121,13 @@ def diagnose(
         q, v, noise = moving_steps(recorded)
         moving = np.flatnonzero(np.broadcast_to(np.any(recorded.v, axis=-1), recorded.q.shape[:2]))
         checked = np.sort(rng.choice(len(q), min(checks, len(q)), replace=False))
-        weights, objectives = fit.problems
+        weights, objectives = fit.details
         steps = recorded.chain.jacobian(q[checked]), task_step(recorded.chain, v)[checked]
         problems = objectives[moving[checked]], *steps, noise[checked]
         gap = perturbation_gap(*problems, decomposition, weights, options.floor)
         metrics["convex_problems_checked"] = len(checked)
         metrics["convex_check_greatest_relative_gap"] = gap
-        moments = fit_moments(recorded, decomposition).sigma_b
+        moments = fit_moments(recorded, decomposition).estimates["sigma_b"]
     except ModelDomainError as error:
         print(f"fit: no curve over the weights of the convex problem: {error}")
         return metrics, {}
@@ -144,7 +139,7 @@ def diagnose(
         rows += [(*point, source) for point in points]
     greatest = max(row[1] for row in rows if row[2:] == ("curve", "recorded"))
     ratio = fit.diagnostics["weights_ratio_alpha2_over_alpha1_rad"]
-    rows.append((ratio, fit.sigma_b, "used", "recorded"))
+    rows.append((ratio, fit.estimates["sigma_b"], "used", "recorded"))
     table = pd.DataFrame(rows, columns=["ratio", "sigma_b", "point", "source"])
     return metrics | {"sigma_b_greatest_over_weights": greatest}, {"sigma_b_weights": table}
 
@@ -177,7 +172,7 @@ def _weight_curve(
         yield float(np.exp(x)), target, "moments"
 
 
-def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
+def fit_moments(recorded: Recorded, decomposition: Decomposition) -> Estimate:
     """Return σ̂_B at which the mean of tr Cov over takes and steps plus tr Σ_m equals the recorded
     total variance. Raises SingularJacobianError, and ModelDomainError as :func:`take_variances` and
     :func:`dispersion_of_trace`.
@@ -191,7 +186,8 @@ def fit_moments(recorded: Recorded, decomposition: Decomposition) -> DispersionF
         means, trace = (each[takes].mean() for each in squares), float(traces.mean()) - measured
         return {"sigma_b": dispersion_of_trace(*means, trace, m)}
 
-    return DispersionFit(**from_takes(np.arange(len(a))), from_takes=from_takes)
+    sigma_b = from_takes(np.arange(len(a)))["sigma_b"]
+    return _estimate(sigma_b, recorded, decomposition, {}, from_takes=from_takes)
 
 
 def problem_steps(recorded: Recorded, decomposition: Decomposition) -> tuple[ndarray, ...]:
@@ -221,7 +217,7 @@ def solve_problems(
 
 def fit_paper(
     recorded: Recorded, decomposition: Decomposition, floor: float, ratio_factor: float = 1.0
-) -> DispersionFit:
+) -> Estimate:
     """σ̂_B = (1/M) Σ_k σ̂_Bk (Sec. "Motion uncertainty characterization"), with B⁻¹ ⪰ εI for
     ``floor`` ε. α₂/α₁ is ``ratio_factor`` times the ratio of :func:`objective_weights` for the
     noise recorded at rest, or for the known Σ_m if the motion never rests. Raises ModelDomainError
@@ -252,11 +248,12 @@ def fit_paper(
         counts = np.bincount(takes, minlength=len(squares))
         return {"sigma_b": float(np.sqrt(counts @ squares / counts.sum()).mean())}
 
-    sigma_b, problems = float(dispersions.mean()), (weights, fits.objective)
-    return DispersionFit(sigma_b, from_takes, diagnostics, problems)
+    # weights (α₁, α₂) and objectives (takes·M,) of the convex problems
+    more = {"from_takes": from_takes, "details": (weights, fits.objective)}
+    return _estimate(float(dispersions.mean()), recorded, decomposition, diagnostics, **more)
 
 
-def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> DispersionFit:
+def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Estimate:
     """Maximise Σ ln p(q̃_{k+1} | q̃_k) over steps with a command for σ̂_B. p is the exact density
     of a step plus measurement noise; without measurement noise the slowest steps would determine
     σ̂_B. Raises SingularJacobianError and ModelDomainError.
@@ -295,4 +292,5 @@ def fit_likelihood(recorded: Recorded, decomposition: Decomposition) -> Dispersi
         return {"sigma_b": float(np.exp(best))}
 
     diagnostics = {"sigma_b_at_the_end_of_its_interval": at_end}
-    return DispersionFit(float(np.exp(best)), from_takes, diagnostics)
+    fit = float(np.exp(best)), recorded, decomposition, diagnostics
+    return _estimate(*fit, from_takes=from_takes)

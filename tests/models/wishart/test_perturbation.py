@@ -139,7 +139,7 @@ def test_at_rest_nothing_is_perturbed_and_the_mean_over_time_counts_those_steps(
     dispersions, result = np.sqrt(squares.mean(axis=0)), fit_paper(data, PIVOTED_LU, FLOOR)
     assert not fits.s.reshape(100, -1, 3, 3)[:, :REST].any()
     assert not dispersions[:REST].any() and np.all(dispersions[REST:] > 0)
-    np.testing.assert_allclose(result.sigma_b, dispersions.mean())
+    np.testing.assert_allclose(result.estimates["sigma_b"], dispersions.mean())
 
 
 def test_noise_that_is_not_finite_and_a_motion_without_noise_at_rest_are_refused(
