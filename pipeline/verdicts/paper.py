@@ -14,13 +14,14 @@ from math import sqrt
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import pandas as pd
 from pydantic import Field
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import options
 from pipeline.verdicts.decision import NO_RECORDING, Decided
 from pipeline.verdicts.run import Reference, Run, TestName, filled, index_evidence, parse_entries
-from pipeline.verdicts.wording import number, render
+from pipeline.verdicts.wording import number, render, worded
 
 LABELLED = {"equation": "Eq.", "figure": "Fig."}
 NUMBERED = {"definition": "Definition", "theorem": "Theorem", "algorithm": "Algorithm"}
@@ -28,8 +29,8 @@ LABEL = r"\(([A-Za-z][\w-]*)\)"
 CITED = re.compile(rf"((?:Eqs?|Figs?)\. )?{LABEL}(?:–{LABEL})?")
 CITED_BY_NUMBER = re.compile(rf"\b(?:{'|'.join(NUMBERED.values())}) \d+")
 MISSING = "(not in this dataset)"
-CLAIMED = ("published", "value", "distance")  # numbers of a claim
 STEPS, RATE = 320, 100  # M of the paper's motion, and its steps in a second
+FACTORS = {"std": 1, "speed": RATE, "walk": sqrt(STEPS)}  # on the root of a variance of a step
 
 
 @options(frozen=True)
@@ -141,19 +142,9 @@ def equations_page(items: Sequence[Item], sources: Mapping[str, Sequence[Source]
 
 
 @options(frozen=True)
-class Metric:
-    """Place of a metric of a run or a claim; ``{joint 2}`` in its key is as in a reference."""
-
-    file: str
-    key: str
-
-
-@options(frozen=True)
 class Erratum:
     """One erratum: ``place`` and content of the ``paper``, the ``fact``, the remedy ``done`` here,
-    and ``tests``. ``{name}`` in the prose stands for a number: of the table ``evidence``, or among
-    the ``values`` a metric of the run or a number of a claim: claims/published, value, distance,
-    std, speed, walk and level.
+    and ``tests``. The prose is a Jinja template with the numbers of :func:`errata_page`.
     """
 
     id: str
@@ -163,18 +154,6 @@ class Erratum:
     fact: str
     done: str
     tests: list[TestName] = Field(min_length=1)
-    values: dict[str, Metric] = field(default_factory=dict)
-    evidence: dict[str, Reference] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if "{" in "".join(self.prose(dict.fromkeys([*self.values, *self.evidence], ""))):
-            message = "the prose has a placeholder that is not among the values; add it"
-            raise ConfigError(message, key="values")
-
-    def prose(self, numbers: Mapping[str, str]) -> list[str]:
-        """Return the texts ``paper``, ``fact`` and ``done`` with ``numbers`` by name."""
-        texts = (self.paper, self.fact, self.done)
-        return [" ".join(filled(text, numbers).split()) for text in texts]
 
 
 def parse_errata(entries: object) -> list[Erratum]:
@@ -183,42 +162,50 @@ def parse_errata(entries: object) -> list[Erratum]:
 
 
 def errata_page(errata: Sequence[Erratum], run: Run, decided: Sequence[Decided]) -> str:
-    """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets."""
-    rows, names, texts = index_evidence(run.evidence), run.arm.numbered, []
-    metrics = {f"metrics/{stem}": values for stem, values in run.metrics.items()}
-    metrics |= _claim_numbers(decided, run.metrics.get("fit_gaussian", {}))
-    if (study := run.tables.get("wrench_study")) is not None:
-        repeats = zip(study["agents"], study["repeats"], strict=True)
-        metrics["tables/wrench_study"] = {f"repeats {agents}": count for agents, count in repeats}
-    for erratum in errata:
-        values = {
-            name: metrics.get(place.file, {}).get(filled(place.key, names))
-            for name, place in erratum.values.items()
-        }
-        values |= {name: ref.look_up(rows, names) for name, ref in erratum.evidence.items()}
-        numbers = {n: MISSING if value is None else number(value) for n, value in values.items()}
-        texts.append((erratum, *erratum.prose(numbers)))
-    return render("errata.md", errata=texts)
+    """Return ``errata.md`` with the numbers of ``run``, the first of the ``decided`` datasets.
 
-
-def _claim_numbers(
-    decided: Sequence[Decided], fitted: Mapping[str, float]
-) -> dict[str, dict[str, float | None]]:
-    """Return numbers by claim and case. From a published variance of a step follow its std, the
-    speed of RATE such steps in a second, and walk, the std of a sum of STEPS independent steps; the
-    published α and u have the level of :func:`noise_levels` over the poses of the fit ``fitted``.
+    The prose has metrics of a file by key, rows of ``evidence``, the noise ``level`` of the
+    published α and u, the number of ``repeats`` of the study of the wrench, and of a case of a
+    claim the published number, ours or their distance. From a published variance of a step follow
+    its std, the speed of RATE such steps in a second, and walk, the std of a sum of STEPS
+    independent steps. Raises ConfigError with the erratum for prose that is no such template.
     """
-    factors = {"std": 1, "speed": RATE, "walk": sqrt(STEPS)}
-    numbers: dict[str, dict] = {f"claims/{name}": {} for name in (*CLAIMED, *factors)}
-    for claim, verdict, cases in decided[0].verdicts + decided[-1].verdicts:
-        for case in cases if verdict != NO_RECORDING else ():
-            key, variance = f"{claim.id} {case.case}".strip(), case.published
-            own = {name: getattr(case, name) for name in CLAIMED}
-            if (variance or 0) > 0:
-                own |= {name: factor * sqrt(variance) for name, factor in factors.items()}
-            for name, value in own.items():
-                numbers[f"claims/{name}"][key] = value
-    return numbers | {"claims/level": noise_levels(fitted, numbers["claims/published"])}
+    rows, names = index_evidence(run.evidence), run.arm.numbered
+    verdicts = [*decided[0].verdicts, *decided[-1].verdicts]
+    cases = {
+        f"{claim.id} {case.case}".strip(): case
+        for claim, verdict, own in verdicts
+        if verdict != NO_RECORDING
+        for case in own
+    }
+    published = {key: case.published for key, case in cases.items()}
+    levels = noise_levels(run.metrics.get("fit_gaussian", {}), published)
+    study = run.tables.get("wrench_study", pd.DataFrame(columns=["repeats"]))
+
+    def shown(value: float | None) -> str:
+        return MISSING if value is None else number(value)
+
+    def claim(case: str, name: str = "published") -> str:
+        if name in FACTORS and published.get(case) is not None:
+            return shown(FACTORS[name] * sqrt(published[case]))
+        return shown(getattr(cases.get(case), name, None))
+
+    numbers = {
+        "metric": lambda file, key: shown(run.metrics.get(file, {}).get(filled(key, names))),
+        "evidence": lambda *keys, **named: shown(Reference(*keys, **named).look_up(rows, names)),
+        "level": lambda name: shown(levels.get(name)),
+        "repeats": shown(next(iter(study["repeats"]), None)),
+        "claim": claim,
+    }
+    texts = []
+    for erratum in errata:
+        try:
+            stated = (erratum.paper, erratum.fact, erratum.done)
+            texts.append((erratum, *(worded(text, **numbers) for text in stated)))
+        except (TypeError, ConfigError) as error:
+            message = f"the prose has a number that does not exist ({error}); correct it"
+            raise ConfigError(message, erratum=erratum.id) from None
+    return render("errata.md", errata=texts)
 
 
 def noise_levels(fitted: Mapping[str, float], published: Mapping[str, float]) -> dict[str, float]:

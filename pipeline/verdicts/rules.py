@@ -126,17 +126,14 @@ JUDGES: dict[str, Judge] = {
 
 
 class Rule(NamedTuple):
-    """A rule in ``words``, the keys of a claim that it ``needs``, and its judge."""
+    """The keys of a claim that a rule ``needs``, and its judge."""
 
-    words: str
     needs: set[str]
     judge: Judge
 
 
-RULES = {
-    name: Rule(rule["words"], {*rule["needs"]}, JUDGES[name])
-    for name, rule in read_yaml(Path(__file__).with_name("rules.yaml")).items()
-}
+WORDED = read_yaml(Path(__file__).with_name("rules.yaml"))
+RULES = {name: Rule({*WORDED[name]["needs"]}, judge) for name, judge in JUDGES.items()}
 
 
 def decide_cases(rule: Rule, r: Table, known: pd.Series) -> list[bool | None]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 
 MISSING = "–"
@@ -89,9 +90,21 @@ def _templates():
     return made
 
 
+def worded(template: str, **values: object) -> str:
+    """Return the text of a Jinja ``template`` with ``values``; raises ConfigError where it is none
+    or lacks a value.
+    """
+    from jinja2 import TemplateError
+
+    try:
+        return " ".join(_templates().from_string(template).render(values).split())
+    except TemplateError as error:
+        raise ConfigError(f"not a template with these values: {error}") from None
+
+
 def say(name: str, **values: object) -> str:
     """Return the sentences ``name`` of ``words.yaml`` with ``values``."""
-    return _templates().from_string(WORDS["sentences"][name]).render(values).strip()
+    return worded(WORDS["sentences"][name], **values)
 
 
 def render(template: str, **values: object) -> str:

@@ -13,8 +13,7 @@ from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.verdicts import paper, report_page
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import WITHOUT_RECORDING, decide_each
-from pipeline.verdicts.estimates import published_and_ours
-from pipeline.verdicts.report_page import datasets_page, recordings_page
+from pipeline.verdicts.report_page import datasets_page, published_and_ours, recordings_page
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import filter_verdict, filters, result, widths
 from pipeline.verdicts.wording import say

@@ -127,10 +127,9 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
     assert "pipeline.randommatrix.wishart.degrees_of_freedom" not in by
 
 
-FIT = {"file": "metrics/fit", "key": "std_{joint 1}"}
-VALUES = {"ours": FIT, "sum": {"file": "claims/walk", "key": "sigma"}}
-ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "values": VALUES}
-ENTRY |= {"paper": "It is.", "fact": "It is {ours}.", "done": "Its sum is {sum}."}
+ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "paper": "It is."}
+ENTRY |= {"fact": "It is {{ metric('fit', 'std_{joint 1}') }}."}
+ENTRY |= {"done": "Its sum is {{ claim('sigma', 'walk') }}."}
 ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
 CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {"id": "sigma"}
 CLAIM |= {"about": "method", "rule": "within_relative", "tolerance": 0.1, "published": 0.25}
@@ -148,6 +147,10 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
     assert f"**In fact**: It is {ours}." in text
     # the published variance a step as the standard deviation of the sum of so many steps
     assert "Its sum is 8.944." in text
+    for wrong in ("{{ metric('fit') }}", "{{ evidence('stdd') }}", "{{ value }}", "{{ level("):
+        errata = paper.parse_errata([ENTRY | {"fact": wrong}])
+        with pytest.raises(ConfigError, match=r"correct it \[erratum bias"):
+            paper.errata_page(errata, run, decided)
 
 
 @pytest.mark.parametrize(
@@ -158,8 +161,7 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
         (paper.parse_items, [EQUATION, *FURTHER], {"without_code": "a sketch"}, "tests"),
         (paper.parse_items, [EQUATION, *FURTHER], {"label": "cost"}, "label"),
         (paper.parse_errata, [ENTRY], {"tests": ["test_noise.py"]}, "tests"),
-        (paper.parse_errata, [ENTRY], {"values": {"ours": {"file": "fit"}}}, "values.ours.key"),
-        (paper.parse_errata, [ENTRY], {"values": {}}, "values"),
+        (paper.parse_errata, [ENTRY], {"facts": "It is."}, "facts"),
     ],
 )
 def test_a_malformed_item_or_erratum_is_refused_with_its_key(parse, entries, changes, key):
