@@ -39,13 +39,12 @@ class TimeLaw:
 
     def draw(self, back: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return the completed share (P, steps+1) of each path; ``back`` (P,) marks returns."""
-        count = (len(back), 1)
-        duration = self.steps / self.rate
+        column, duration = back[:, None], self.steps / self.rate
         time = np.arange(self.steps + 1) / self.rate
-        time = np.where(back[:, None], np.minimum(time, duration - time), time)
-        rest = rng.uniform(*self.rest, count)
-        moving = np.where(back[:, None], duration / 2, duration) - 2 * rest
-        ramp = rng.uniform(*self.ramp, count) / moving
+        time = np.where(column, np.minimum(time, duration - time), time)
+        rest = rng.uniform(*self.rest, column.shape)
+        moving = np.where(column, duration / 2, duration) - 2 * rest
+        ramp = rng.uniform(*self.ramp, column.shape) / moving
         place = np.clip((time - rest) / moving, 0.0, 1.0)
         from_end = np.minimum(place, 1 - place)
         share = np.maximum(ramp, np.finfo(float).tiny)
@@ -94,30 +93,28 @@ def _feasible_paths(
     once = rng.uniform(*law.once, count)
     peak, size = once * rng.uniform(*law.peak, count), np.ones(count)
 
-    def angles(chosen: np.ndarray, stride: int) -> np.ndarray:
-        """Return (C, L, 3) rad at every ``stride``-th pose of the paths ``chosen`` (C,)."""
-        shape = share[chosen, ::stride, None]
+    def angles(chosen: np.ndarray, stride: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return (C, L, 3) rad at every ``stride``-th pose of the paths ``chosen`` (C,), and the
+        greatest speed of a joint (C,) as a share of its limit.
+        """
+        shape, of_task = share[chosen, ::stride, None], task[chosen]
         along, across = np.moveaxis(axes[chosen, None], 2, 0)
         turn = 2 * np.pi * shape
         ellipse = (np.sin(turn) * along + (1 - np.cos(turn)) * across) / (2 * np.pi)
         q = start[chosen, None] + size[chosen, None, None] * (ellipse if loop else shape * along)
-        of_task = task[chosen]
         if np.any(of_task):
             q[of_task] = joint_angles(chain, q[of_task], elbow[chosen][of_task, None])
-        return q
-
-    def greatest_speed(q: np.ndarray, stride: int) -> np.ndarray:
-        return (np.abs(np.diff(q, axis=1)) / chain.max_speed).max(axis=(1, 2)) * law.rate / stride
+        speed = (np.abs(np.diff(q, axis=1)) / chain.max_speed).max(axis=(1, 2))
+        return q, speed * law.rate / stride
 
     chosen = np.arange(count)
     for _ in range(SCALINGS if task.any() else 1):
-        ratio = peak / greatest_speed(angles(chosen, COARSE), COARSE)
+        ratio = peak / angles(chosen, COARSE)[1]
         size *= np.where(np.isfinite(ratio), ratio, 0.5)  # shorter if it leaves the reach
     for stride in (COARSE, 1):
-        q = angles(chosen, stride)
+        q, speed = angles(chosen, stride)
         kept = chain.within_limits(q).all(axis=1) & ~chain.singular(q).any(axis=1)
-        error = np.abs(greatest_speed(q, stride) / peak[chosen] - 1)
-        kept &= error < SPEED_TOLERANCE * (5 if stride > 1 else 1)
+        kept &= np.abs(speed / peak[chosen] - 1) < SPEED_TOLERANCE * (5 if stride > 1 else 1)
         chosen, q = chosen[kept], q[kept]
         kept = (frobenius(chain.inverse_jacobian(q)) < bound).all(axis=1)
         chosen, q = chosen[kept], q[kept]

@@ -115,7 +115,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     for name, words in QUANTITIES.items():
         part = rows_of_first(later[later["quantities"] == name], "prior")
         most = part.loc[part["likelihood"].idxmax()]
-        value, low, high = map(number, most[["likelihood", "low", "high"]])
+        value, low, high = most[["likelihood", "low", "high"]].map(number)
         best.append(f"{words}: {value} ({low} to {high}, {NAMES[most['reading']]})")
     for size, part in integrated.groupby("size", sort=False):
         sets = rows_of_first(part, "prior").groupby("quantities")
@@ -125,25 +125,27 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
     below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
     still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
-    ranges = ("tool", "rest", "ramp", "peak")
-    return {
-        "verb": "do not determine" if below and above else "favour one side of",
-        "later": odds(later, PHI_LATER),
-        "best": "; ".join(best),
-        "odds": odds(rows, [laws.QR]),
-        "control": odds(rows, [laws.QR_TRANSPOSED]),
-        "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
-        "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
-        "evidence": evidence_table(rows_of_first(evidence, "size")),
-        "span": options.span,
-        "choices": "; ".join(choices),
-        "ramped": ramped,
-        "constant": constant,
-        "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
-        "post": tables["unsquared"].iloc[-1],
-        **{name: "{:g} to {:g}".format(*getattr(options, name)) for name in ranges},
-        **(still["mm"] / still["m"]).to_dict(),
-    }
+    ranges = {n: "{:g} to {:g}".format(*vars(options)[n]) for n in ("tool", "rest", "ramp", "peak")}
+    return (
+        ranges
+        | (still["mm"] / still["m"]).to_dict()
+        | {
+            "verb": "do not determine" if below and above else "favour one side of",
+            "later": odds(later, PHI_LATER),
+            "best": "; ".join(best),
+            "odds": odds(rows, [laws.QR]),
+            "control": odds(rows, [laws.QR_TRANSPOSED]),
+            "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
+            "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
+            "evidence": evidence_table(rows_of_first(evidence, "size")),
+            "span": options.span,
+            "choices": "; ".join(choices),
+            "ramped": ramped,
+            "constant": constant,
+            "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
+            "post": tables["unsquared"].iloc[-1],
+        }
+    )
 
 
 def rows_of_first(rows: pd.DataFrame, column: str) -> pd.DataFrame:
@@ -179,13 +181,12 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
     main, limits = rows_of_first(widths, "prior").set_index("reading"), (0.02, 30)
     place = {reading: height for height, reading in enumerate(main.index)}
     layout = {"columns": 2, "sharey": True, "width_ratios": (1, 1.25)}
-    figure, ((left, right),) = style.panels(style.TWO_COLUMNS, 0.27 * len(place) + 0.95, **layout)
-    dot = {"color": style.BLACK, "marker": "o", "markersize": 4}
-    for reading, height in place.items():
-        low, median, high = main.loc[reading, ["low", "median", "high"]]
-        left.hlines(height, low, min(high, limits[1]), color=style.BLACK, linewidth=1.2)
-        left.plot(median, height, **dot)
-        if high > limits[1]:
+    figure, (both,) = style.panels(style.TWO_COLUMNS, 0.27 * len(place) + 0.95, **layout)
+    (left, right), dot = both, {"color": style.BLACK, "marker": "o", "markersize": 4}
+    for height, row in enumerate(main.itertuples()):
+        left.hlines(height, row.low, min(row.high, limits[1]), color=style.BLACK, linewidth=1.2)
+        left.plot(row.median, height, **dot)
+        if row.high > limits[1]:
             left.plot(limits[1], height, **dot | {"marker": ">"}, clip_on=False)
     rows = rows_of_first(evidence[evidence["tolerance"] == 0], "size")
     labels = {"sigma_b": r"$\Sigma_\omega$ and $\sigma_B$", "alpha_u": r"with ($\alpha$, $u$)"}
@@ -205,8 +206,8 @@ def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
     left.set(xlim=limits, ylim=(len(place) - 0.5, -0.6))
     left.set_xlabel("standard deviation over printed one (1)")
     right.set(xlim=(1e-3, 1e3), xlabel="likelihood over pivoted LU's (1)")
-    style.letters((left, right))
-    for axes in (left, right):
+    style.letters(both)
+    for axes in both:
         axes.set_xscale("log")
         axes.axvline(1, color=style.GREY, linewidth=0.8, zorder=0)
         axes.tick_params(axis="y", length=0)
