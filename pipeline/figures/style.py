@@ -88,11 +88,6 @@ def joint_lines(joints: Sequence[str]) -> dict[str, dict]:
     }
 
 
-def wrench_label(row: str) -> str:
-    """Return the axis label of a row of the wrench."""
-    return f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
-
-
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, **layout: object
 ) -> tuple[Figure, np.ndarray]:

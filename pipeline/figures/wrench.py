@@ -153,7 +153,8 @@ def wrench_marginals(wrench_marginals: pd.DataFrame, recordings: str) -> Figure:
             for source, look in LINES.items():
                 curve = curves[curves["source"] == source]
                 axes.plot(curve["value"], curve["density"], **{"label": recordings} | look)
-            axes.set(xlabel=style.wrench_label(row), ylim=(0, None), yticks=[])
+            label = f"$F_{row[1]}$ (N)" if row[0] == "f" else rf"$M_{row[1]}/\ell$ (N)"
+            axes.set(xlabel=label, ylim=(0, None), yticks=[])
             if len(shown):
                 axes.set_xlim(shown["value"].min(), shown["value"].max())
             axes.locator_params(axis="x", nbins=3)

@@ -5,10 +5,8 @@ noise with the covariance of the recorded poses at rest. A depth frame has noise
 moments at an equal share of the motion. Markers have no faults and no offsets; clocks are known.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,8 +15,7 @@ from pipeline.arm.interface import Chain
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
 from pipeline.evidence.case import Camera, Takes, camera_of
-from pipeline.laboratory.dynamics import depth_frames, desired_trajectory, open_session
-from pipeline.laboratory.dynamics import perform as perform_take
+from pipeline.laboratory import dynamics as moves
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
 from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
@@ -101,49 +98,42 @@ class Laboratory:
         none, window = np.zeros((len(joints), len(joints))), settings.articulation.noise_window
         parts = (options["dynamics"], options["trajectory"], options["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
-        takes = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
-        at_rest = steps(alone, np.stack([take.poses for take in takes])).measurement
+        poses, _ = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
+        at_rest = steps(alone, poses).measurement
         # a step has the noise of two poses; negative estimates from few takes become zero
         variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
         return replace(alone, pose_noise=(axes * np.maximum(variances, 0.0)) @ axes.T)
 
 
-class SimulatedTake(NamedTuple):
-    """Motion of the arm in one take at the exposures of the instruments."""
-
-    poses: np.ndarray  # (M+1, n) rad, of the motion capture
-    frames: np.ndarray  # (F,) s, exposures of the depth camera on the motion clock
-    seen: np.ndarray  # (F, n) rad, joint angles at these exposures
-
-
 def perform(
     laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
-) -> list[SimulatedTake]:
-    """Simulate ``count`` takes of a ``part`` (train or test) as `record` draws them."""
+) -> tuple[np.ndarray, list[moves.DepthFrames]]:
+    """Return ``count`` takes of a ``part`` (train or test) as `record` draws them: poses (takes,
+    M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
+    """
     dynamics, motion = disturb(laboratory.dynamics, factors), laboratory.motion
-    opened = open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
-    takes = []
+    opened = moves.open_session(laboratory.chain, dynamics, rng.stream(seed, "record.session"))
+    poses, frames = [], []
     for number in range(count):
         stream = rng.stream(seed, f"record.{part}", number)
-        take = perform_take(opened, motion, dynamics, stream)
-        frames = depth_frames(take.swing, motion.duration, laboratory.clock, stream)
-        takes.append(SimulatedTake(take.motion_capture, frames.exposed, frames.joints))
-    return takes
+        take = moves.perform(opened, motion, dynamics, stream)
+        frames.append(moves.depth_frames(take.swing, motion.duration, laboratory.clock, stream))
+        poses.append(take.motion_capture)
+    return np.stack(poses), frames
 
 
 def steps(laboratory: Laboratory, poses: np.ndarray) -> Recorded:
     """Return the steps between ``poses`` (takes, M+1, n) in rad; raises SingularJacobianError."""
-    table = desired_trajectory(laboratory.chain, laboratory.motion)
+    table = moves.desired_trajectory(laboratory.chain, laboratory.motion)
     v = commanded_steps(table, laboratory.motion.rate)
     noise = process_noise(laboratory.chain, poses, v)
     return Recorded(laboratory.chain, poses[:, :-1], v, noise, laboratory.joints)
 
 
 def measure_poses(
-    takes: Sequence[SimulatedTake], covariance: np.ndarray, factor: float, stream
+    poses: np.ndarray, covariance: np.ndarray, factor: float, stream: np.random.Generator
 ) -> np.ndarray:
-    """Return poses (takes, M+1, n) in rad with noise of covariance ``factor``² · ``covariance``."""
-    poses = np.stack([take.poses for take in takes])
+    """Return ``poses`` (takes, M+1, n) in rad with noise of ``factor``² · ``covariance``."""
     variances, axes = np.linalg.eigh(covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))  # an eigenvalue may round to below zero
     return poses + factor * stream.standard_normal(poses.shape) @ root.T
@@ -155,26 +145,25 @@ def observe(
     """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
     SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.
     """
-    fitted, kept = (
-        perform(laboratory, factors, seed, part, count)
-        for part, count in (("train", training), ("test", test))
-    )
+    parts = {"train": training, "test": test}
+    performed = [perform(laboratory, factors, seed, *part) for part in parts.items()]
     poses, others = (
-        measure_poses(takes, laboratory.pose_noise, factors.motion_capture, stream)
-        for number, takes in enumerate((fitted, kept))
+        measure_poses(q, laboratory.pose_noise, factors.motion_capture, stream)
+        for number, (q, _) in enumerate(performed)
         for stream in [rng.stream(seed, "simulated.capture", number)]
     )
+    names, tested = (
+        [f"{part}_{n:03d}" for n in range(1, count + 1)] for part, count in parts.items()
+    )
     motion, stream = laboratory.motion, rng.stream(seed, "simulated.camera")
-    names = [f"test_{number:03d}" for number in range(1, test + 1)]
     t, joints, angles = np.arange(others.shape[1]) / motion.rate, [], []
-    for name, take, q in zip(names, kept, others, strict=True):
-        noise = laboratory.depth_noise.sample(take.frames / motion.duration, stream)
-        seen = take.seen + factors.depth_camera * noise
+    for name, frames, q in zip(tested, performed[1][1], others, strict=True):
+        noise = laboratory.depth_noise.sample(frames.exposed / motion.duration, stream)
+        seen = frames.joints + factors.depth_camera * noise
         joints.append(pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q)))
-        place = {"take": name, "t": take.frames, "frame": range(len(seen))}
+        place = {"take": name, "t": frames.exposed, "frame": range(len(seen))}
         angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))
-    angles, joints = (pd.concat(parts, ignore_index=True) for parts in (angles, joints))
-    training_names = tuple(f"train_{number:03d}" for number in range(1, training + 1))
-    tested = dict(zip(names, others, strict=True))
-    takes = Takes(steps(laboratory, poses), training_names, poses, tested)
-    return takes, camera_of(angles, joints, window=laboratory.window)
+    recordings = (pd.concat(each, ignore_index=True) for each in (angles, joints))
+    of_name = dict(zip(tested, others, strict=True))
+    takes = Takes(steps(laboratory, poses), tuple(names), poses, of_name)
+    return takes, camera_of(*recordings, window=laboratory.window)

@@ -13,6 +13,7 @@ from pipeline.core.errors import ConfigError
 from pipeline.studies.outlook.stage import (
     equal_models,
     error_rows,
+    legs_at,
     lever,
     motion_of,
     pose_of,
@@ -22,7 +23,6 @@ from pipeline.wrench.models import Bounds
 
 OPTIONS = options_of("outlook", "paper")
 MOTION = motion_of(OPTIONS)
-ROBOT = MOTION.robot
 LAWS = equal_models(MOTION, OPTIONS.noise, OPTIONS.bound)
 POSES = [
     pose_of(np.array(p), np.array(t)) for p, t in zip(OPTIONS.position, OPTIONS.turn, strict=True)
@@ -33,7 +33,7 @@ BOUNDS = Bounds(*RANGES, elevation=(0.26, 1.3), attachment=(-0.25, 0.25))
 
 def moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return the poses (N, 12) after steps (N, 6) in m, angular ones times the length."""
-    turn = Rotation.from_rotvec(step[:, 3:] / ROBOT.length)
+    turn = Rotation.from_rotvec(step[:, 3:] / OPTIONS.length)
     turned = (turn * Rotation.from_matrix(pose[:, 3:].reshape(-1, 3, 3))).as_matrix()
     return np.hstack([pose[:, :3] + step[:, :3], turned.reshape(-1, 9)])
 
@@ -44,12 +44,12 @@ def displacement(start: np.ndarray, legs: np.ndarray) -> np.ndarray:
     """
     poses = np.broadcast_to(start, (len(legs), 12))
     for _ in range(30):
-        lengths, inverse = ROBOT.legs(poses)
+        lengths, inverse = legs_at(OPTIONS, poses)
         poses = moved(poses, np.linalg.solve(inverse, (legs - lengths)[..., None])[..., 0])
-    np.testing.assert_allclose(ROBOT.legs(poses)[0], legs, atol=1e-10)
+    np.testing.assert_allclose(legs_at(OPTIONS, poses)[0], legs, atol=1e-10)
     after, before = poses[:, 3:].reshape(-1, 3, 3), start[3:].reshape(3, 3)
     turn = Rotation.from_matrix(after @ before.T).as_rotvec()
-    return np.hstack([poses[:, :3] - start[:3], ROBOT.length * turn])
+    return np.hstack([poses[:, :3] - start[:3], OPTIONS.length * turn])
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -77,7 +77,7 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
     share = k / (len(MOTION.q) - 1)
     turn = Rotation.from_rotvec(share * np.array(OPTIONS.turn[1])).as_matrix().ravel()
     pose = np.concatenate([POSES[0][:3] + share * (POSES[1] - POSES[0])[:3], turn])
-    np.testing.assert_allclose(ROBOT.legs(pose)[0], q, atol=1e-12)
+    np.testing.assert_allclose(legs_at(OPTIONS, pose)[0], q, atol=1e-12)
     drawn = displacement(pose, q + steps).var(axis=0)
     # a variance has a relative standard error of 0.026; the second order is a few percent
     np.testing.assert_allclose(drawn, np.diag(covariances[k]), rtol=0.15)
@@ -88,14 +88,14 @@ def test_the_noise_of_the_pose_is_that_of_drawn_legs_through_newtons_method(name
 def test_the_inverse_jacobian_is_that_of_finite_differences_of_the_legs():
     pose, h = POSES[0] + 0, 1e-6
     steps, poses = h * np.eye(6), np.tile(pose, (6, 1))
-    ahead, behind = (ROBOT.legs(moved(poses, sign * steps))[0] for sign in (1, -1))
-    np.testing.assert_allclose(ROBOT.legs(pose)[1], (ahead - behind).T / (2 * h), atol=1e-9)
+    ahead, behind = (legs_at(OPTIONS, moved(poses, sign * steps))[0] for sign in (1, -1))
+    np.testing.assert_allclose(legs_at(OPTIONS, pose)[1], (ahead - behind).T / (2 * h), atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"platform": (0.5 * ROBOT.base).tolist(), "legs": [0.3, 2.0]}, "turn"),
+        ({"platform": (0.5 * np.array(OPTIONS.base)).tolist(), "legs": [0.3, 2.0]}, "turn"),
         ({"legs": [0.7, 0.9]}, "legs"),
         ({"noise": 1e6}, "noise"),
         # Fichter (1986): at a quarter turn above the base's centre the legs do not hold the yaw

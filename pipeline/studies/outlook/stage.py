@@ -39,53 +39,49 @@ ERRORS = {"variance": ("diagonal", variance_errors), "covariance": ("full", cova
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the study's tables; raises ConfigError for an impossible robot or motion."""
     motion, study = motion_of(options), settings.wrench
+    models = equal_models(motion, options.noise, options.bound)
     ranges = {"attachment": options.attachment, "elevation": options.elevation}
     towed = replace(cables.study_bounds(study), **ranges), options.agents
     sizes = study.systems, study.test_systems
     streams = [rng.stream(settings.seed, "outlook.towing", n) for n in range(study.repeats)]
     parts = [error_rows(*towed, sizes, each).assign(repeat=n) for n, each in enumerate(streams)]
-    towing = concatenate(parts)
-    models = equal_models(motion, options.noise, options.bound)
-    hexapod = hexapod_rows(motion, models)
-    return {"hexapod": hexapod, "towing": towing, "towing_slopes": slope_rows(towing)}
+    towing, hexapod = concatenate(parts), []
+    least = np.linalg.svd(motion.inverse, compute_uv=False)[:, -1]
+    place = {"place": np.linspace(0, 1, len(motion.q)), "least_singular_value": least}
+    for name, model in models.items():
+        turn = motion.covariances(model)[1][:, 3:, 3:]
+        std = np.sqrt(np.trace(turn, axis1=1, axis2=2)) / options.length
+        hexapod.append(pd.DataFrame({"model": name, **place, "rotation": std}))
+    slopes = slope_rows(towing)
+    return {"hexapod": concatenate(hexapod), "towing": towing, "towing_slopes": slopes}
 
 
-@dataclass(frozen=True)
-class Hexapod:
-    """A platform on six legs whose lengths are its joints (Gough 1962, Stewart 1965).
+def legs_at(robot: SimpleNamespace, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lengths (..., 6) in m of the legs, a hexapod's joints (Gough 1962, Stewart
+    1965), and J⁻¹ (..., 6, 6) at ``pose`` (..., 12).
 
-    ``base`` and ``platform`` (6, 3) in m are the legs' ends, each in its own frame; ``length`` in m
-    multiplies the angular rows. A pose (12,) is position (3, m) and rotation (9, row by row) of the
-    platform in the base frame; task rows are velocity and angular velocity in base axes.
+    ``base`` and ``platform`` (6, 3) of ``robot`` in m are the legs' ends, each in its own frame;
+    ``length`` in m multiplies the angular rows. A pose is position (3, m) and rotation (9, row by
+    row) of the platform in the base frame; task rows are velocity and angular velocity in base
+    axes. Row i of J⁻¹ is nᵢᵀ, (bᵢ × nᵢ)ᵀ over the length: nᵢ the unit vector along leg i from base
+    to platform, bᵢ its joint on the platform from the platform's origin.
     """
-
-    base: np.ndarray
-    platform: np.ndarray
-    length: float
-
-    def legs(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lengths (..., 6) of the legs in m and J⁻¹ (..., 6, 6) at ``pose`` (..., 12).
-
-        Row i of J⁻¹ is nᵢᵀ, (bᵢ × nᵢ)ᵀ over the length: nᵢ the unit vector along leg i from base to
-        platform, bᵢ its joint on the platform from the platform's origin.
-        """
-        rotation = pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)
-        arms = np.einsum("...ij,kj->...ki", rotation, self.platform)
-        legs = pose[..., None, :3] + arms - self.base
-        lengths = np.linalg.norm(legs, axis=-1)
-        n = legs / lengths[..., None]
-        return lengths, np.concatenate([n, np.cross(arms, n) / self.length], axis=-1)
+    rotation = pose[..., 3:].reshape(*pose.shape[:-1], 3, 3)
+    arms = np.einsum("...ij,kj->...ki", rotation, np.array(robot.platform))
+    legs = pose[..., None, :3] + arms - np.array(robot.base)
+    lengths = np.linalg.norm(legs, axis=-1)
+    n = legs / lengths[..., None]
+    return lengths, np.concatenate([n, np.cross(arms, n) / robot.length], axis=-1)
 
 
 @dataclass(frozen=True)
 class PlatformMotion(Mechanism):
-    """Commanded steps ``v`` (K, 6) in m from K poses with legs ``q`` (K, 6) in m."""
+    """Commanded steps ``v`` (K, 6) in m from K poses of a hexapod with legs ``q`` (K, 6) in m."""
 
     task: ClassVar[tuple[str, ...]] = SPACE
-    robot: Hexapod
     q: np.ndarray
     v: np.ndarray
-    inverse: np.ndarray
+    inverse: np.ndarray  # J⁻¹ (K, 6, 6) at the poses
 
     def singular(self, q: np.ndarray) -> np.ndarray:
         """Return the mask (K,), all False, because :func:`motion_of` refuses singular poses."""
@@ -119,27 +115,26 @@ def motion_of(options: SimpleNamespace) -> PlatformMotion:
     Raises ConfigError if a leg exceeds its limits, or if J⁻¹ is singular during the motion, so that
     the legs do not hold the platform (Gosselin and Angeles 1990).
     """
-    robot = Hexapod(np.array(options.base), np.array(options.platform), options.length)
     start, end = map(pose_of, np.array(options.position), np.array(options.turn))
     limits, places = options.legs, options.places
     before, after = (Rotation.from_matrix(pose[3:].reshape(3, 3)) for pose in (start, end))
     shift, turn = end[:3] - start[:3], (after * before.inv()).as_rotvec()
     share = np.linspace(0, 1, places)[:, None]
     turned = (Rotation.from_rotvec(share * turn) * before).as_matrix().reshape(-1, 9)
-    q, inverse = robot.legs(np.hstack([start[:3] + share * shift, turned]))
+    q, inverse = legs_at(options, np.hstack([start[:3] + share * shift, turned]))
     if q.min() < limits[0] or q.max() > limits[1]:
         message = f"legs must be {limits[0]:g} to {limits[1]:g} m long, the motion needs "
         message += f"{q.min():.4g} to {q.max():.4g} m; choose other ends or legs"
         raise ConfigError(message, key="legs")
-    radius = np.linalg.norm(robot.platform, axis=1).max()
+    radius = np.linalg.norm(options.platform, axis=1).max()
     least = np.linalg.svd(inverse, compute_uv=False)[:, -1].min()
     signs = np.sign(np.linalg.det(inverse))
-    if least < LEAST_SINGULAR * max(1.0, radius / robot.length) or np.ptp(signs):
+    if least < LEAST_SINGULAR * max(1.0, radius / options.length) or np.ptp(signs):
         message = "the motion has a pose at which the legs do not hold the platform; choose a "
         message += "smaller turn, or joints of base and platform that are not similar figures"
         raise ConfigError(message, key="turn")
-    way = np.concatenate([shift, robot.length * turn])
-    return PlatformMotion(robot, q, np.broadcast_to(way / places, q.shape), inverse)
+    way = np.concatenate([shift, options.length * turn])
+    return PlatformMotion(q, np.broadcast_to(way / places, q.shape), inverse)
 
 
 def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str, MotionModel]:
@@ -160,16 +155,6 @@ def equal_models(motion: PlatformMotion, noise: float, bound: float) -> dict[str
     except ModelDomainError as error:
         message = f"no Wishart model has rms noise of {noise:g} times the step; choose less"
         raise ConfigError(message, key="noise") from error
-
-
-def hexapod_rows(motion: PlatformMotion, models: dict[str, MotionModel]) -> pd.DataFrame:
-    """Return the table ``hexapod``."""
-    least = np.linalg.svd(motion.inverse, compute_uv=False)[:, -1]
-    rows = {"place": np.linspace(0, 1, len(motion.q)), "least_singular_value": least}
-    of_model = {name: motion.covariances(model)[1][:, 3:, 3:] for name, model in models.items()}
-    stds = {n: np.sqrt(np.trace(turn, axis1=1, axis2=2)) for n, turn in of_model.items()}
-    parts = ({"model": n, **rows, "rotation": x / motion.robot.length} for n, x in stds.items())
-    return concatenate(map(pd.DataFrame, parts))
 
 
 def lever(bounds: cables.Bounds) -> float:
