@@ -5,7 +5,8 @@ noise with the covariance of the recorded poses at rest. A depth frame has noise
 moments at an equal share of the motion. Markers have no faults and no offsets; clocks are known.
 """
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ import pandas as pd
 from pipeline.arm.interface import Chain
 from pipeline.core import rng
 from pipeline.core.columns import matrices, spread, values
+from pipeline.core.errors import ConfigError
 from pipeline.evidence.case import Camera, Takes, camera_of
 from pipeline.laboratory import dynamics as moves
 from pipeline.laboratory.options import ClockOptions, DynamicsOptions, TrajectoryOptions
@@ -23,36 +25,30 @@ from pipeline.recordings.commands import commanded_steps
 RESTING = 40  # takes that give the arm's noise at rest, without measurement noise
 
 
-@dataclass(frozen=True)
-class PhysicsFactors:
-    """Factors on the disturbances of ``DynamicsOptions`` and on the std of the instruments."""
-
-    disturbances: float = 1.0  # on the sizes of the next eight disturbances together
-    sway_std: float = 1.0
-    clearance: float = 1.0
-    speed_error_std: float = 1.0
-    encoder_ripple: float = 1.0
-    encoder_offset_std: float = 1.0
-    length_std: float = 1.0
-    start_std: float = 1.0
-    jitter_std: float = 1.0
-    speed_exponent: float = 1.0  # 0: sway and play do not depend on the speed
-    lasting: float = 1.0  # on the lags of sway and play: duration of a deviation
-    motion_capture: float = 1.0
-    depth_camera: float = 1.0
-
-
-FACTORS = tuple(each.name for each in fields(PhysicsFactors))
-SIZES = FACTORS[1:9]  # names of the disturbances that have a size
+SIZES = ("sway_std", "clearance", "speed_error_std", "encoder_ripple", "encoder_offset_std")
+SIZES += ("length_std", "start_std", "jitter_std")  # of disturbances in ``DynamicsOptions``
 LAGS = ("sway_time", "clearance_time")
+# disturbances: on all SIZES; speed_exponent: at 0 the speed does not change sway and play; lasting:
+# on the LAGS, the duration of a deviation; the last two: on the std of the instrument
+FACTORS = ("disturbances", *SIZES, "speed_exponent", "lasting", "motion_capture", "depth_camera")
+Factors = Mapping[str, float]  # FACTORS by name, 1 if absent
 
 
-def disturb(dynamics: DynamicsOptions, factors: PhysicsFactors) -> DynamicsOptions:
+def require_factors(names: Iterable[str], known: Sequence[str] = FACTORS) -> None:
+    """Raise ConfigError if one of the ``names`` is not ``known``."""
+    if unknown := sorted({*names} - {*known}):
+        message = f"no factor {', '.join(unknown)}; known factors are {', '.join(known)}"
+        raise ConfigError(message, key="factors")
+
+
+def disturb(dynamics: DynamicsOptions, factors: Factors) -> DynamicsOptions:
     """Return ``dynamics`` with the sizes and lags of the disturbances times their factors."""
-    by = {name: factors.disturbances * getattr(factors, name) for name in SIZES}
+    require_factors(factors)
+    factors = dict.fromkeys(FACTORS, 1.0) | factors
+    by = {name: factors["disturbances"] * factors[name] for name in SIZES}
     scaled = {name: np.multiply(getattr(dynamics, name), x).tolist() for name, x in by.items()}
-    lags = {name: getattr(dynamics, name) * factors.lasting for name in LAGS}
-    exponent = dynamics.speed_exponent * factors.speed_exponent
+    lags = {name: getattr(dynamics, name) * factors["lasting"] for name in LAGS}
+    exponent = dynamics.speed_exponent * factors["speed_exponent"]
     return replace(dynamics, **scaled, **lags, speed_exponent=exponent)
 
 
@@ -98,7 +94,7 @@ class Laboratory:
         none, window = np.zeros((len(joints), len(joints))), settings.articulation.noise_window
         parts = (options["dynamics"], options["trajectory"], options["clock"])
         alone = cls(recorded.chain, joints, *parts, none, law, window)
-        poses, _ = perform(alone, PhysicsFactors(), settings.seed, "train", RESTING)
+        poses, _ = perform(alone, {}, settings.seed, "train", RESTING)
         at_rest = steps(alone, poses).measurement
         # a step has the noise of two poses; negative estimates from few takes become zero
         variances, axes = np.linalg.eigh((recorded.measurement - at_rest) / 2)
@@ -106,7 +102,7 @@ class Laboratory:
 
 
 def perform(
-    laboratory: Laboratory, factors: PhysicsFactors, seed: int, part: str, count: int
+    laboratory: Laboratory, factors: Factors, seed: int, part: str, count: int
 ) -> tuple[np.ndarray, list[moves.DepthFrames]]:
     """Return ``count`` takes of a ``part`` (train or test) as `record` draws them: poses (takes,
     M+1, n) in rad of the motion capture, and the exposures of the depth camera in each take.
@@ -140,7 +136,7 @@ def measure_poses(
 
 
 def observe(
-    laboratory: Laboratory, factors: PhysicsFactors, seed: int, training: int, test: int
+    laboratory: Laboratory, factors: Factors, seed: int, training: int, test: int
 ) -> tuple[Takes, Camera]:
     """Return ``training`` and ``test`` takes, and the depth camera with its estimated noise; raises
     SingularJacobianError, and RecordingError if the test takes are too few to estimate the noise.
@@ -148,7 +144,7 @@ def observe(
     parts = {"train": training, "test": test}
     performed = [perform(laboratory, factors, seed, *part) for part in parts.items()]
     poses, others = (
-        measure_poses(q, laboratory.pose_noise, factors.motion_capture, stream)
+        measure_poses(q, laboratory.pose_noise, factors.get("motion_capture", 1.0), stream)
         for number, (q, _) in enumerate(performed)
         for stream in [rng.stream(seed, "simulated.capture", number)]
     )
@@ -159,7 +155,7 @@ def observe(
     t, joints, angles = np.arange(others.shape[1]) / motion.rate, [], []
     for name, frames, q in zip(tested, performed[1][1], others, strict=True):
         noise = laboratory.depth_noise.sample(frames.exposed / motion.duration, stream)
-        seen = frames.joints + factors.depth_camera * noise
+        seen = frames.joints + factors.get("depth_camera", 1.0) * noise
         joints.append(pd.DataFrame({"take": name, "t": t} | spread("q", laboratory.joints, q)))
         place = {"take": name, "t": frames.exposed, "frame": range(len(seen))}
         angles.append(pd.DataFrame(place | spread("q", laboratory.joints, seen)))

@@ -16,21 +16,21 @@ from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import held_out, score_runs
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.statistics.horizons import chosen_law
-from pipeline.studies.simulated import PhysicsFactors, disturb
+from pipeline.studies.simulated import Factors, disturb
 
 RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
 POSE_NOISE = 3e-5  # rad, of a joint angle from the motion capture
 PHYSICS = {
-    "as it is": PhysicsFactors(),
-    "twice all": PhysicsFactors(disturbances=2.0),
-    "half of all": PhysicsFactors(disturbances=0.5),
-    "little sway": PhysicsFactors(sway_std=0.1),
-    "much sway": PhysicsFactors(sway_std=3.0),
-    "much play": PhysicsFactors(clearance=4.0),
-    "no play": PhysicsFactors(clearance=0.01),
-    "speed errors": PhysicsFactors(sway_std=0.1, clearance=0.1, speed_error_std=5.0),
-    "any speed alike": PhysicsFactors(speed_exponent=0.0),
-    "lasting": PhysicsFactors(lasting=4.0),
+    "as it is": {},
+    "twice all": dict(disturbances=2.0),
+    "half of all": dict(disturbances=0.5),
+    "little sway": dict(sway_std=0.1),
+    "much sway": dict(sway_std=3.0),
+    "much play": dict(clearance=4.0),
+    "no play": dict(clearance=0.01),
+    "speed errors": dict(sway_std=0.1, clearance=0.1, speed_error_std=5.0),
+    "any speed alike": dict(speed_exponent=0.0),
+    "lasting": dict(lasting=4.0),
 }
 KNOWN, FRESH, WIDTH = 6, 4, 0.3  # motions to fit and choose by, to score on; rad between poses
 LAWS = ("joint_step", "joint_error_normal")
@@ -38,7 +38,7 @@ JOINTS = (1, 3)  # of the arm
 LIMIT = 0.05  # nats a sample
 
 
-def simulated(physics: PhysicsFactors, seed: int) -> list[JointRun]:
+def simulated(physics: Factors, seed: int) -> list[JointRun]:
     """Runs of motions of the arm between random poses, by a motion capture of white noise; of the
     joints JOINTS.
     """
@@ -73,7 +73,7 @@ def simulated(physics: PhysicsFactors, seed: int) -> list[JointRun]:
     return found
 
 
-def judged(physics: PhysicsFactors, seed: int) -> tuple[str | None, dict[str, float]]:
+def judged(physics: Factors, seed: int) -> tuple[str | None, dict[str, float]]:
     """Choose a law on the known motions; score all on the fresh ones, mean over horizons."""
     runs, options = simulated(physics, seed), model_options(LAWS)
     known, fresh = runs[: KNOWN * REPEATS], runs[KNOWN * REPEATS :]

@@ -8,15 +8,15 @@ from scipy.stats import chi2
 
 from pipeline.core import rng
 from pipeline.laboratory import dynamics
-from pipeline.studies.simulated import PhysicsFactors, disturb, measure_poses, observe, perform
+from pipeline.studies.simulated import disturb, measure_poses, observe, perform
 
-STILL = PhysicsFactors(disturbances=0.0)
+STILL = dict(disturbances=0.0)
 
 
 def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(laboratory):
     own, stream = laboratory.dynamics, rng.stream(5, "record.session")
     recorded_session = dynamics.open_session(laboratory.chain, own, stream)
-    poses, seen = perform(laboratory, PhysicsFactors(), 5, "test", 2)
+    poses, seen = perform(laboratory, {}, 5, "test", 2)
     for number in range(2):
         stream = rng.stream(5, "record.test", number)
         motion = dynamics.perform(recorded_session, laboratory.motion, own, stream)
@@ -37,7 +37,7 @@ def test_a_condition_without_factors_moves_as_the_recorded_takes_of_its_seed(lab
 def test_a_factor_scales_its_disturbance_alone(laboratory, factors, scaled):
     own = laboratory.dynamics
     changed = {name: factor * getattr(own, name) for name, factor in scaled.items()}
-    assert disturb(own, PhysicsFactors(**factors)) == replace(own, **changed)
+    assert disturb(own, factors) == replace(own, **changed)
 
 
 def test_measured_poses_have_the_noise_of_the_motion_capture_times_its_factor(laboratory):
@@ -59,7 +59,7 @@ def test_the_depth_cameras_noise_has_the_interpolated_moments_and_is_estimated_s
     np.testing.assert_allclose(draws.mean(axis=0), [0.015, 0.01, 0.0], atol=error)
     wide = 4 * variance * np.sqrt(2 / len(draws))
     np.testing.assert_allclose(np.cov(draws.T), variance * np.eye(3), atol=wide)
-    _, camera = observe(laboratory, PhysicsFactors(disturbances=0.0, motion_capture=0.0), 5, 2, 12)
+    _, camera = observe(laboratory, dict(disturbances=0.0, motion_capture=0.0), 5, 2, 12)
     everywhere = camera.noise[camera.noise["take"] == "none"]
     share = everywhere["t"].to_numpy() / laboratory.motion.duration
     error = 4.5 * np.sqrt((1e-4 + share * 3e-4) / 12)

@@ -28,7 +28,7 @@ from pipeline.planning.problem import InfeasibleError, Problem, uncertainty
 from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import Tables, concatenate, dataset_option, interval, number, trials
-from pipeline.studies.simulated import PhysicsFactors, disturb
+from pipeline.studies.simulated import disturb
 from pipeline.verdicts.wording import MISSING, join_names, table
 
 FIXED = RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
@@ -144,7 +144,7 @@ def tables_of(
 ) -> Tables:
     """Return the tables of a ``case`` (arm, physics); ``fixed`` are the motions without a model."""
     (arm, physics), laws = case, {}
-    dynamics = disturb(benches[arm].dynamics, PhysicsFactors(**options.physics[physics]))
+    dynamics = disturb(benches[arm].dynamics, options.physics[physics])
     bench, motions = replace(benches[arm], dynamics=dynamics), dict(fixed[arm])
     recorded = bench.steps(bench.recorded, "training")
     for name, chosen in models.items():

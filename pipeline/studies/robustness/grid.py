@@ -18,7 +18,7 @@ from pipeline.evidence.readings import readings
 from pipeline.evidence.table import evidence_table
 from pipeline.evidence.wrench import wrench_evidence as evidence_of
 from pipeline.filtering.sampling import SCHEMES
-from pipeline.studies.simulated import Laboratory, PhysicsFactors, observe
+from pipeline.studies.simulated import Laboratory, observe
 from pipeline.verdicts.claims import Claim
 from pipeline.verdicts.decision import claim_verdicts
 from pipeline.verdicts.run import ArmNames
@@ -42,23 +42,21 @@ def decision_cases(
         kind: replace(model, estimator=CONSISTENT.get(kind, model.estimator))
         for kind, model in base.models.items()
     }
-    cases = [("estimator", "likelihood", replace(base, models=models))]
-    cases += [("decomposition", *named) for named in readings(base, task, joints).items()]
-    for mode in ("one_step", "free_running"):
-        cases.append(("realisations", mode.replace("_", " "), replace(base, mode=mode)))
-    for factor in (0.0, 0.5, 2.0):
-        cases.append(("noise in scores", f"× {factor:g}", replace(base, measurement=factor)))
-    cases += [("clock", clock, replace(base, clock=clock)) for clock in CLOCKS]
     # threshold: share of the particles; 1 resamples at every step
     filters = [("resampling", scheme, {"scheme": scheme}) for scheme in SCHEMES]
     filters += [("threshold", f"{share:g}", {"threshold": share}) for share in (0.25, 1.0)]
-    for factor in (0.1, 0.3, 3.0):
-        count = max(1, round(factor * base.filter.particles))
-        filters.append(("particles", f"{count}", {"particles": count}))
-    cases += [(d, x, replace(base, filter=replace(base.filter, **new))) for d, x, new in filters]
-    numbers = range(1, others + 1)
-    cases += [(CHANCE, f"draws {n}", replace(base, draw=base.draw + n)) for n in numbers]
-    cases += [(CHANCE, f"takes {n}", replace(base, batch=base.batch + n)) for n in numbers]
+    counts = [max(1, round(factor * base.filter.particles)) for factor in (0.1, 0.3, 3.0)]
+    filters += [("particles", f"{count}", {"particles": count}) for count in counts]
+    modes, numbers = ("one_step", "free_running"), range(1, others + 1)
+    varied = [("realisations", mode.replace("_", " "), {"mode": mode}) for mode in modes]
+    varied += [("noise in scores", f"× {x:g}", {"measurement": x}) for x in (0.0, 0.5, 2.0)]
+    varied += [("clock", clock, {"clock": clock}) for clock in CLOCKS]
+    varied += [(d, x, {"filter": replace(base.filter, **new)}) for d, x, new in filters]
+    varied += [(CHANCE, f"draws {n}", {"draw": base.draw + n}) for n in numbers]
+    varied += [(CHANCE, f"takes {n}", {"batch": base.batch + n}) for n in numbers]
+    cases = [("estimator", "likelihood", replace(base, models=models))]
+    cases += [("decomposition", *named) for named in readings(base, task, joints).items()]
+    cases += [(decision, level, replace(base, **new)) for decision, level, new in varied]
     return [(BASE, BASE, base), *(case for case in cases if case[2] != base)]
 
 
@@ -94,10 +92,6 @@ class Condition(NamedTuple):
     seed: int
     levels: tuple[tuple[str, float | str], ...] = ()
 
-    def level(self, factor: str) -> float | str:
-        """Level of ``factor``; 1 in the base condition."""
-        return dict(self.levels).get(factor, 1.0)
-
 
 def conditions(
     factors: Mapping[str, Sequence], seeds: Sequence[int], study: str, combined: Sequence[str] = ()
@@ -130,34 +124,33 @@ def motion_evidence(
     condition: Condition, laboratory: Laboratory, case: Choices, options: SimpleNamespace
 ) -> pd.DataFrame:
     """Return the evidence of a condition of the motion; none if the motion has a singular pose."""
-    way, motion = options.trajectories.get(condition.level("trajectory"), {}), laboratory.motion
-    pace, rest = float(way.get("pace", 1.0)), float(way.get("rest", motion.rest))
+    levels, motion = dict(condition.levels), laboratory.motion
+    way = options.trajectories.get(levels.pop("trajectory", None), {})
+    particles = levels.pop("particles", 1.0) * case.filter.particles
+    pace, rest = way.get("pace", 1.0), way.get("rest", motion.rest)
     changes = {key: tuple(way[key]) for key in ("folded", "extended") if key in way}  # rad
     # the motion between the rests keeps its duration
     times = {"duration": motion.duration + 4 * (rest - motion.rest), "rest": rest}
     changes |= {name: time / pace for name, time in (times | {"ramp": motion.ramp}).items()}
     laboratory = replace(laboratory, motion=replace(motion, **changes))
-    levels = {k: float(v) for k, v in condition.levels if k not in ("trajectory", "particles")}
     sizes = (options.training_takes, options.test_takes)
     try:
-        takes, camera = observe(laboratory, PhysicsFactors(**levels), condition.seed, *sizes)
+        takes, camera = observe(laboratory, levels, condition.seed, *sizes)
     except (SingularJacobianError, RecordingError, ModelDomainError):
         return evidence_table([])
     sizes = (laboratory.motion.rate, options.test_takes, options.realizations)
     # a seed has equal random numbers in every condition, so that only the condition differs
     recordings = Recordings(takes, {case.clock: camera}, *sizes, condition.seed)
-    count = max(1, round(float(condition.level("particles")) * case.filter.particles))
-    case = replace(case, filter=replace(case.filter, particles=count))
+    filtered = replace(case.filter, particles=max(1, round(particles)))
+    case = replace(case, filter=filtered)
     ((evidence, _),) = evaluate([case], recordings, map)
     return evidence
 
 
 def wrench_evidence(condition: Condition, study: Wrench) -> pd.DataFrame:
     """Return the evidence of the numerical ``study`` of the wrench with other bounds."""
-    scaled = {
-        name: [float(condition.level(name)) * value for value in getattr(study, name)]
-        for name in ("kappa", "tension_std")
-    }
+    levels, names = dict(condition.levels), ("kappa", "tension_std")
+    scaled = {n: [levels.get(n, 1.0) * value for value in getattr(study, n)] for n in names}
     stream = rng.stream(condition.seed, "wrench.study")
     _, errors, repeats = run_study(replace(study, **scaled), stream)
     return evidence_of({"wrench_errors": errors, "wrench_spread": repeats})

@@ -12,13 +12,12 @@ from matplotlib.lines import Line2D
 
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.core.errors import ConfigError
 from pipeline.evidence import outcomes
 from pipeline.evidence.case import Choices, Recordings, recorded_takes
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Tables, trials
 from pipeline.studies.robustness import grid
-from pipeline.studies.simulated import FACTORS, Laboratory
+from pipeline.studies.simulated import FACTORS, Laboratory, require_factors
 from pipeline.verdicts.claims import Claim, read_claims
 from pipeline.verdicts.decision import FAILS, HOLDS, UNKNOWN, claim_verdicts
 from pipeline.verdicts.run import ArmNames
@@ -38,10 +37,7 @@ Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of cl
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``robustness``, verdicts by level; ConfigError for an unknown factor."""
-    known = [*FACTORS, "particles"]
-    if unknown := sorted(set(options.factors) - set(known)):
-        message = f"no factor {', '.join(unknown)}; known factors are {', '.join(known)}"
-        raise ConfigError(message, key="factors", file=HERE / "params.yaml")
+    require_factors(options.factors, (*FACTORS, "particles"))
     claims = read_claims(HERE / "conclusions.yaml")
     parts = list(decision_verdicts(settings, options, claims))
     if settings.dataset.laboratory is None or not contracts.exists("kinect_noise", ARTICULATE):
