@@ -119,17 +119,14 @@ def _scores(settings, recorded: Recorded, options: Models, pose: np.ndarray) -> 
     score = partial(score_take, takes=takes, recorded=recorded, models=models)
     trials = [(model, number) for model in models for number in takes]
     results = run_trials(score, trials, compute=settings.compute, label="predict: takes")
-    rows = [(name, normal_steps(*each[name])) for name in (NONE, MEMORY) for each in alone]
-    rows += [(model, result) for (model, _), result in zip(trials, results, strict=True)]
-    scored, reasons = {}, {}
-    for name, (steps, missing) in rows:
-        scored.setdefault(name, []).append(steps)
-        reasons |= {(name, what): reason for what, reason in missing.items()}
-    for (name, what), reason in reasons.items():
-        print(f"predict: {name} gives no {what}: {reason}")
-    # a model without a fit to the other takes lacks scores, and is left out
-    return {
-        name: {key: np.stack([each[key] for each in steps]) for key in steps[0]}
-        for name, steps in scored.items()
-        if all(steps)
-    }
+    rows = {name: [normal_steps(*each[name]) for each in alone] for name in (NONE, MEMORY)}
+    for (model, _), result in zip(trials, results, strict=True):
+        rows.setdefault(model, []).append(result)
+    scored = {}
+    for name, of_takes in rows.items():
+        for what, reason in {k: v for _, missing in of_takes for k, v in missing.items()}.items():
+            print(f"predict: {name} gives no {what}: {reason}")
+        steps = [each for each, _ in of_takes]
+        if all(steps):  # else it lacks scores of a model without a fit to the other takes
+            scored[name] = {key: np.stack([each[key] for each in steps]) for key in steps[0]}
+    return scored

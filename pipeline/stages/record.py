@@ -66,8 +66,8 @@ def _record_takes(settings, folder: Path, truth: Path) -> None:
     for place in ("optitrack", "kinect" if dataset.robot.plane else "joints"):
         (folder / place).mkdir()
     instruments = (_in_plane if dataset.robot.plane else _in_space)(session, dataset, stream)
-    fixed = {"session": session, "instruments": instruments, "settings": settings, "folder": folder}
-    record = partial(_record_take, **fixed)
+    known = {"session": session, "instruments": instruments, "settings": settings}
+    record = partial(_record_take, folder=folder, **known)
     options, rate = dataset.laboratory["trajectory"], dataset.motion.rate
     path = desired_path(nominal, options)
     command = pd.DataFrame({"t": np.arange(len(path)) / rate})
@@ -121,9 +121,8 @@ def _record_take(
     markers, bodies = {}, {}
     if dataset.robot.plane:
         arm, placed, bias = instruments
-        frames = dynamics.depth_frames(
-            motion.swing, trajectory.duration, laboratory["clock"], stream
-        )
+        clock = laboratory["clock"]
+        frames = dynamics.depth_frames(motion.swing, trajectory.duration, clock, stream)
         markers = mocap.capture(arm, motion.motion_capture, placed, world, options, stream)
         if part == "test":
             camera = DepthCamera(arm, laboratory["kinect"], bias)
@@ -134,8 +133,8 @@ def _record_take(
                 write_depth(images / file, camera.observe(q, stream))
             write_index(images / "depth.txt", frames.times, files)
     else:
-        captured = (instruments, motion.motion_capture, world, options, stream)
-        poses = mocap.capture_bodies(*captured)
+        captured = motion.motion_capture
+        poses = mocap.capture_bodies(instruments, captured, world, options, stream)
         bodies = {body: RigidBody(*pose) for body, pose in poses.items()}
         log = dynamics.log_joints(motion.swing, trajectory, laboratory["encoders"])
         write_joint_table(folder / "joints" / f"{name}.csv", *log, dataset.robot.joints)

@@ -16,7 +16,8 @@ from pipeline.verdicts.decision import decide_each, reading_verdicts, verdict_ta
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.run import read_runs
 
-REPORTS, README = Path("reports"), Path("README.md")
+REPORTS, README, RAW = Path("reports"), Path("README.md"), Path("data/raw")
+INVENTORY = "inventory.csv"
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
 BEYOND = ("studies", "tools")  # packages beyond the paper, which do not enter the report
 DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
@@ -29,21 +30,20 @@ def run() -> None:
     """
     name = config.sections("report").dataset.name
     runs, reports = read_runs(REPORTS / "datasets", first=name), REPORTS / name
-    places = {run.dataset: Path(f"data/raw/{run.dataset}/inventory.csv") for run in runs}
     unfit = [
-        (run.dataset, other_files(run.tables.get("raw_files"), places[run.dataset])) for run in runs
+        f"The evidence of {run.dataset} {words}."
+        for run in runs
+        if (words := other_files(run.tables.get("raw_files"), RAW / run.dataset / INVENTORY))
     ]
-    unfit = [f"The evidence of {dataset} {words}." for dataset, words in unfit if words]
-    print("\n".join(f"report: {words}" for words in unfit), end="\n" if unfit else "")
+    for words in unfit:
+        print(f"report: {words}")
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
     claims = require_known(parse_claims(stated.claims))
     decided = decide_each(claims, runs, stated.recordings_of_the_paper)
-    runs = [
-        replace(run, tables=run.tables | {"readings": reading_verdicts(claims, run)})
-        if "readings" in run.tables
-        else run
-        for run in runs
-    ]
+    for n, run in enumerate(runs):
+        if "readings" in run.tables:
+            tables = run.tables | {"readings": reading_verdicts(claims, run)}
+            runs[n] = replace(run, tables=tables)
     here = runs[0]
     errata = paper.parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
     items = paper.parse_items(read_yaml(HERE / "paper.yaml").get("items"))

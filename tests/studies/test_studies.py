@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from recordings_of_law import ROOT
 from study_runs import NAMES, options_of, study_of, written
@@ -130,6 +131,11 @@ def test_a_row_has_bias_error_and_coverage_of_the_estimates():
     assert row["bootstrap_standard_error"] == pytest.approx(0.02, rel=0.03)
     # an interval of ±1.96 standard errors about an estimate that is half a standard error off
     assert row["coverage"] == pytest.approx(0.92, abs=0.015)
+    lost = recovery_row("a", 0.25, [None, None])
+    rows = [{"estimator": "paper"} | row, {"estimator": "moments"} | lost]
+    table = pd.DataFrame(rows).assign(parameter="sigma_b")
+    facts = stage.facts({"recovery": table}, options_of("recovery"))
+    assert facts["sentences"].endswith("\n- **moments**: no estimate.")
 
 
 @pytest.mark.parametrize("name", ["additive", "gaussian"])

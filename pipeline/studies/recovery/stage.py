@@ -135,13 +135,14 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     rows, sentences = tables["recovery"], []
     wishart, others = rows[rows["parameter"] == "sigma_b"], rows[rows["parameter"] != "sigma_b"]
     for estimator, part in wishart.groupby("estimator", sort=False):
-        part, label = part.dropna(subset="mean"), LOOKS[estimator]["label"]
-        ends = (100 * (part[end] / part["truth"] - 1) for end in ("mean_low", "mean_high"))
-        biases = join_names(map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, part["truth"]))
-        low, high = (100 * part["coverage"]).agg(["min", "max"])
-        sentence = f"bias {biases} (95 %); the 95 % intervals contain σ_B in {low:.0f} to "
-        sentence += f"{high:.0f} % of the data sets."
-        sentences.append(f"- **{label}**: {sentence if len(part) else 'no estimate.'}")
+        part, sentence = part.dropna(subset="mean"), "no estimate."
+        if len(part):
+            ends = (100 * (part[end] / part["truth"] - 1) for end in ("mean_low", "mean_high"))
+            biases = join_names(map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, part["truth"]))
+            low, high = (100 * part["coverage"]).agg(["min", "max"])
+            sentence = f"bias {biases} (95 %); the 95 % intervals contain σ_B in {low:.0f} to "
+            sentence += f"{high:.0f} % of the data sets."
+        sentences.append(f"- **{LOOKS[estimator]['label']}**: {sentence}")
     header = "estimator, σ_B, mean σ̂_B (95 %), std, bootstrap s.e., coverage, lost"
     columns = ["truth", "mean", "mean_low", "mean_high", "standard_deviation"]
     columns += ["bootstrap_standard_error", "coverage", "lost"]
