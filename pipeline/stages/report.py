@@ -16,8 +16,7 @@ from pipeline.verdicts.decision import decide_each, reading_verdicts, verdict_ta
 from pipeline.verdicts.model_card import model_card
 from pipeline.verdicts.run import read_runs
 
-REPORTS, README, RAW = Path("reports"), Path("README.md"), Path("data/raw")
-INVENTORY = "inventory.csv"
+REPORTS, README = Path("reports"), Path("README.md")
 PACKAGE, HERE = Path("pipeline"), Path("pipeline/verdicts")
 BEYOND = ("studies", "tools")  # packages beyond the paper, which do not enter the report
 DEFAULT = ("youbot", "paper")  # dataset and scale of the results in the README
@@ -33,7 +32,8 @@ def run() -> None:
     unfit = [
         f"The evidence of {run.dataset} {words}."
         for run in runs
-        if (words := other_files(run.tables.get("raw_files"), RAW / run.dataset / INVENTORY))
+        for place in [Path(f"data/raw/{run.dataset}/inventory.csv")]
+        if (words := other_files(run.tables.get("raw_files"), place))
     ]
     for words in unfit:
         print(f"report: {words}")
