@@ -61,12 +61,10 @@ def collecting(errors: list[PipelineError]) -> Iterator[None]:
 def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict]:
     """Write the table ``name`` and return the quality rows; append an error for equal takes."""
     if takes:
+        tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}
+        parts = {take: rows["part"].iloc[0] for take, rows in tables.items() if "part" in rows}
+        samples = {take: rows.select_dtypes("float").to_numpy() for take, rows in tables.items()}
         with collecting(errors):
-            tables = {rows.iloc[0, 0]: rows.drop(columns="t") for rows, _ in takes}
-            parts = {take: rows["part"].iloc[0] for take, rows in tables.items() if "part" in rows}
-            samples = {
-                take: rows.select_dtypes("float").to_numpy() for take, rows in tables.items()
-            }
             require_distinct(name, samples, parts)
         contracts.write(pd.concat([rows for rows, _ in takes], ignore_index=True), name, folder)
     return [row for _, rows in takes for row in rows]
@@ -75,12 +73,10 @@ def _write(takes: list[Any], name: str, folder: Path, errors: list) -> list[dict
 def _motion(dataset: Dataset, raw: Path, folder: Path, errors: list) -> list[dict]:
     from pipeline.recordings import joint_logs, motion_capture
 
-    quality, movements, takes, encoders = [], {}, [], []
+    quality, takes, encoders = [], [], []
     if dataset.joint_log is not None:
         with collecting(errors):
-            for name, place in joint_logs.find_movements(raw, dataset).items():
-                with collecting(errors):
-                    movements[name] = joint_logs.read_dataset_movement(name, place, dataset)
+            movements = joint_logs.read_movements(dataset, partial(collecting, errors))
             require_distinct("movements", {name: one.actual for name, one in movements.items()})
         if not errors:
             with collecting(errors):

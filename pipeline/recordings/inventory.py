@@ -2,8 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
-from functools import reduce
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import pandas as pd
 
@@ -17,7 +16,7 @@ KEYS = {
     "motion": "trajectory mocap.training mocap.test joint_log.movements encoders.training "
     "encoders.test",
     "depth": "depth.takes depth.intrinsics",
-    "force": "force.log.calibration",
+    "force": "force.log.calibration force.configurations",
 }
 
 
@@ -46,9 +45,8 @@ def take_name(path: Path, raw: Path, pattern: str) -> str:
     if not path.is_dir():
         parts[-1] = path.stem
     is_open = [not is_literal(part) for part in Path(pattern).parts]
-    if not any(is_open):
-        return parts[-1]
-    return "_".join(parts[is_open.index(True) : len(parts) - is_open[::-1].index(True)])
+    first, behind = (way.index(True) if any(way) else -1 for way in (is_open, is_open[::-1]))
+    return "_".join(parts[first : len(parts) - max(behind, 0)])
 
 
 def named_takes(
@@ -82,34 +80,29 @@ def named_takes(
 
 def listing(folder: Path) -> pd.DataFrame:
     """Return path, bytes and SHA-256 of all files below ``folder``; RecordingError for no file."""
+    if not (files := [*raw_files(folder)]):
+        message = "there are no recordings in this folder, or it does not exist; "
+        command = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them"
+        present = (PULLED / folder.name).is_dir()
+        message += command if present else "the datasheet explains how to get them"
+        raise RecordingError(message, file=folder)
     rows = []
-    for file in raw_files(folder):
+    for file in files:
         with file.open("rb") as data:
             digest = hashlib.file_digest(data, "sha256").hexdigest()
         rows.append((file.relative_to(folder).as_posix(), file.stat().st_size, digest))
-    if not rows:
-        pulled = PULLED / folder.name
-        message = "there are no recordings in this folder, or it does not exist; "
-        command = f"`dvc --cd {PULLED} pull -R {folder.name}` brings them"
-        message += command if pulled.is_dir() else "the datasheet explains how to get them"
-        raise RecordingError(message, file=folder)
     return pd.DataFrame(rows, columns=["file", "bytes", "sha256"])
-
-
-def _digest(lines: pd.Series) -> str:
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def by_place(files: pd.DataFrame) -> pd.DataFrame:
     """Return the table ``raw_files`` of a :func:`listing`: by file or folder of the recordings
     number of files, bytes, and SHA-256 of the paths and hashes of the files.
     """
-    files = files.drop_duplicates("file").sort_values("file")
-    place, lines = files["file"].str.partition("/")[0], files["sha256"] + " " + files["file"]
-    table = files.assign(place=place, lines=lines).groupby("place")
-    return table.agg(
-        files=("file", "size"), bytes=("bytes", "sum"), sha256=("lines", _digest)
-    ).reset_index()
+    files, rows = files.drop_duplicates("file").sort_values("file"), []
+    for place, of in files.groupby(files["file"].str.partition("/")[0]):
+        lines = "\n".join(of["sha256"] + " " + of["file"]).encode()
+        rows.append((place, len(of), of["bytes"].sum(), hashlib.sha256(lines).hexdigest()))
+    return pd.DataFrame(rows, columns=["place", "files", "bytes", "sha256"])
 
 
 def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
@@ -122,32 +115,24 @@ def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
         return "does not name its raw files; run the dataset again"
     present = by_place(pd.read_csv(inventory)).set_index("place")["sha256"]
     before = evidence.set_index("place")["sha256"]
-    changed = sorted(place for place, _ in set(before.items()) ^ set(present.items()))
-    changed = ", ".join(dict.fromkeys(changed))
+    changed = ", ".join(sorted({place for place, _ in {*before.items()} ^ {*present.items()}}))
     return changed and f"was written with other files than {inventory} lists: {changed}"
-
-
-def _value(section: object, key: str) -> object:
-    return getattr(section, key, None)
 
 
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     """Return part → rows of a :func:`listing`: files of the part (KEYS), and files of no part."""
-    raw, claims = raw_folder(dataset.recordings), {}
+    raw, claimed = raw_folder(dataset.recordings), pd.DataFrame(index=files.index)
     for part, keys in KEYS.items():
-        named = [(key, reduce(_value, key.split("."), dataset)) for key in keys.split()]
-        if part == "force" and dataset.force is not None:
-            configurations = dataset.force.configurations.values()
-            named += [("force.configurations", one.file) for one in configurations]
-        places = {
-            place.relative_to(raw).as_posix()
-            for key, pattern in named
-            if pattern
-            for place in matching(raw, pattern, key=f"dataset.{key}")
-        }
-        claims[part] = [
-            not places.isdisjoint([name, *map(str, PurePosixPath(name).parents)])
-            for name in files["file"]
+        places = set()
+        for key in keys.split():
+            value = dataset
+            for name in key.split("."):
+                value = getattr(value, name, None)
+            if isinstance(value, dict):  # of arrangements
+                value = [one.file for one in value.values()]
+            for pattern in [value] if isinstance(value, str) else value or ():
+                places |= {*matching(raw, pattern, key=f"dataset.{key}")}
+        claimed[part] = [
+            not places.isdisjoint([raw / name, *(raw / name).parents]) for name in files["file"]
         ]
-    claimed = pd.DataFrame(claims, index=files.index)
     return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in KEYS}

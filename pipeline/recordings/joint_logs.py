@@ -1,6 +1,7 @@
 """Tables of the repetitions of one motion in a controller's logs, and of encoders' logs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,22 +33,24 @@ class LoggedTake(NamedTuple):
     target: np.ndarray  # (N, n) rad, commanded
 
 
-def find_movements(raw: Path, dataset: Dataset) -> dict[str, Path]:
-    """Return name → path of the movements' logs; RecordingError where none is found."""
-    pattern, what = dataset.joint_log.movements, "folder or file of a movement"
-    return named_takes(raw, pattern, key=f"{OPTION}.movements", what=what)
-
-
 def read_dataset_movement(name: str, place: Path, dataset: Dataset) -> LoggedMovement:
     """Return the movement ``name`` in ``place``; see :func:`movement.read_logged_movement`."""
     log, rate, urdf = dataset.joint_log, dataset.motion.rate, dataset.robot.urdf
     return movement.read_logged_movement(name, place, log, rate, urdf)
 
 
-def read_movements(dataset: Dataset) -> dict[str, LoggedMovement]:
-    """Return name → movement of all logs of the ``dataset``."""
-    places = find_movements(raw_folder(dataset.recordings), dataset).items()
-    return {name: read_dataset_movement(name, place, dataset) for name, place in places}
+def read_movements(
+    dataset: Dataset, guard: Callable[[], AbstractContextManager] = nullcontext
+) -> dict[str, LoggedMovement]:
+    """Return name → movement of all logs of the ``dataset``, each read in a context of ``guard``.
+    RecordingError where there is no log.
+    """
+    pattern, movements = dataset.joint_log.movements, {}
+    wanted = {"what": "folder or file of a movement", "key": f"{OPTION}.movements"}
+    for name, place in named_takes(raw_folder(dataset.recordings), pattern, **wanted).items():
+        with guard():
+            movements[name] = read_dataset_movement(name, place, dataset)
+    return movements
 
 
 def joint_log_rows(

@@ -53,13 +53,12 @@ def beside_limits(quality: pd.DataFrame, limits: dict[str, float | None]) -> pd.
     return takes.drop(columns=["instrument", "place"])
 
 
-def _reasons(takes: pd.DataFrame) -> dict[str, str]:
+def _reasons(takes: pd.DataFrame) -> pd.Series:
     """Return take → text of the measures beyond their limits."""
-    words: dict[str, list[str]] = {}
-    for row in takes[takes["beyond"]].itertuples():
-        reason = f"{row.measure} {row.value:.3g} beyond {row.limit:g}"
-        words.setdefault(row.take, []).append(reason)
-    return {take: ", ".join(reasons) for take, reasons in words.items()}
+    beyond = takes[takes["beyond"]]
+    words = [f"{row.measure} {row.value:.3g} beyond {row.limit:g}" for row in beyond.itertuples()]
+    words = pd.Series(words, beyond["take"], dtype="str")
+    return words.groupby(level=0, sort=False).agg(", ".join)
 
 
 def reasons(takes: pd.DataFrame) -> list[str]:
@@ -74,8 +73,7 @@ def side_by_side(takes: pd.DataFrame) -> pd.DataFrame:
     wide = takes.assign(column=column).pivot(index="take", columns="column", values="value")
     order = takes.drop_duplicates("take").set_index("take")[["part", "left_out"]]
     table = order[["part"]].join(wide[list(dict.fromkeys(column))])
-    reason = pd.Series(_reasons(takes), dtype="str")
-    return table.assign(left_out=order["left_out"], reason=reason).reset_index()
+    return table.assign(left_out=order["left_out"], reason=_reasons(takes)).reset_index()
 
 
 def require_enough(takes: pd.DataFrame) -> None:

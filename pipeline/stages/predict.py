@@ -19,8 +19,7 @@ from pipeline.models.kinds import estimate, fitted_models
 from pipeline.models.other_motions import matrix_scores
 from pipeline.models.prediction import Steps, groups_by_speed, normal_steps, score_take
 from pipeline.models.steps import Options, Recorded
-from pipeline.recordings.motions import logged_motions
-from pipeline.recordings.runs import runs_of_dataset
+from pipeline.recordings.runs import logged_motions, runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
 from pipeline.statistics.scores import log_score_differences, prediction_scores, score_comparison
 

@@ -24,7 +24,7 @@ from pipeline.formats.depth.image import write_depth, write_index
 from pipeline.formats.depth.intrinsics import Intrinsics, write_intrinsics
 from pipeline.formats.force.daqft import ForceRecord, write_daqft
 from pipeline.formats.motion.motive import write_motive
-from pipeline.recordings.motions import FoundMotion
+from pipeline.recordings.runs import FoundMotion
 from pipeline.tools.new_dataset import command
 
 
