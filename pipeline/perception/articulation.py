@@ -158,34 +158,25 @@ def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
     return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
 
 
-def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
-    """Return the nodes (3, 2) O2, O3 and EE, m, of a pose ``v`` of :func:`rank`."""
-    if v.size == 4:
-        return np.vstack([v.reshape(2, 2), frame.nodes[3]])
-    middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
-    psi, lengths = v[2:] / middle, middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
-    steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
-    return frame.nodes[0] + np.cumsum(steps, axis=0)
-
-
 @compiled
 def _simplex(frame, step, extent, corners, values):
     """Run the simplex of Nelder and Mead (1965), coefficients 1, 2, ½, ½, from ``corners[0]``;
     return True if its size fell to ``extent`` in every variable. ``corners`` (n+1, n) and
-    ``values`` (n+1,) are overwritten; the best corner is first.
+    ``values`` (n+1,) are overwritten; the best corner is first, and its nodes are in ``frame``.
     """
     n = values.size - 1
     for i in range(1, n + 1):
         corners[i] = corners[0]
         corners[i, i - 1] += step
-    unknown = 0  # index of the first corner without a value
+    unknown, ended = 0, False  # index of the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
             values[i] = rank(frame, corners[i])
         order = np.argsort(values, kind="mergesort")  # equal values keep their order
         values[:], corners[:] = values[order], corners[order]
-        if np.abs(corners[1:] - corners[0]).max() <= extent:
-            return True
+        ended = np.abs(corners[1:] - corners[0]).max() <= extent
+        if ended:
+            break
         middle = corners[:n].sum(axis=0) / n
         reflected = middle - (corners[n] - middle)
         at_reflected, unknown = rank(frame, reflected), n + 1
@@ -204,7 +195,8 @@ def _simplex(frame, step, extent, corners, values):
         else:
             corners[1:] = corners[0] + 0.5 * (corners[1:] - corners[0])
             unknown = 1
-    return False
+    rank(frame, corners[0])  # writes the nodes
+    return ended
 
 
 def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, bool]:
@@ -213,7 +205,7 @@ def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, 
     corners, values = np.tile(first, (first.size + 1, 1)), np.empty(first.size + 1)
     for step, extent in RUNS[end]:
         ended = _simplex(frame, step, extent, corners, values)
-    return nodes_of(frame, corners[0]), float(values[0]), ended
+    return frame.nodes[1:].copy(), float(values[0]), ended
 
 
 class FittedSequence(NamedTuple):
