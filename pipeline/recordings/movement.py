@@ -18,6 +18,7 @@ from pipeline.formats.format import Kind, format_of, formats_in, is_bag
 from pipeline.formats.joints.log import OPTION, TABLE, JointLog, LogOptions
 from pipeline.formats.joints.names import match_joints
 from pipeline.recordings import commands
+from pipeline.recordings.lags import REACH
 from pipeline.recordings.repetitions import Excursion, excursions
 
 UNITS = {"clock_jitter": "s", "command_delay": "s"}  # units of quality rows that are no counts
@@ -205,10 +206,13 @@ class LoggedMovement(NamedTuple):
     circular: np.ndarray  # (joints,) whether a joint is circular
 
     def of(self, joints: Sequence[str]) -> Self:
-        """Return the movement of the ``joints`` alone, in their order."""
+        """Return the movement of the ``joints`` alone, in their order, with motions of theirs."""
         places = [self.joints.index(joint) for joint in joints]
-        angles = {"actual": self.actual[:, places], "target": self.target[:, places]}
-        return self._replace(joints=joints, circular=self.circular[places], **angles)
+        actual, target, circular = self.actual[:, places], self.target[:, places], self.circular
+        spans = [target[max(run.first - 1, 0) : run.last + 1] for run in self.motions]
+        far = [np.ptp(span, axis=0).max(initial=0.0) > REACH for span in spans]
+        motions = [run for run, moves in zip(self.motions, far, strict=True) if moves]
+        return LoggedMovement(joints, actual, target, motions, self.counts, circular[places])
 
 
 def read_logged_movement(

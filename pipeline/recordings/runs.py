@@ -5,6 +5,7 @@ analyse: its ends, steps, pauses and repetitions.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from pipeline.recordings.commands import circular_joints, standing_joints
 from pipeline.recordings.joint_logs import read_movements
 from pipeline.recordings.lags import REACH, delayed, in_phase, joint_lags, stretch
 from pipeline.recordings.movement import LoggedMovement
-from pipeline.recordings.repetitions import SLACK, Excursion, disturbances, find_repetitions
+from pipeline.recordings.repetitions import SLACK, disturbances, find_repetitions
 
 BEYOND = 6.0  # robust standard deviations, as dataset.joint_log.disturbed_beyond
 PAUSE = 0.1  # s, shortest pause between two runs
@@ -60,22 +61,7 @@ def joint_runs(
     else estimated from rows at rest, else from the quantum. Disturbed runs among FEWEST or more
     of one motion are not used. Raises RecordingError without a run.
     """
-    (runs, unused), _ = located_runs(movements, rate, joints, pose_noise)
-    if not (runs := [run for run in runs if run.name not in unused]):
-        found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
-        raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
-    return RunsOfLogs(runs, unused)
-
-
-def located_runs(
-    movements: Mapping[str, LoggedMovement],
-    rate: float,
-    joints: Sequence[str] = (),
-    pose_noise: float | None = None,
-) -> tuple[RunsOfLogs, dict[str, tuple[str, Excursion]]]:
-    """Return all runs as :func:`joint_runs`, also disturbed ones, and name → movement and
-    commanded motion."""
-    unused, runs, places = {}, [], {}
+    unused, runs = {}, []
     joints = [*(joints or next(iter(movements.values())).joints)]
     for read in movements.values():
         by, moved = (np.ptp(q, axis=0) for q in (read.target, read.actual))
@@ -83,19 +69,21 @@ def located_runs(
             if (joint := read.joints[column]) in joints:
                 reason = f"its command moves by {by[column]:.3g} rad, it moves by"
                 unused[joint] = f"{reason} {moved[column]:.2g} rad"
-    if not (joints := [joint for joint in joints if joint not in unused]):
-        return RunsOfLogs([], unused), {}
-    for name, read in movements.items():
-        chosen = read.of(joints)
-        if not (found := _runs_of(name, chosen, rate, pose_noise)):
+    moving = [joint for joint in joints if joint not in unused]
+    for name, read in movements.items() if moving else ():
+        chosen = read.of(moving)
+        if not chosen.motions:
             unused[name] = f"the command never moves by more than {REACH:g} rad"
-        runs += [run for run, _ in found]
-        places |= {run.name: (name, place) for run, place in found}
-    runs = named_motions(runs, chosen.circular)
+            continue
+        runs += _runs_of(name, chosen, rate, pose_noise)
+    runs = named_motions(runs, chosen.circular) if runs else []
     for name, score, others in _disturbed(runs):
         reason = f"disturbed: {score:.3g} robust standard deviations from {others} runs of"
         unused[name] = f"{reason} the same motion"
-    return RunsOfLogs(runs, unused), places
+    if not (runs := [run for run in runs if run.name not in unused]):
+        found = "; ".join(f"{name}: {reason}" for name, reason in unused.items())
+        raise RecordingError(f"no run of a commanded motion is in the logs: {found or 'no log'}")
+    return RunsOfLogs(runs, unused)
 
 
 def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
@@ -104,34 +92,27 @@ def runs_of_dataset(dataset: Dataset) -> RunsOfLogs:
     return joint_runs(read_movements(dataset), rate, dataset.robot.joints, noise)
 
 
-def _runs_of(
-    name: str, read: LoggedMovement, rate: float, stated: float | None
-) -> list[tuple[JointRun, Excursion]]:
-    """Return the runs in one movement, from pause to pause, and their motions."""
-    measured, target, resting = read.actual, read.target, np.ones(len(read.target), bool)
-    spans = [slice(max(run.first - 1, 0), run.last + 1) for run in read.motions]
-    far = [np.ptp(target[span], axis=0).max(initial=0.0) > REACH for span in spans]
-    if not (moved := [run for run, moves in zip(read.motions, far, strict=True) if moves]):
-        return []
+def _runs_of(name: str, read: LoggedMovement, rate: float, stated: float | None) -> list[JointRun]:
+    """Return the runs in one movement, from pause to pause."""
+    measured, target, moved = read.actual, read.target, read.motions
     late = joint_lags(target, measured, rate)
     command, cut = delayed(target, late * rate)
     kept = following_rows(measured[cut] - command)
     command, start = command[kept], cut.start + kept.start
+    resting = np.ones(len(target), bool)
     for run in moved:
         resting[max(run.first - SLACK, 0) : run.last + round(SETTLED * rate)] = False
     quantum = np.array([find_quantum(joint) for joint in measured.T])
     noise = stated or _noise_of(measured, resting, quantum)
-    gaps = [after.first - before.last for before, after in pairwise(moved)]
-    first = [0, *(i for i, gap in enumerate(gaps, 1) if gap >= PAUSE * rate), len(moved)]
-    middles = [(moved[i - 1].last + moved[i].first) // 2 - start for i in first[1:-1]]
-    limits, runs = pairwise([0, *middles, len(command)]), []
-    for i, ((begin, end), limit) in enumerate(zip(pairwise(first), limits, strict=True), 1):
-        rows, own = slice(*np.clip(limit, 0, len(command))), f"{name}_{i}" if middles else name
-        angles = command[rows], measured[start:][rows], tuple(read.joints)
-        lag = late + read.counts.get("command_delay", 0.0)
-        a, b = moved[begin], moved[end - 1]
-        place = Excursion(a.first, b.last, a.whole and b.whole, min(a.pause, b.pause))
-        runs.append((JointRun(own, rate, *angles, lag, quantum, noise, motion=""), place))
+    pauses = [(one.last, other.first) for one, other in pairwise(moved)]
+    middles = [(a + b) // 2 - start for a, b in pauses if b - a >= PAUSE * rate]
+    limits = np.clip([0, *middles, len(command)], 0, len(command)).tolist()
+    late = late + read.counts.get("command_delay", 0.0)
+    runs = []
+    for i, (first, end) in enumerate(pairwise(limits), 1):
+        own = f"{name}_{i}" if middles else name
+        angles = command[first:end], measured[start:][first:end], tuple(read.joints)
+        runs.append(JointRun(own, rate, *angles, late, quantum, noise, motion=""))
     return runs
 
 
@@ -252,52 +233,49 @@ def find_motions(
     movements: Mapping[str, LoggedMovement], robot: Robot, rate: float
 ) -> list[FoundMotion]:
     """Return the motions of the ``robot``'s joints in the ``movements`` at ``rate`` (Hz), most
-    repetitions first: runs of equal commands from rest to rest. If no command ever rests, motions
-    are repeated stretches between rows where J is nearly singular or, without such rows, between
+    repetitions first: commands from rest to rest with equal ends and steps. If no command ever
+    rests, motions are repeated stretches between rows where J is nearly singular or, without such rows, between
     turns of the joint that moves farthest.
     """
-    chain, listed = chain_of(robot), {}
-    paths = {name: read.of(robot.joints).target for name, read in movements.items()}
-
-    def stretch_of(motion: FoundMotion) -> np.ndarray:
-        """Return the commanded angles of the first repetition."""
-        name, first = motion.places[0]
-        return paths[name][first:][: motion.steps + 1]
-
-    (runs, unused), places = located_runs(movements, rate, robot.joints)
-    for run in runs:
-        name, (first, last, whole, pause) = places[run.name]
-        if not whole:
-            continue
-        target = paths[name]
-        new = FoundMotion(target[first - 1], target[last], last - first, pause)
-        motion = listed.setdefault(run.motion, new)
-        if abs(last - first - motion.steps) > SLACK:  # a part of the motion
-            continue
-        motion.pause = min(motion.pause, pause)
-        motion.places.append((name, first))
-        reference = stretch_of(motion)
-        place = in_phase(target, first, reference, SLACK, whole=True)
-        off = float(np.abs(stretch(target, place, len(reference)) - reference).max())
-        if run.name in unused or off > ALIKE:
-            motion.disturbed.append((name, first))
-        motion.deviation = max(motion.deviation, off)
-    found = [*listed.values()] or _repeated_stretches(paths, chain, robot)
-    for motion in found:
-        motion.least_singular = float(_least_singular(chain, stretch_of(motion)).min())
+    chain, circular, found = chain_of(robot), circular_joints(robot.urdf, robot.joints), []
+    logs = {name: read.of(robot.joints) for name, read in movements.items()}
+    resting = any(run.whole for read in logs.values() for run in read.motions)
+    for read in logs.values():
+        path, spans = read.target, [(run.first - 1, run.last) for run in read.motions if run.whole]
+        for first, last in spans if resting else _regular_stretches(path, chain):
+            steps, ends = last - first - resting, (path[first], path[last])
+            seek = partial(find_repetitions, ends=ends, steps=steps, rest=int(resting))
+            each = {n: seek(q.target, q.motions, circular=circular) for n, q in logs.items()}
+            runs = [(name, run) for name, (runs, _) in each.items() for run in runs]
+            places = [(name, run.first) for name, run in runs]
+            known = any({*places} & {*other.places} for other in found)
+            if not known and len(places) > (not resting):
+                pause = min(run.pause for _, run in runs) if resting else None
+                motion = FoundMotion(*ends, steps, pause, places)
+                _compare(motion, logs, rate, chain)
+                found.append(motion)
     return sorted(found, key=lambda motion: -len(motion.places))
 
 
-def _repeated_stretches(paths: Mapping, chain: Chain, robot: Robot) -> list[FoundMotion]:
-    circular, found = circular_joints(robot.urdf, robot.joints), []
-    for path in paths.values():
-        for first, last in _regular_stretches(path, chain):
-            ends, steps = (path[first], path[last]), last - first
-            each = {n: find_repetitions(q, [], ends, steps, 0, circular) for n, q in paths.items()}
-            places = [(name, run.first) for name, (runs, _) in each.items() for run in runs]
-            if len(places) > 1 and not any({*places} & {*other.places} for other in found):
-                found.append(FoundMotion(*ends, steps, None, places))
-    return found
+def _compare(motion: FoundMotion, logs: Mapping, rate: float, chain: Chain) -> None:
+    """Set the least singular value along the first repetition and, of a motion between rests, the
+    greatest deviation of a command from the first command and the disturbed repetitions.
+    """
+    name, row = motion.places[0]
+    reference, residuals = logs[name].target[row:][: motion.steps + 1], {}
+    motion.least_singular = float(_least_singular(chain, reference).min())
+    for name, row in motion.places if motion.pause is not None else ():
+        read, length = logs[name], len(reference)
+        start = in_phase(read.target, row, reference, SLACK, whole=True)
+        off = float(np.abs(stretch(read.target, start, length) - reference).max())
+        motion.deviation = max(motion.deviation, off)
+        residuals[name, row] = stretch(read.actual - read.target, start, length)
+        if off > ALIKE:
+            motion.disturbed.append((name, row))
+            del residuals[name, row]
+    if len(residuals) >= FEWEST:
+        scores = disturbances(np.stack([*residuals.values()]), rate)
+        motion.disturbed += [[*residuals][i] for i in np.flatnonzero(scores > BEYOND)]
 
 
 def _regular_stretches(angles: np.ndarray, chain: Chain) -> list[tuple[int, int]]:
