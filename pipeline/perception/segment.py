@@ -26,6 +26,7 @@ class ArmSegmenter:
         self, arm: Arm, camera: Intrinsics, rotation: ndarray, translation: ndarray, crop: Workspace
     ) -> None:
         self.crop, self.arm, origin = crop, arm, arm.chain.origin
+        reach = arm.chain.lengths.sum() + crop.girth
         self.camera, shape = arm.to_plane(translation), (camera.height, camera.width)
         grid = np.meshgrid(*(np.arange(size, dtype=float) for size in shape[::-1]))
         pixels = np.stack([axis.ravel() for axis in grid], axis=-1)[:, None]
@@ -42,7 +43,7 @@ class ArmSegmenter:
                 depth = (face - self.camera[1]) / rays[1]
                 away = (self.camera[i] + depth * rays[i] - origin[i // 2] for i in (0, 2))
                 distance = np.hypot(*away)
-            sees |= (depth > 0) & (distance <= _reach(arm, crop))
+            sees |= (depth > 0) & (distance <= reach)
         if not sees.any():
             message = "no pixel of the depth camera sees the arm: check the camera's pose, its"
             raise ConfigError(f"{message} intrinsics and the crop", key="dataset.depth.camera")
@@ -99,14 +100,10 @@ def cut_cloud(
     return _thin(kept[:, [0, 2]], crop)
 
 
-def _reach(arm: Arm, crop: Workspace) -> float:
-    return float(arm.chain.lengths.sum()) + crop.girth
-
-
 def _near_arm(x: ndarray, z: ndarray, arm: Arm, crop: Workspace) -> ndarray:
     """Return True for points in reach that are neither on the turntable nor on the floor."""
     x0, z0 = arm.chain.origin
-    in_reach = (x - x0) ** 2 + (z - z0) ** 2 <= _reach(arm, crop) ** 2
+    in_reach = (x - x0) ** 2 + (z - z0) ** 2 <= (arm.chain.lengths.sum() + crop.girth) ** 2
     beside = np.abs(x - x0) > crop.column_half_width
     return in_reach & (beside | (z - z0 > crop.column_top)) & (z > crop.floor)
 

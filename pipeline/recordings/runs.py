@@ -234,8 +234,8 @@ def find_motions(
 ) -> list[FoundMotion]:
     """Return the motions of the ``robot``'s joints in the ``movements`` at ``rate`` (Hz), most
     repetitions first: commands from rest to rest with equal ends and steps. If no command ever
-    rests, motions are repeated stretches between rows where J is nearly singular or, without such rows, between
-    turns of the joint that moves farthest.
+    rests, motions are repeated stretches between rows where J is nearly singular or, without such
+    rows, between turns of the joint that moves farthest.
     """
     chain, circular, found = chain_of(robot), circular_joints(robot.urdf, robot.joints), []
     logs = {name: read.of(robot.joints) for name, read in movements.items()}
