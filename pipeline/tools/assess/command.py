@@ -2,7 +2,7 @@
 with the recordings that a model was fitted to.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
@@ -32,13 +32,17 @@ from pipeline.recordings.repetitions import SLACK
 from pipeline.recordings.runs import joint_runs
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.scores import normal_log_score
-from pipeline.tools.assess.runs import assessments_of_runs
 from pipeline.tools.characterize.logs import folder_logs
+from pipeline.tools.export.command import scores_by_horizon
 
 HERE, EXPORTS = Path(__file__).parent, Path("data/export")
 CHARACTERIZED = Path("data/characterize")  # runs of characterize, one folder per dataset
-TEXT = Template((HERE / "take.txt").read_text(encoding="utf-8"), trim_blocks=True)
+TAKE_TEXT, RUN_TEXT = (
+    Template((HERE / f"{name}.txt").read_text(encoding="utf-8"), trim_blocks=True)
+    for name in ("take", "run")
+)
 MOTION, TRACK = Path("data/ingest/motion"), Path("data/track")
+FACTOR = 2.0  # greatest factor between predicted and measured standard deviation
 ENOUGH = 20  # least number of test takes for a comparison without training takes
 # false positive rate: half of it for the whole take, half for the greatest difference of a span
 LEVEL = 0.05
@@ -85,6 +89,34 @@ def _runs_in(file: Path, model: ExportedErrors, export: Path) -> list[JointRun]:
         first = runs_of(training_steps(dataset.robot, dataset.motion))[0]
         takes = new_takes(file, dataset, first.command)
     return [replace(first, name=name, measured=q) for name, q in takes.items()]
+
+
+def assessments_of_runs(
+    runs: Iterable[JointRun], model: ExportedErrors, export: str
+) -> Iterator[str]:
+    """Yield the verdict on each of ``runs`` by a joint error law: predicted over measured standard
+    deviation and coverage at three horizons, and the rank of its log score among the runs of the
+    fit, which stand in the exported file.
+    """
+    known = model.record["runs"]
+    for run in runs:
+        model.require_period(1 / run.rate)
+        scores, all_rows = scores_by_horizon(model.law, run)
+        rows = {}
+        for horizon, score in scores.items():
+            own = all_rows[all_rows["horizon"] == horizon]
+            share = own["predicted_rad"] / own["measured_rad"]
+            inside = np.average(own["one_sigma"], weights=own["count"])
+            others = np.array([one["scores"][horizon] for one in known if horizon in one["scores"]])
+            count = 1 + len(others)
+            lower = (1 + np.sum(others <= score)) / count
+            rows[horizon] = share.min(), share.max(), inside, score, lower, count
+        if not rows:
+            yield f"assess: {run.name}: no joint is commanded to move; nothing can be compared"
+            continue
+        columns = ["low", "high", "inside", "score", "lower", "count"]
+        table = pd.DataFrame.from_dict(rows, orient="index", columns=columns)
+        yield RUN_TEXT.render(run=run, rows=table, known=len(known), export=export, factor=FACTOR)
 
 
 def run_folder(dataset: str, model: Path) -> Path:
@@ -255,4 +287,4 @@ def assessment(take: str, model: str, fitted: int, verdict: TakeVerdict) -> str:
     begins, ends = verdict.ends[span : span + 2]
     values = {"joint": verdict.evidence.index[1 + joint], "t": verdict.span_t[joint, span]}
     values |= {"begins": begins, "ends": ends, "fewest": FEWEST, "fitted": fitted}
-    return TEXT.render(take=take, model=model, v=verdict, **values)
+    return TAKE_TEXT.render(take=take, model=model, v=verdict, **values)

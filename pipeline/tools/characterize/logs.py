@@ -74,7 +74,11 @@ def _values(
     """Return key → value of the log ``take`` alone, and suggestion → reason of guessed values."""
     if stops := [stop for log in take.files for stop in log.stops]:
         raise ConfigError(stops[0], file=take.path)
-    values: dict[str, Any] = {}
+    first, values = take.files[0].facts, {}
+    if take.finding.facts is first:
+        count = first.get("joints") or len(first.get("signals", {}).get("actual", ()))
+    else:  # the first of several tables
+        count = first["columns"] - bool(first["timed"])
     while True:  # repeat, since the rate depends on the unit of the times
         taken, found = {}, {key: parse_yaml(text) for key, text in assigned.items()}
         nested = {"joint_log": {key[len(SECTION) :]: one for key, one in values.items()}}
@@ -85,17 +89,10 @@ def _values(
                 if not entry.certain and entry.note:
                     taken[f"{key}: {entry.value}"] = entry.note
         if found.get("joint_log.joints") is None:
-            found["joint_log.joints"] = [f"joint_{n}" for n in range(1, _joint_count(take) + 1)]
+            found["joint_log.joints"] = [f"joint_{n}" for n in range(1, count + 1)]
         if found == values:
             return values, taken
         values = found
-
-
-def _joint_count(take: PlacedTake) -> int:
-    first = take.files[0].facts
-    if first is not take.finding.facts:  # of several tables
-        return first["columns"] - bool(first["timed"])
-    return first.get("joints") or len(first.get("signals", {}).get("actual", ()))
 
 
 def _read(take: PlacedTake, values: Mapping[str, Any]) -> tuple[LoggedMovement, float]:
