@@ -84,11 +84,11 @@ def is_open(value: Any) -> bool:
     return any(True for _ in unfilled_keys(value))
 
 
-def get_nested(values: Any, key: str, default: Any = None) -> Any:
-    """Return the value of a nested ``key``, else the ``default``."""
+def get_nested(values: Any, key: str) -> Any:
+    """Return the value of a nested ``key``, None without it."""
     for part in filter(None, key.split(".")):
         if not isinstance(values, dict) or part not in values:
-            return default
+            return None
         values = values[part]
     return values
 

@@ -34,7 +34,7 @@ from pipeline.stages import fit, ingest, predict, track
 from pipeline.statistics.horizons import chosen_law
 from pipeline.tools.characterize.logs import folder_logs
 from pipeline.tools.export import command as export
-from pipeline.tools.new_dataset.command import assigned_values, open_draft
+from pipeline.tools.new_dataset.command import assigned_values, dataset_files, open_draft
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card
 from pipeline.verdicts.run import Run
@@ -43,10 +43,8 @@ WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.lo
 LOGGED = Template(Path(__file__).with_name("logged.txt").read_text(encoding="utf-8"))
 TOOLS = ("tool0", "flange", "ee_link", "tool")  # usual names of the last link
 PICTURE = "![Quantiles of the held-out noise](noise_quantiles.png)"
-HEADING, TO_EXPORT = (
-    "## Predicted and measured errors on held-out motions\n",
-    re.compile(r"Export: `python.*\n*"),
-)
+HEADING = "## Predicted and measured errors on held-out motions\n"
+TO_EXPORT = re.compile(r"Export: `python.*\n*")
 
 
 def run(
@@ -145,9 +143,8 @@ def _write_dataset(
     name: str, folder: Path, assigned: dict[str, str], ask: bool, motion: int | None
 ) -> None:
     """Write the dataset's files if missing or incomplete; ConfigError if a value is still ???."""
-    option, sheet = config.CONF / "dataset" / f"{name}.yaml", datasheet.path_of(name)
-    exists = option.exists() and sheet.exists()
-    if exists:
+    sheet, option = dataset_files(name)
+    if exists := option.exists() and sheet.exists():
         print(f"characterize: the dataset {name} exists and is used without changes; to write it")
         print(f"characterize: again by --urdf, --set or --motion, delete {sheet} and {option}")
         values = config.dataset_values(option)
@@ -200,10 +197,8 @@ def _results(
     """Return tables and metrics; of the joint error laws only, if a stage fails."""
     metrics = {}
     try:
-        _run_stage(ingest.run, "motion")
-        Path("data/ingest/depth").mkdir(exist_ok=True)
-        if settings.dataset.depth is not None:
-            _run_stage(ingest.run, "depth")
+        for part in ("motion", "depth"):
+            _run_stage(ingest.run, part)
         _run_stage(track.run)
         for model in settings.models:
             _run_stage(fit.run, model)
@@ -214,8 +209,8 @@ def _results(
             raise
         print(f"characterize: only joint error laws; the motion cannot be analysed: {error}")
         return _tables_of_runs(logged), {}
-    names = [file.stem for file in predict.OUT.glob("*.parquet")]
-    tables = {name: contracts.read(name, predict.OUT) for name in names}
+    files = predict.OUT.glob("*.parquet")
+    tables = {file.stem: contracts.read(file.stem, predict.OUT) for file in files}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))
     recorded = contracts.read("joints", track.OUT)["take"].nunique()
     return tables, metrics | {"motion": {"recorded_takes": int(recorded)}}
