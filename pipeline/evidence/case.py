@@ -1,6 +1,6 @@
 """A case: the choices in everything that paper and user leave open, and the recordings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,16 +11,19 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core import contracts, rng
-from pipeline.core.columns import columns
+from pipeline.core.columns import PLANE, columns
 from pipeline.core.options.analysis import Filter
 from pipeline.core.options.dataset import Motion, Robot
 from pipeline.filtering.measurement import Measurements, measurements
 from pipeline.filtering.particle_filter import Start
 from pipeline.models.steps import Options, Recorded
+from pipeline.models.wishart.decomposition import COMPUTED, decomposition_of
 from pipeline.perception.depth_noise import errors_of, leave_one_out
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.curves import variation_limits
 
+WISHART = "wishart"
+NAMES = {"pivoted_lu": "pivoted LU", "qr": "QR of J", "qr_transposed": "QR of Jᵀ (control)"}
 # the paper's models; the first is the reference of comparisons
 KINDS = ("additive", "wishart", "gaussian")
 
@@ -128,3 +131,19 @@ def camera_of(angles: pd.DataFrame, joints: pd.DataFrame, *, window: int) -> Cam
     """Return the camera of the table ``angles``, its noise against ``joints`` over ± ``window``."""
     noise = leave_one_out(errors_of(angles, joints), window=window)
     return Camera(noise, {take.take: take for take in measurements(angles, noise)})
+
+
+def readings(
+    base: Choices, task: Sequence[str] = PLANE, joints: Sequence[str] = PLANE
+) -> dict[str, Choices]:
+    """Return by name ``base`` and the case of every other decomposition of the Wishart model, a
+    reading of "LU or QR" (Eq. LUDecom); {} without a Wishart model.
+    """
+    wishart = base.models.get(WISHART)
+    if wishart is None:
+        return {}
+    own = decomposition_of(wishart.decomposition, wishart.left, task, joints).name
+    cases = {NAMES.get(own, own): base}
+    for name in COMPUTED:
+        cases.setdefault(NAMES[name], base.with_wishart(decomposition=name, left=None))
+    return cases

@@ -51,7 +51,7 @@ def evaluate(
 
     # options are not hashable; equal options have equal representations
     models = {repr(part): part for case in cases for part in map(case.model_case, case.models)}
-    outcomes = map_trials(_outcome, models)
+    outcomes = map_trials(outcome, models)
     loops = {key: _loops(result, recordings) for key, result in outcomes.items()}
     trials: dict[str, Trial] = {}
     keys: list[dict[str, dict[str, str]]] = []  # filter → take → key of its trial, for each case
@@ -78,13 +78,6 @@ def evaluate(
     return results
 
 
-def _outcome(case: Choices, recordings: Recordings) -> Outcome:
-    # the stages' draws in all cases, so that only the choices differ
-    names = (f"simulate.{case.options.kind}", f"score.following.{case.options.kind}")
-    streams = [recordings.generator(name, case.draw) for name in names]
-    return outcome(case, recordings.takes, recordings.realizations, *streams)
-
-
 def _loops(result: Outcome, recordings: Recordings) -> dict[bool, Loop]:
     """Return the loops in which a model is filtered, with the key True for the closed loop."""
     recorded, loops = recordings.takes.training, {}
@@ -108,15 +101,12 @@ def _posterior(trial: Trial, recordings: Recordings) -> Posterior | str:
         return str(error)
 
 
-def outcome(
-    case: Choices,
-    takes: Takes,
-    realizations: int,
-    realizing: np.random.Generator,
-    following: np.random.Generator,
-) -> Outcome:
-    """Fit the only model of ``case``, realise it ``realizations`` times, and score it."""
-    result, training = Outcome(), takes.training
+def outcome(case: Choices, recordings: Recordings) -> Outcome:
+    """Fit the only model of ``case``, realise it, and score it. The random numbers are the stages'
+    in all cases, so that only the choices differ.
+    """
+    result, takes, kind = Outcome(), recordings.takes, case.options.kind
+    training = takes.training
     try:
         fit = kinds.estimate(training, case.options)
         result.model = fit.model
@@ -125,13 +115,15 @@ def outcome(
             result.closed, refused = closed_loop_of(training, case.options, fit)
             result.refusals += [f"no closed loop: {refused}"] if refused else []
         result.log_score = _log_scores(case, fit, takes)
-        starts = np.resize(takes.poses, (realizations, *takes.poses.shape[1:]))
+        starts = np.resize(takes.poses, (recordings.realizations, *takes.poses.shape[1:]))
         course = (result.model, training.chain, starts, training.v, case.mode)
-        realized, _, _ = realize(*course, realizing)
+        drawn = recordings.generator(f"simulate.{kind}", case.draw)
+        realized, _, _ = realize(*course, drawn)
         result.mean, result.deviation, refused = realized_moments(*course, realized)
         result.refusals += [refused] if refused else []
         if case.mode == "one_step":
-            tests = noise_tests(result.model, training, takes.poses, following)
+            drawn = recordings.generator(f"score.following.{kind}", case.draw)
+            tests = noise_tests(result.model, training, takes.poses, drawn)
             result.modelled, result.following = tests
     except (ModelDomainError, SingularJacobianError, SolverError) as error:
         result.refusals.append(str(error))

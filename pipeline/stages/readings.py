@@ -8,9 +8,8 @@ import pandas as pd
 from pipeline.configuration import config
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
-from pipeline.evidence.case import Camera, Choices, Recordings, recorded_takes
+from pipeline.evidence.case import WISHART, Camera, Choices, Recordings, readings, recorded_takes
 from pipeline.evidence.outcomes import evaluate
-from pipeline.evidence.readings import WISHART, readings
 from pipeline.evidence.table import depends_on
 from pipeline.filtering.measurement import measured_takes
 

@@ -27,18 +27,6 @@ DRAWS = 200
 DETECTED = 0.975  # of the normal law, two-sided at 5 %
 
 
-class Windows(NamedTuple):
-    """Windows of all joints: ``group`` (W,) numbers their motions or blocks, ``joint`` (W,) their
-    joints; ``size`` (W,) is ln s², ``speed`` (W,) ln|q̇|² and ``pose`` (W,) ln x².
-    """
-
-    group: ndarray
-    joint: ndarray
-    size: ndarray
-    speed: ndarray
-    pose: ndarray
-
-
 class PoseEffect(NamedTuple):
     """Exponent γ with its interval, and the power to tell γ = 1 from 0."""
 
@@ -50,9 +38,10 @@ class PoseEffect(NamedTuple):
     needed: float  # the same, at which γ = 1 would be told from 0 with the power POWER
 
 
-def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> Windows:
-    """Return the windows of ``motions``: noise (M, n) in rad, commanded steps (M, n) in rad and the
-    pose quantity x ≥ 0 (M, n) of each; x = 0 at rest.
+def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> ndarray:
+    """Return the windows (5, W) of all joints: number of the motion or block, number of the joint,
+    ln s², ln|q̇|² and ln x². ``motions`` have noise (M, n) in rad, commanded steps (M, n) in rad and
+    the pose quantity x ≥ 0 (M, n); x = 0 at rest.
     """
     rows = []
     fastest = np.max([np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions], axis=0)
@@ -65,41 +54,38 @@ def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> Windows:
                     block = number if len(motions) > 1 else BLOCKS * steps[0] // len(noise)
                     terms = (size, np.mean(dq[steps, j] ** 2), np.mean(x[steps, j] ** 2))
                     rows.append((block, j, *np.log(terms)))
-    columns = np.array(rows, dtype=float).reshape(-1, len(Windows._fields)).T
-    return Windows(*columns)
+    return np.array(rows, dtype=float).reshape(-1, 5).T
 
 
-def pose_effect(windows: Windows, rng: Generator) -> PoseEffect | None:
+def pose_effect(windows: ndarray, rng: Generator) -> PoseEffect | None:
     """Return the effect of the pose, or None for too few windows or a pose quantity that the speed
     determines. The power is the share of DRAWS of a true γ = 1, with the residuals of the windows
     in their order and shifted within the groups, whose interval lies above 0.
     """
-    groups = np.unique(windows.group)
-    if len(windows.size) < LEAST_WINDOWS or len(groups) < 3:
+    group, joint, size, speed, pose = windows
+    groups = np.unique(group)
+    if len(size) < LEAST_WINDOWS or len(groups) < 3:
         return None
-    weights = jackknife_counts(len(groups))[:, np.searchsorted(groups, windows.group)]
-    design = np.column_stack(
-        [windows.joint[:, None] == np.unique(windows.joint), windows.speed, windows.pose]
-    ).astype(float)
+    weights = jackknife_counts(len(groups))[:, np.searchsorted(groups, group)]
+    design = np.column_stack([joint[:, None] == np.unique(joint), speed, pose]).astype(float)
     if np.linalg.matrix_rank(design) < design.shape[1]:
         return None
 
     def exponents(size: ndarray) -> ndarray:
         return np.array([_slopes(design, size, own)[-1] for own in weights])
 
-    found = exponents(windows.size)
-    residuals = windows.size - design @ _slopes(design, windows.size, weights[0])
+    residuals = size - design @ _slopes(design, size, weights[0])
     told = 0
     for _ in range(DRAWS):
         drawn = np.empty_like(residuals)
-        for group in groups:
-            own = windows.group == group
+        for one in groups:
+            own = group == one
             drawn[own] = np.roll(residuals[own], rng.integers(own.sum()))
             drawn[own] *= rng.choice([-1.0, 1.0])
-        told += jackknife_difference(exponents(windows.pose + drawn)).low > 0
+        told += jackknife_difference(exponents(pose + drawn)).low > 0
     others = design[:, :-1]
-    rest = windows.pose - others @ np.linalg.lstsq(others, windows.pose, rcond=None)[0]
-    spread, effect = float(rest.std()) / 2, jackknife_difference(found)
+    rest = pose - others @ np.linalg.lstsq(others, pose, rcond=None)[0]
+    spread, effect = float(rest.std()) / 2, jackknife_difference(exponents(size))
     error = (effect.high - effect.low) / (2 * ndtri(DETECTED))
     needed = spread * error * (ndtri(DETECTED) + ndtri(POWER))
     return PoseEffect(effect, told / DRAWS, len(rest), len(groups), spread, float(needed))

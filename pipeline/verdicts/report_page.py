@@ -9,7 +9,7 @@ import pandas as pd
 from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
 from pipeline.verdicts import scores
-from pipeline.verdicts.claims import CONSTRUCTION, PROJECT, Claim
+from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
@@ -75,10 +75,7 @@ def speeds(here: Run) -> str:
     if None in reached.values() or not reached:
         return ""
     joint = max(reached, key=reached.get)
-    numbers = {"reached": reached[joint], "limit": known[f"true_{joint}_speed_limit_rad_per_s"]}
-    numbers["beyond"] = known["true_moving_steps_beyond_a_speed_limit_share"]
-    numbers["backwards"] = known[f"true_{joint}_fast_steps_backwards_share"]
-    return say("speeds", joint=joint, **numbers)
+    return say("speeds", joint=joint, known=known)
 
 
 def _counts(columns: Sequence[Decided]) -> str:
@@ -110,14 +107,6 @@ def _columns(here: Run, decided: Sequence[Decided]) -> list[Decided]:
 
 def _robot(whose: Decided) -> str:
     return ROBOTS.get(whose.dataset, whose.dataset)
-
-
-def statement(claim: Claim) -> str:
-    """Return the statement of ``claim`` with notes on its source and on the reason of a verdict."""
-    notes = [WORDS["by"][claim.by]] if claim.by else []
-    notes += ["the project's own claim"] if claim.source == PROJECT else []
-    notes += ["the paper's own arm"] if claim.about == "specimen" else []
-    return f"{claim.statement} *({'; '.join(notes)})*" if notes else claim.statement
 
 
 def verdict_cell(verdict: Verdict) -> str:
@@ -181,20 +170,22 @@ def figures(
     sources: Mapping[str, Sequence[Source]],
 ) -> dict[str, object]:
     """Return the paper's ``figures`` in order: ``item``, ``drawn`` figures with ``title`` and one
-    sentence of the caption as ``look`` (the COMPARE sentence, else the first), and ``lines`` with
-    the verdicts on the claims that it shows, the paper's first; lines of ``unplaced`` claims;
-    statements of claims that are ``unseen``, without evidence or figure; ``further`` captions.
+    sentence of the caption as ``look`` (the COMPARE sentence, else the first), and ``lines``, the
+    claims that it shows with their verdicts, the paper's first; lines of ``unplaced`` claims;
+    claims that are ``unseen``, without evidence or figure; ``further`` captions.
     """
-    lines: dict[str, list[str]] = defaultdict(list)
-    without: dict[str, list[str]] = defaultdict(list)
+    lines: dict[str, list[tuple[Claim, str]]] = defaultdict(list)
+    without: dict[str, list[Claim]] = defaultdict(list)
     rows = zip(*(whose.verdicts for whose in columns), strict=True)
     for row in sorted(rows, key=lambda row: row[0].claim.source == PROJECT):
         claim, robots = row[0].claim, [_robot(whose).partition(",")[0] for whose in columns]
         cells = zip(robots, map(verdict_cell, row), strict=True)
         shown = " · ".join(f"{robot} {cell}" for robot, cell in cells if cell)
-        verdicts = "" if claim.by == CONSTRUCTION else f"<br>**{shown}**"
         label = FIGURE.search(claim.where)[1]
-        (lines if shown else without)[label].append(statement(claim) + verdicts * bool(shown))
+        if shown:
+            lines[label].append((claim, shown))
+        else:
+            without[label].append(claim)
     further, found, unseen = dict(captions), [], []
     for item in (item for item in items if item.kind == "figure"):
         drawn = []
@@ -205,7 +196,7 @@ def figures(
                 look = " ".join([look, *(scores.widths(here) if name == WIDTHS else ())])
                 drawn.append((name, {"title": caption["title"], "look": look}))
         unseen += without[item.label]
-        unseen += [] if drawn else [line.partition("<br>")[0] for line in lines[item.label]]
+        unseen += [] if drawn else [claim for claim, _ in lines[item.label]]
         found.append({"item": item, "drawn": drawn, "lines": lines[item.label]})
     known = {"unplaced": lines[None], "unseen": unseen + without[None], "further": further}
     return {"figures": found, **known}

@@ -14,10 +14,9 @@ from scipy.stats import multivariate_normal
 from pipeline.configuration import config
 from pipeline.core.columns import PLANE, spread, triangle
 from pipeline.core.filters import MEMORY, NONE
-from pipeline.evidence.case import KINDS, Camera, Choices, Recordings, Takes
+from pipeline.evidence.case import KINDS, Camera, Choices, Recordings, Takes, readings
 from pipeline.evidence.filters import filter_evidence
 from pipeline.evidence.outcomes import case_evidence, outcome
-from pipeline.evidence.readings import readings
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.kinds import options_type
@@ -72,8 +71,7 @@ def posterior(mean: np.ndarray, covariance: np.ndarray) -> Posterior:
 
 
 def outcome_of(case, kind: str, takes):
-    streams = (np.random.default_rng(seed) for seed in (1, 2))
-    return outcome(case.model_case(kind), takes, 12, *streams)
+    return outcome(case.model_case(kind), recordings_of(takes, Camera(None, {})))
 
 
 @pytest.fixture

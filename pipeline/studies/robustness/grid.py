@@ -12,9 +12,8 @@ import pandas as pd
 from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.options.analysis import Wrench
-from pipeline.evidence.case import Camera, Choices, Recordings, camera_of
+from pipeline.evidence.case import Camera, Choices, Recordings, camera_of, readings
 from pipeline.evidence.outcomes import evaluate
-from pipeline.evidence.readings import readings
 from pipeline.evidence.table import evidence_table
 from pipeline.evidence.wrench import wrench_evidence as evidence_of
 from pipeline.filtering.sampling import SCHEMES
