@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -24,17 +23,10 @@ from pipeline.recordings.inventory import named_takes
 from pipeline.recordings.quality import DEPTH_CAMERA, quality_row
 
 KEY = "dataset.depth"
-Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]  # frame, evidence
-
-
-class DepthTake(NamedTuple):
-    """F frames of a folder or bag, read one at a time."""
-
-    time: np.ndarray  # (F,) s on the camera's clock
-    references: Sequence[str]  # (F,) file, or bag#message
-    camera: Intrinsics | None  # None for point clouds
-    frames: Frames
-    counts: Counter[str]  # updated while frames are read
+# F frames, read one at a time: times (F,) in s on the camera's clock; references (file, or
+# bag#message); intrinsics, None for point clouds; frames with evidence; counts, updated by reading
+Frames = Iterator[tuple[image.RawDepth | cloud.PointCloud, dict[str, object]]]
+DepthTake = tuple[np.ndarray, Sequence[str], Intrinsics | None, Frames, Counter[str]]
 
 
 def take_paths(raw: Path, depth: Depth) -> dict[str, Path]:
@@ -54,36 +46,38 @@ def frame_rows(
     Raises RecordingError for unreadable or contradictory files, ConfigError for missing options.
     """
     name, path = named
-    take = _of_bag(path, depth, raw) if is_bag(path) else _of_folder(path, depth, raw)
-    time = take.time - (take.time[0] if depth.start is None else depth.start)
-    clouds, valid = zip(*_points(take, depth, arm), strict=True)
+    source = _of_bag if is_bag(path) else _of_folder
+    time, references, camera, frames, lost = source(path, depth, raw)
+    time = time - (time[0] if depth.start is None else depth.start)
+    clouds, valid = zip(*_points(frames, camera, depth, arm), strict=True)
     same = (len(after) > 0 and np.array_equal(before, after) for before, after in pairwise(clouds))
-    frozen = np.array([False, *same])
+    frozen, empty = np.array([False, *same]), np.full(2, np.nan)
     kept = [points for points, still in zip(clouds, frozen, strict=True) if not still]
-    empty = np.full(2, np.nan)
     centroid = np.array([points.mean(axis=0) if len(points) else empty for points in kept])
     rows = {"take": name, "part": "test", "frame": np.arange(len(clouds)), "t": time}
-    rows = pd.DataFrame(rows | {"file": take.references, "valid": valid})[~frozen]
+    rows = pd.DataFrame(rows | {"file": references, "valid": valid})[~frozen]
     rows = rows.assign(points=[len(points) for points in kept], x=centroid[:, 0], z=centroid[:, 1])
     np.save(folder / f"{name}.npy", np.concatenate(kept))
     dropped = image.dropped_frames(time)
-    counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | take.counts
+    counts = {"dropped_frames": dropped, "frozen_frames": frozen.sum()} | lost
     share = ("dropped_share", dropped / (dropped + len(clouds)), "share")
     return rows, [quality_row(name, "test", DEPTH_CAMERA, *row) for row in (*counts.items(), share)]
 
 
-def _points(take: DepthTake, depth: Depth, arm: Arm) -> Iterator[tuple[np.ndarray, float]]:
+def _points(
+    frames: Frames, camera: Intrinsics | None, depth: Depth, arm: Arm
+) -> Iterator[tuple[np.ndarray, float]]:
     """Yield the arm's points (I, 2), m in the arm's plane, and the measured share per frame."""
     pose = Rotation.from_euler("xyz", depth.camera.rpy).as_matrix(), np.array(depth.camera.position)
     scale = depth.units_per_metre, depth.saturation, depth.scale_key
     encoding = image.Encoding(depth.encoding, *scale, depth.disparity and tuple(depth.disparity))
     segment = partial(cut_cloud, arm, *pose, depth.workspace)
-    if take.camera is not None:
-        segment = ArmSegmenter(arm, take.camera, *pose, depth.workspace)
+    if camera is not None:
+        segment = ArmSegmenter(arm, camera, *pose, depth.workspace)
     elif depth.encoding != "plain":
         message = f"the encoding of point clouds must be plain, got {depth.encoding}"
         raise ConfigError(message, key=f"{KEY}.encoding")
-    for frame, where in take.frames:
+    for frame, where in frames:
         if isinstance(frame, cloud.PointCloud):
             share = len(frame.points) / (len(frame.points) + frame.missing)
             measured = frame.points / depth.units_per_metre
@@ -115,7 +109,7 @@ def _of_folder(path: Path, depth: Depth, raw: Path) -> DepthTake:
             yield points, {}
 
     references = [os.path.relpath(file, raw) for file in files]
-    return DepthTake(listed.time, references, camera, frames(), counts)
+    return listed.time, references, camera, frames(), counts
 
 
 def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
@@ -139,7 +133,7 @@ def _of_bag(path: Path, depth: Depth, raw: Path) -> DepthTake:
             yield frame, where | {"number": number}
 
     references = [f"{path.relative_to(raw)}#{number}" for number in range(len(time))]
-    return DepthTake(time, references, camera, frames(), Counter())
+    return time, references, camera, frames(), Counter()
 
 
 def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrinsics:
