@@ -1,5 +1,6 @@
 """Tables of motion-capture takes and the commanded trajectory, in SI units at the motion's rate."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -114,33 +115,28 @@ def _tracks(
     if unknown := sorted(set(mocap.bodies) - set(mocap.markers)):
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
-    full = {
-        name: [one for one in take.markers if one == name]
-        or [one for one in take.markers if one.rsplit(":", 1)[-1] == name]
-        for link, places in mocap.markers.items()
-        for name in (places if link not in mocap.bodies else ())
-    }
-    bodies = {one.name: [one.name] * (one.name in take.bodies) for one in mocap.bodies.values()}
-    for kind, key, names, recorded in (
-        ("marker", "dataset.mocap.markers", full, take.markers),
-        ("rigid body", "dataset.mocap.bodies", bodies, take.bodies),
-    ):
-        if absent := ", ".join(sorted(name for name, fitting in names.items() if not fitting)):
-            message = f"no {kind} named {absent} in the take; it has"
+
+    def label(kind: str, name: str, recorded: Iterable[str]) -> str:
+        fitting = [one for one in recorded if one == name]
+        fitting = fitting or [one for one in recorded if one.rsplit(":", 1)[-1] == name]
+        if len(fitting) == 1:
+            return fitting[0]
+        message = f"{name!r} may be {' or '.join(fitting)}: write the full name"
+        if not fitting:
+            message = f"no {kind} named {name} in the take; it has"
             message += f" {', '.join(sorted(recorded)) or 'none'}"
-            raise RecordingError(message, file=file, key=key)
-        for name, fitting in names.items():
-            if len(fitting) > 1:
-                message = f"{name!r} may be {' or '.join(fitting)}: write the full name"
-                raise RecordingError(message, file=file, key=key)
-    tracks = {}
+        key = "markers" if kind == "marker" else "bodies"
+        raise RecordingError(message, file=file, key=f"dataset.mocap.{key}")
+
+    tracks, used = {}, set()
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
         if body := mocap.bodies.get(link):
-            positions = _carry(take.bodies[body.name], body.mount, np.array([*places.values()]))
+            pose = take.bodies[label("rigid body", body.name, take.bodies)]
+            positions = _carry(pose, body.mount, np.array([*places.values()]))
         else:
-            positions = [take.markers[full[name][0]] for name in places]
+            names = [label("marker", name, take.markers) for name in places]
+            positions, used = [take.markers[name] for name in names], used | {*names}
         tracks |= {(number, i): track for i, track in enumerate(positions, 1)}
-    used = {name for fitting in full.values() for name in fitting}
     others = [name for name in take.markers if name not in used and not mocap.bodies]
     return tracks, [take.markers[name] for name in others]
 
