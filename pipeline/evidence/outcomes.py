@@ -27,7 +27,7 @@ from pipeline.models import kinds
 from pipeline.models.closed_loop import FOLDER, closed_loop_of, mean_path
 from pipeline.models.draws import realize, realized_moments
 from pipeline.models.model import Commands, MotionModel, open_loop
-from pipeline.models.steps import Estimate, Recorded, rest_covariance
+from pipeline.models.steps import Estimate, Recorded, measurement_covariance
 from pipeline.recordings.commands import constant_speed
 from pipeline.statistics.scores import Filtered, training_mean
 
@@ -230,11 +230,14 @@ def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:
     """Return the noise covariance (2, n, n) rad² of a measured pose, for open and closed loop.
 
     The open loop has half the covariance of ω at rest, as ω has the noise of two poses. The closed
-    loop has the covariance of ``poses`` (takes, M+1, n) rad at rest. Without rest both are zero.
+    loop has the covariance of ``poses`` (takes, M+1, n) rad at rest, which contains the constant
+    deviation of a take. Without rest both are zero.
     """
     try:
         if training.known_measurement is not None:
             return np.stack([training.known_measurement / 2] * 2)
-        return np.stack([training.measurement / 2, rest_covariance(poses, training.v)])
+        return np.stack(
+            [training.measurement / 2, measurement_covariance(poses[:, :-1], training.v)]
+        )
     except ModelDomainError:
         return np.zeros((2, *(poses.shape[-1],) * 2))

@@ -18,7 +18,7 @@ from pipeline.core.errors import DegenerateFilterError, ModelDomainError
 from pipeline.core.options.analysis import Filter
 from pipeline.filtering import sampling
 from pipeline.filtering.measurement import Measurements
-from pipeline.models.draws import block_for, space_of
+from pipeline.models.draws import compiled_arm
 from pipeline.models.model import Commands, MotionModel, corrected_command
 
 
@@ -75,7 +75,7 @@ def particle_filter(
     if model.traits.compiled:
         v, path = (np.array(each, dtype=float, order="C") for each in commands[:2])
         loop = Commands(v, path, float(commands.share))
-        arm = model.law(chain), chain.numbers(), space_of(chain), block_for(chain)
+        arm = model.law(chain), *compiled_arm(chain)
         vanished = sampling.sequential_importance_sampling(*arm, loop, *steps)
     else:
         memory = model.first_memory(poses, start.mean, rng) if model.traits.memory else None

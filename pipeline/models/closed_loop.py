@@ -110,7 +110,6 @@ class ClosedLoopFit(NamedTuple):
     share: float  # κ̂
     standard_error: float
     estimate: Estimate  # of the model's parameters
-    rounds: int  # alternations between κ and the parameters
 
 
 class StateSpace(NamedTuple):
@@ -144,16 +143,15 @@ def fit_closed_loop(recorded: Recorded, options: Options, open_estimate: Estimat
     if len(poses) < 2:
         raise ModelDomainError("the mean path of a closed loop needs two takes", takes=len(poses))
     deviation, share, error, estimate = poses - path.poses, 0.5, inf, open_estimate
-    for rounds in range(1, ROUNDS + 1):
+    for _ in range(ROUNDS):
         space = state_space(estimate.model, recorded, path, share)
         before, (share, error) = share, most_likely_share(space, deviation)
         estimate = kinds.estimate(closed_loop_steps(recorded, path, share), options)
         if abs(share - before) <= SETTLED * error:
             estimate = replace(estimate, from_takes=None, details=None)  # not picklable
-            return ClosedLoopFit(share, error, estimate, rounds)
-    message = f"κ has not converged in {ROUNDS} rounds"
+            return ClosedLoopFit(share, error, estimate)
     evidence = {"share": share, "moved": abs(share - before), "standard_error": error}
-    raise SolverError(message, **evidence)
+    raise SolverError(f"κ has not converged in {ROUNDS} rounds", **evidence)
 
 
 def state_space(model: MotionModel, recorded: Recorded, path: MeanPath, share: float) -> StateSpace:

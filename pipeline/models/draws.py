@@ -7,21 +7,20 @@ from numpy import ndarray
 from numpy.random import Generator
 
 from pipeline.arm.chain import PlanarChain
-from pipeline.arm.interface import Chain
+from pipeline.arm.interface import ArmConstants, Chain
 from pipeline.arm.rows import WIDTH, block_rows
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.kernel import move
 from pipeline.models.model import MotionModel
 
 
-def block_for(chain: Chain) -> ndarray:
-    """Zeroed buffer (rows, poses) for one block of poses of the ``chain``."""
-    return np.zeros((block_rows(len(chain.lower), len(chain.task)).size, WIDTH))
-
-
-def space_of(chain: Chain) -> int | None:
-    """Return None for a planar chain, 1 for a serial chain: numba compiles one branch."""
-    return None if isinstance(chain, PlanarChain) else 1
+def compiled_arm(chain: Chain) -> tuple[ArmConstants, int | None, ndarray]:
+    """Return the constants of the ``chain``, None for a planar and 1 for a serial chain (numba
+    compiles one branch), and a zeroed buffer (rows, poses) for a block of poses.
+    """
+    space = None if isinstance(chain, PlanarChain) else 1
+    rows = block_rows(len(chain.lower), len(chain.task)).size
+    return chain.numbers(), space, np.zeros((rows, WIDTH))
 
 
 def draw_steps(
@@ -33,7 +32,7 @@ def draw_steps(
     ``v`` (m,) or (m + n,) is the command of all poses, row k of (M, m) or (M, m + n) of ``q[..., k,
     :]``. Raises SingularJacobianError, and ModelDomainError if a draw is not finite.
     """
-    if (space := space_of(chain)) is None:
+    if isinstance(chain, PlanarChain):
         chain.require_regular(q)
     if not model.traits.compiled:
         return model.sample(chain, q, v, rng), 0
@@ -41,8 +40,8 @@ def draw_steps(
     # (M, n, poses under one command): joints come first in memory for the law
     together = q.reshape(-1, len(commands), q.shape[-1])
     before = np.array(np.moveaxis(together, 0, -1), dtype=float, order="C")
-    law, moved = model.law(chain), np.empty_like(before)
-    arm, block, clipped = chain.numbers(), block_for(chain), 0
+    law, moved, clipped = model.law(chain), np.empty_like(before), 0
+    arm, space, block = compiled_arm(chain)
     for v_k, q_k, moved_k in zip(commands, before, moved, strict=True):
         clipped += move(law, arm, space, block, v_k, v_k, 0.0, q_k, moved_k, rng)
     drawn = np.moveaxis(moved, -1, 0).reshape(q.shape)

@@ -127,14 +127,6 @@ def measurement_covariance(noise: ndarray, v: ndarray) -> ndarray:
     return mean_covariance(noise[:, still])
 
 
-def rest_covariance(q: ndarray, v: ndarray) -> ndarray:
-    """(n, n) mean sample covariance in rad² of measured poses ``q`` (takes, M+1, n) in rad at steps
-    without a command. It contains the noise of one measured pose plus the constant deviation of a
-    take, which cancels in Σ_m.
-    """
-    return measurement_covariance(q[:, :-1], v)
-
-
 def recorded_deviation(q: ndarray, noise: ndarray, mode: str) -> ndarray:
     """(M+1, n) standard deviation over the takes in rad: in mode ``one_step`` of ``noise`` ω
     (takes, M, n), zero at k = 0; in ``free_running`` of the angles ``q`` (takes, M+1, n).

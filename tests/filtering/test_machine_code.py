@@ -19,7 +19,7 @@ from space_arms import revolute_arm
 from pipeline.arm import kinematics, planar, rows
 from pipeline.arm.rows import block_rows
 from pipeline.models import kernel
-from pipeline.models.draws import block_for
+from pipeline.models.draws import compiled_arm
 
 PROGRAM = """
 import hashlib, sys
@@ -68,7 +68,7 @@ def wide(function, *arguments) -> bool:
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_the_loops_of_a_step_take_several_poses_at_once(chain):
     spatial, places = revolute_arm(7), block_rows(7, 6)
-    flat, block, first = block_for(chain), block_for(spatial), places.jacobian
+    flat, block, first = compiled_arm(chain)[2], compiled_arm(spatial)[2], places.jacobian
     q, arm, space = np.zeros((7, 256)), chain.numbers(), spatial.numbers()
     loops = {
         "planar Jacobian": (planar.planar_jacobian, arm, q[:3], 0, 256, flat),

@@ -4,9 +4,9 @@ are held against.
 
 import numpy as np
 
+from pipeline.arm.chain import PlanarChain
 from pipeline.arm.rows import WIDTH
 from pipeline.models.additive.law import AdditiveModel
-from pipeline.models.draws import space_of
 from pipeline.models.gaussian.law import GaussianModel
 from pipeline.models.kernel import DRAWN
 from pipeline.models.model import frobenius, root
@@ -19,7 +19,8 @@ def plain_steps(model, chain, q, v, rng) -> tuple[np.ndarray, int]:
     """(P, n) draws of the next poses after ``q`` (P, n) in rad under one command ``v`` or one for
     each, and how many were clipped; a block at a time, as the compiled laws draw.
     """
-    v, size = np.broadcast_to(v, (len(q), np.shape(v)[-1])), DRAWN if space_of(chain) else WIDTH
+    v = np.broadcast_to(v, (len(q), np.shape(v)[-1]))
+    size = WIDTH if isinstance(chain, PlanarChain) else DRAWN
     blocks = [
         _block(model, chain, q[i : i + size], v[i : i + size], rng) for i in range(0, len(q), size)
     ]

@@ -140,7 +140,6 @@ def test_the_share_comes_back_from_takes_of_every_model(kind, n, m, path):
         path = closed_loop.MeanPath(arm, motion(arm, STEPS, REST, size=0.08)[0])
     fit = fitted(kind, takes_of(kind, path, 0.4, seed=1))
     assert abs(fit.share - 0.4) < 4.5 * fit.standard_error < 0.13
-    assert 1 < fit.rounds < 10
 
 
 @pytest.mark.slow

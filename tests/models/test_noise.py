@@ -19,7 +19,6 @@ from pipeline.models.steps import (
     measurement_covariance,
     process_noise,
     recorded_deviation,
-    rest_covariance,
 )
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
@@ -65,7 +64,7 @@ def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a
     white, constant = np.array([1.0, 2.0, 1.0]), np.array([3.0, 1.0, 0.0])
     q = white * rng.standard_normal((500, 31, 3)) + constant * rng.standard_normal((500, 1, 3))
     q[:, 10:20] *= 10
-    at_rest = np.diag(rest_covariance(q, v))
+    at_rest = np.diag(measurement_covariance(q[:, :-1], v))
     np.testing.assert_allclose(at_rest, white**2 + constant**2, rtol=0.2)
     # control: the noise of steps contains the white part alone
     of_steps = np.diag(measurement_covariance(np.diff(q, axis=1)[:, :9], v[:9])) / 2
