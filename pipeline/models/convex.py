@@ -68,19 +68,13 @@ def solve_noise_covariance(norm: float, alpha: float, u: float, n: int, m: int) 
 
 
 def perturbation_gap(
-    objectives: ndarray,
-    jacobians: ndarray,
-    v: ndarray,
-    noise: ndarray,
-    decomposition: Decomposition,
-    weights: Weights,
-    floor: float,
+    problems: tuple[ndarray, ...], decomposition: Decomposition, weights: Weights, floor: float
 ) -> float:
-    """Greatest relative difference between the closed-form ``objectives`` (K,) of (BsampOpt) and
-    the solver's objectives. The matrices B⁻¹ are not compared, because the optimum is flat.
+    """Greatest relative difference between the closed-form objectives of (BsampOpt) and the
+    solver's objectives. The matrices B⁻¹ are not compared, because the optimum is flat.
 
-    ``jacobians`` (K, m, n), task steps ``v`` (K, m) and ``noise`` ω (K, n) in rad of each problem.
-    J₁ is computed by SciPy, independently of the closed form. Raises SolverError.
+    ``problems`` are the objectives (K,), Jacobians (K, m, n), task steps (K, m) and noise ω (K, n)
+    in rad. J₁ is computed by SciPy, independently of the closed form. Raises SolverError.
     """
     first_factor = {
         "pivoted_lu": lambda jacobian: lu(jacobian, permute_l=True)[0],
@@ -89,7 +83,7 @@ def perturbation_gap(
         "given": lambda _: np.array(decomposition.left),
     }[decomposition.name]
     gaps = []
-    for closed, jacobian, step, omega in zip(objectives, jacobians, v, noise, strict=True):
+    for closed, jacobian, step, omega in zip(*problems, strict=True):
         j1 = first_factor(jacobian)
         j2 = np.linalg.solve(j1, jacobian)
         _, objective = solve_perturbation(omega, step, j1, j2, weights, floor)

@@ -22,18 +22,11 @@ from pipeline.arm.rows import add_combination, add_dot, add_product, copy, dot, 
 from pipeline.core.compiled import compiled, inner
 from pipeline.core.elementary import expm1
 from pipeline.core.errors import ModelDomainError
-from pipeline.models.model import (
-    ADDITIVE_LAW,
-    GAUSSIAN_LAW,
-    GIVEN_LAW,
-    PIVOTED_LU_LAW,
-    QR_TRANSPOSED_LAW,
-    WISHART_LAWS,
-)
+from pipeline.models import model as laws
 from pipeline.randommatrix.variates import draw_variates
 
-INVERSE_LAWS = tuple(WISHART_LAWS.values())
-LAWS = (ADDITIVE_LAW, GAUSSIAN_LAW, *INVERSE_LAWS)
+INVERSE_LAWS = tuple(laws.WISHART_LAWS.values())
+LAWS = (laws.ADDITIVE_LAW, laws.GAUSSIAN_LAW, *INVERSE_LAWS)
 DRAWN = 64  # poses of a serial chain whose variates are drawn at a time
 
 
@@ -66,7 +59,7 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
             planar.planar_jacobian(arm, q, start, count, block)
             if share > 0.0:
                 planar.add_planar_displacement(arm, target, q, start, count, share, block)
-            if law.kind == QR_TRANSPOSED_LAW:
+            if law.kind == laws.QR_TRANSPOSED_LAW:
                 planar.planar_steps(arm, block, count)
                 for r in range(m):
                     copy(block, rows.task + r, rows.joints + r, count)
@@ -79,25 +72,25 @@ def move(law, arm, space, block, command, target, share, q, moved, rng) -> int:
             kinematics.mark_singular(
                 block, arm, rows.jacobian, rows.lower, rows.spare, rows.singular, count
             )
-            if law.kind == QR_TRANSPOSED_LAW:
+            if law.kind == laws.QR_TRANSPOSED_LAW:
                 kinematics.solve_lower(block, rows.lower, rows.inverse, m, rows.task, count)
-        if law.kind == GAUSSIAN_LAW:
+        if law.kind == laws.GAUSSIAN_LAW:
             dot(block, rows.speed, rows.task, rows.task, m, count)
         elif law.kind in INVERSE_LAWS:
             _factor_step(law, True, block, rows, n, m, count)
             act(law.parameters[0], block, rows, m, count)
             _factor_step(law, False, block, rows, n, m, count)
         if space is None:
-            if law.kind == QR_TRANSPOSED_LAW:
+            if law.kind == laws.QR_TRANSPOSED_LAW:
                 for j in range(n):
                     copy(block, rows.joints + j, rows.task + j, count)
             else:
                 planar.planar_steps(arm, block, count)
-            if law.kind == GAUSSIAN_LAW:
+            if law.kind == laws.GAUSSIAN_LAW:
                 planar.planar_inverse_square(block, count)
         else:
             _to_joints(law.kind, block, rows, n, m, command, count)
-            if law.kind == GAUSSIAN_LAW:
+            if law.kind == laws.GAUSSIAN_LAW:
                 _inverse_square(block, rows, m, count)
         clipped += _add_normal(law, block, rows, n, m, count)
         for j in range(n):
@@ -114,7 +107,7 @@ def _to_joints(kind, block, rows, n, m, command, count):
     joint step w; NaN at singular poses. With QR of Jᵀ the task rows already contain L⁻¹x.
     """
     lower, inverse, task = rows.lower, rows.inverse, rows.task
-    if kind != QR_TRANSPOSED_LAW:
+    if kind != laws.QR_TRANSPOSED_LAW:
         kinematics.solve_lower(block, lower, inverse, m, task, count)
     commanded = len(command) > m
     for j in range(n):
@@ -142,11 +135,11 @@ def _add_normal(law, block, rows, n, m, count):
     row ``spare``. Return the number of poses with a covariance clipped at zero.
     """
     joints, normal, spare = rows.joints, rows.normal, rows.spare
-    if law.kind == ADDITIVE_LAW:
+    if law.kind == laws.ADDITIVE_LAW:
         for j in range(n):
             add_combination(block, joints + j, law.parameters, j * n, normal, n, count)
         return 0
-    if law.kind != GAUSSIAN_LAW:
+    if law.kind != laws.GAUSSIAN_LAW:
         return 0
     clipped, alpha, u = 0, law.parameters[0], law.parameters[1]
     for i in range(count):
@@ -210,7 +203,7 @@ def _factor_step(law, before, block, rows, n, m, count):
     """Multiply the task rows by J₁⁻¹ (``before`` B⁻¹ is applied) or by J₁ (after). For QR of J the
     rows stay, because the law is invariant under rotations of a.
     """
-    if law.kind == GIVEN_LAW:
+    if law.kind == laws.GIVEN_LAW:
         # J₁, then its inverse, row by row after the degrees of freedom
         first, product = 1 + (m * m if before else 0), rows.spare
         for r in range(m):
@@ -219,9 +212,9 @@ def _factor_step(law, before, block, rows, n, m, count):
             add_combination(block, product + r, law.parameters, at, rows.task, m, count)
         for r in range(m):
             copy(block, rows.task + r, product + r, count)
-    elif law.kind == PIVOTED_LU_LAW and before:
+    elif law.kind == laws.PIVOTED_LU_LAW and before:
         _eliminate(block, rows, n, m, count)
-    elif law.kind == PIVOTED_LU_LAW:
+    elif law.kind == laws.PIVOTED_LU_LAW:
         task, lower = rows.task, rows.spare + 4
         for k in range(m - 1, 0, -1):
             add_dot(block, task + k, 1.0, lower + k * n, task, k, count)

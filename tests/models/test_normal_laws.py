@@ -195,7 +195,7 @@ def traces_of(alpha: float, extension: float) -> np.ndarray:
 
 def fit(covariance: np.ndarray, beta1: float = 0.5, extensions: np.ndarray = EXTENSIONS):
     mean = np.full((STEPS, 3), 0.01)
-    return fit_distance(mean, covariance, STEP_NORM, INVERSE_NORM, 3, beta1, extensions)
+    return fit_distance((mean, covariance), STEP_NORM, INVERSE_NORM, 3, beta1, extensions)
 
 
 @pytest.mark.parametrize(("alpha", "extension"), [(0.1, 1.0), (0.3, 5.0)])

@@ -73,7 +73,7 @@ def estimate(recorded: Recorded, options: Options) -> Estimate:
         norms = frobenius(recorded.chain.inverse_jacobian(poses, what="mean pose"))
         # root mean square over the commands (takes, M, m) of a closed loop
         speeds = np.sqrt(squares.reshape(-1, squares.shape[-1]).mean(axis=0))
-        steps = *takes_moments(recorded.noise), speeds, norms, len(recorded.chain.task)
+        steps = takes_moments(recorded.noise), speeds, norms, len(recorded.chain.task)
         fit = fit_distance(*steps, options.beta, EXTENSIONS * norms.max())
         mean_square, from_takes = _mean_square(norms**2, squares), None
     else:
@@ -209,24 +209,18 @@ def fit_moments(
 
 
 def fit_distance(
-    mean: ndarray,
-    covariance: ndarray,
-    speeds: ndarray,
-    norms: ndarray,
-    rows: int,
-    beta1: float,
-    extensions: ndarray,
+    moments: tuple[ndarray, ndarray], speeds, norms, rows: int, beta1: float, extensions: ndarray
 ) -> GaussianFit:
     """Minimise F = Σ_k β₁‖q̲_k − q̲̃_k‖ + β₂|tr{Cov(q_k) − Cov(q̃_k)}| over ũ in the range of
     ``extensions`` and all α ≥ 0, β₂ = 1 − β₁: Eqs. (bound-u) and (objective-u-alpha).
 
-    ``mean`` (M, n) in rad, relative to the nominal step, and ``covariance`` (M, n, n) in rad² are
-    recorded moments of one step, ``speeds`` ‖v_k‖ and ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m. The
+    ``moments`` are the recorded mean (M, n) in rad, relative to the nominal step, and covariance
+    (M, n, n) in rad² of one step, ``speeds`` ‖v_k‖ and ``norms`` ‖J̲_k⁺‖_F (M,), ``rows`` m. The
     model's mean is the nominal step, so the first term is a constant. The absolute value corrects
     the printed objective, whose minimum is α = 0. The optimal α² is the median of tr Cov(q̃_k)/g_k
     with the weights g_k.
     """
-    moving, largest = speeds > 0, float(norms.max())
+    (mean, covariance), moving, largest = moments, speeds > 0, float(norms.max())
     traces = np.trace(covariance, axis1=-2, axis2=-1)
     constant = beta1 * np.linalg.norm(mean, axis=-1).sum()
 

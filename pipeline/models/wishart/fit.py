@@ -124,7 +124,7 @@ def diagnose(
         weights, objectives = fit.details
         steps = recorded.chain.jacobian(q[checked]), task_step(recorded.chain, v)[checked]
         problems = objectives[moving[checked]], *steps, noise[checked]
-        gap = perturbation_gap(*problems, decomposition, weights, options.floor)
+        gap = perturbation_gap(problems, decomposition, weights, options.floor)
         metrics["convex_problems_checked"] = len(checked)
         metrics["convex_check_greatest_relative_gap"] = gap
         moments = fit_moments(recorded, decomposition).estimates["sigma_b"]

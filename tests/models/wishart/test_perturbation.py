@@ -59,10 +59,10 @@ def test_the_perturbations_are_those_of_the_problem_as_printed(n, m, name):
     assert np.linalg.eigvalsh(np.eye(m) + fits.s).min() > FLOOR - 1e-10
     for at in (np.flatnonzero(fits.bound)[:2], np.flatnonzero(~fits.bound)[:2]):
         assert len(at) == 2
-        printed = jacobians[at], v[at], noise[at], decomposition, WEIGHTS, FLOOR
-        assert perturbation_gap(fits.objective[at], *printed) < 1e-5
-    at, printed = at[:1], tuple(each[:1] for each in printed[:3]) + printed[3:]
-    assert perturbation_gap(1.01 * fits.objective[at], *printed) > 0.009
+        printed = fits.objective[at], jacobians[at], v[at], noise[at]
+        assert perturbation_gap(printed, decomposition, WEIGHTS, FLOOR) < 1e-5
+    wrong = 1.01 * printed[0], *printed[1:]
+    assert perturbation_gap(wrong, decomposition, WEIGHTS, FLOOR) > 0.009
     if name == "qr":  # J₁ = I
         moved = np.flatnonzero(np.linalg.norm(fits.s, axis=(1, 2)) > 0.05)[:3]
         for i in moved:
