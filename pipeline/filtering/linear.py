@@ -33,11 +33,7 @@ from pipeline.statistics.takes import takes_moments
 
 
 def linear_filter(
-    path: ndarray,
-    covariance: ndarray,
-    takes: Sequence[Measurements],
-    dt: float,
-    response: ndarray | None = None,
+    path: ndarray, covariance: ndarray, takes: Sequence[Measurements], dt: float, response=None
 ) -> tuple[ndarray, ndarray]:
     """Return means (T, M+1, n) in rad and covariances (T, M+1, n, n) in rad² of the poses of the T
     ``takes`` at each step given the frames up to it. ``path`` (M+1, n) rad is q̄ at steps of ``dt``

@@ -48,9 +48,9 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
     """
     left = length_hint(trials) or math.inf
     trials = iter(trials)
-    if compute.dask is not None:
-        from pipeline.core.compute.cluster import results_of_cluster
     if compute.dask is not None and compute.dask.address is not None:
+        from pipeline.core.compute.cluster import results_of_cluster
+
         yield from results_of_cluster(function, trials, compute, label)
         return
     workers = compute.workers or len(os.sched_getaffinity(0))
@@ -67,6 +67,8 @@ def _results(function: bytes, trials: Iterable, compute: "Compute", label: str) 
             if compute.dask is None:
                 yield from _by_processes(function, trials, int(workers), label)
             else:
+                from pipeline.core.compute.cluster import results_of_cluster
+
                 yield from results_of_cluster(function, trials, compute, label)
 
 

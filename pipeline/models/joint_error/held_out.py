@@ -21,6 +21,7 @@ ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks o
 QUANTILES = np.concatenate([[0.001, 0.005], np.linspace(0.01, 0.99, 49), [0.995, 0.999]])
 MOVING, RESTING = "commanded", "at rest"
 Row = dict[str, object]
+MapTrials = Callable[[Callable, Sequence], Iterable]
 
 
 def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[JointRun]]]:
@@ -43,9 +44,7 @@ def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[J
 
 
 def held_out(
-    runs: Sequence[JointRun],
-    laws: Mapping[str, Options],
-    each: Callable[[Callable, Sequence], Iterable] = map,
+    runs: Sequence[JointRun], laws: Mapping[str, Options], each: MapTrials = map
 ) -> dict[str, pd.DataFrame]:
     """Score the ``laws`` on the held-out parts of ``runs``; ``each`` maps a function over trials.
 
@@ -90,13 +89,10 @@ def score_runs(
     for steps, horizon in zip(horizons(law.rate), names, strict=True):
         parts = []
         for run in (run for run in runs if len(run.command) > steps + 1):
-            error = run.measured - run.command
-            outlook = law.outlook(error, drive(run.command, run.rate, law.power), steps)
-            score, z = (
-                outlook.log_probability(error[steps:], run.quantum),
-                outlook.std_share(error[steps:]),
-            )
-            values = np.stack([error[steps:] - outlook.mean, outlook.variance, score, z])
+            error, inputs = run.measured - run.command, drive(run.command, run.rate, law.power)
+            outlook, error = law.outlook(error, inputs, steps), error[steps:]
+            score, z = outlook.log_probability(error, run.quantum), outlook.std_share(error)
+            values = np.stack([error - outlook.mean, outlook.variance, score, z])
             masks = np.stack([counted(run, steps), ~commanded(run.command, run.rate)[steps:]])
             block = np.arange(len(z)) * blocks // len(z) + 1
             parts.append((values, masks, block[None, :, None]))
@@ -130,10 +126,7 @@ def _summary(off: ndarray, variance: ndarray, score: ndarray, z: ndarray) -> Row
 
 
 def joint_tables(
-    runs: Sequence[JointRun],
-    laws: Mapping[str, Options],
-    unused: Mapping[str, str],
-    each: Callable[[Callable, Sequence], Iterable] = map,
+    runs: Sequence[JointRun], laws: Mapping[str, Options], unused: Mapping[str, str], each=map
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of :func:`held_out`, and ``joint_parameters`` of the laws fitted to all
     ``runs``, ``motions``, ``motion_ranges`` and ``unused_recordings`` (name → reason, ``unused``).
