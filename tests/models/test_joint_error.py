@@ -143,3 +143,9 @@ def test_runs_without_errors_are_refused():
     with pytest.raises(ModelDomainError, match="no error"):
         fit_joint_error(still)
     assert counted(runs[0], 1).any()
+
+
+def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
+    runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=4)
+    short = [replace(run, command=run.command[:45], measured=run.measured[:45]) for run in runs]
+    assert not counted(short[0], 50).size and np.all(fit_joint_error(short).scale.sum(axis=1) > 0)
