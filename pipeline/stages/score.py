@@ -108,11 +108,7 @@ def _score_motion(models: list[str], takes: Takes, settings, folder: Path) -> Sc
     outcomes, off, bias = {}, {}, {}
     for model in models:
         moments = contracts.read("moments", FIT / model)
-        mean, std[model], bias[model] = (
-            values(moments, "m"),
-            values(moments, "s"),
-            moments["bias"],
-        )
+        (mean, std[model]), bias[model] = (values(moments, x) for x in "ms"), moments["bias"]
         estimates = json.loads((FIT / model / "fit.json").read_text())
         own = outcomes[model] = Outcome(estimates=estimates, mean=mean, deviation=std[model])
         off[model] = np.linalg.norm(mean - takes.poses.mean(axis=0), axis=1)

@@ -3,12 +3,12 @@
 A study is a folder of ``pipeline/studies``, which ``python -m pipeline NAME`` runs, with
 
 - ``stage.py``: the question as docstring; ``evaluate`` of settings and options returns the tables,
-  ``facts`` of tables and options the fields of the page, ``draw`` the figure of the tables that its
-  parameters name;
+  ``facts`` of tables and options the fields of the page beside the options, ``draw`` the figure of
+  the tables that its parameters name;
 - ``params.yaml``: the options of each scale, with equal names and kinds in all scales;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of the tables, in the notation of pipeline/tables.yaml;
-- ``page.md``: the page with the figure's caption, and the fields in braces.
+- ``page.md``: the page with the figure's caption; options and facts are fields in braces.
 
 The study NAME writes the checked tables to ``data/studies/NAME``, figure and tables as CSV to
 ``reports/studies/NAME``, and the page ``reports/studies/NAME.md``: all outputs or none.
@@ -67,7 +67,7 @@ def run(name: str) -> None:
         if tables:
             shown = {table: tables[table] for table in signature(study.draw).parameters}
             save(study.draw(**shown), report, name)
-            page = page.format(**study.facts(tables, options))
+            page = page.format(**vars(options) | study.facts(tables, options))
     contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
 
 

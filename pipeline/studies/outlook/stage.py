@@ -208,17 +208,13 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         for row in tables["towing_slopes"].itertuples()
     ]
     header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
-    return (
-        vars(options)
-        | (ends["last"] / ends["first"]).to_dict()
-        | {
-            "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
-            "few": few,
-            "many": many,
-            "repeats": errors["repeat"].nunique(),
-            "table": table(header, cells),
-        }
-    )
+    return (ends["last"] / ends["first"]).to_dict() | {
+        "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
+        "few": few,
+        "many": many,
+        "repeats": errors["repeat"].nunique(),
+        "table": table(header, cells),
+    }
 
 
 def draw(hexapod: pd.DataFrame, towing: pd.DataFrame) -> Figure:

@@ -253,7 +253,6 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     medians = taus.groupby("model", sort=False).median().map(number)
     few = " These plans do not reliably reduce the uncertainty."
     return {
-        "takes": options.takes,
         "sure": sure,
         "pairs": len(least),
         "share": SURE,

@@ -154,7 +154,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     ]
     others = others.dropna(subset="mean")
     unbiased = others["truth"].between(others["mean_low"], others["mean_high"])
-    return vars(options) | {
+    return {
         "sentences": "\n".join(sentences),
         "table": table(header.split(", "), cells),
         "unbiased": unbiased.sum(),

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from pipeline.core import contracts
 from pipeline.core.compute.trials import run_trials
 from pipeline.evidence import outcomes
-from pipeline.evidence.case import Choices, Recordings, recorded_takes
+from pipeline.evidence.case import Choices, Recordings, Takes, recorded_takes
 from pipeline.figures import style
 from pipeline.studies.frame import MISSING, Tables, trials
 from pipeline.studies.robustness import grid
@@ -32,22 +32,19 @@ NAMES = {
     "kappa": "concentration of cables",
     "tension_std": "tension std of cables",
 }
-Verdicts = tuple[str, str, str, pd.DataFrame]  # grid, factor, level, rows of claim_verdicts()
 
 
 def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``robustness``, verdicts by level; ConfigError for an unknown factor."""
     require_factors(options.factors, (*FACTORS, "particles"))
-    claims = read_claims(HERE / "conclusions.yaml")
-    parts = list(decision_verdicts(settings, options, claims))
+    takes = recorded_takes(settings.dataset.robot, settings.dataset.motion)
+    common = settings, options, read_claims(HERE / "conclusions.yaml"), takes
+    parts = list(decision_verdicts(*common))
     if settings.dataset.laboratory is None or not contracts.exists("kinect_noise", ARTICULATE):
         print("robustness: no laboratory with a depth camera; its physics is not varied")
     else:
-        parts += laboratory_verdicts(settings, options, claims)
-    rows = pd.concat(
-        cases.drop_duplicates("claim").assign(grid=part, factor=factor, level=level)
-        for part, factor, level, cases in parts
-    )
+        parts += laboratory_verdicts(*common)
+    rows = pd.concat(cases.drop_duplicates("claim") for cases in parts)
     rows = rows.assign(holds=rows["verdict"] == HOLDS, fails=rows["verdict"] == FAILS)
     keys, counts = ["grid", "factor", "level", "claim", "about"], ["holds", "fails"]
     counted = rows.groupby(keys, sort=False)[counts].sum().reset_index()
@@ -56,11 +53,10 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def decision_verdicts(
-    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
-) -> Iterator[Verdicts]:
+    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...], takes: Takes
+) -> Iterator[pd.DataFrame]:
     """Yield the verdicts of the recordings under every decision that the paper leaves open."""
     dataset, base = settings.dataset, Choices.of_run(settings)
-    takes = recorded_takes(dataset.robot, dataset.motion)
     chain, joints = takes.training.chain, takes.training.joints
     arm = ArmNames(tuple(joints), tuple(chain.task))
     cases = grid.decision_cases(base, chain.task, joints, options.others)
@@ -81,15 +77,16 @@ def decision_verdicts(
     for (factor, level, _), (of_case, refusals) in zip(cases, evidence, strict=True):
         for refusal in refusals:
             print(f"robustness: {factor} {level}: {refusal}")
-        yield "decisions", factor, level, claim_verdicts(claims, of_case, arm)
+        rows = claim_verdicts(claims, of_case, arm)
+        yield rows.assign(grid="decisions", factor=factor, level=level)
 
 
 def laboratory_verdicts(
-    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...]
-) -> Iterator[Verdicts]:
+    settings: SimpleNamespace, options: SimpleNamespace, claims: tuple[Claim, ...], takes: Takes
+) -> Iterator[pd.DataFrame]:
     """Yield the verdicts in every condition of the laboratory."""
-    recorded = recorded_takes(settings.dataset.robot, settings.dataset.motion).training
-    laboratory = Laboratory.of_run(settings, recorded, contracts.read("kinect_noise", ARTICULATE))
+    noise = contracts.read("kinect_noise", ARTICULATE)
+    laboratory = Laboratory.of_run(settings, takes.training, noise)
     common = {"laboratory": laboratory, "claims": claims, "options": options}
     common |= {"case": replace(Choices.of_run(settings), closed=True), "wrench": settings.wrench}
     varied = {"trajectory": list(options.trajectories)} | options.factors
@@ -99,7 +96,7 @@ def laboratory_verdicts(
     for condition, rows in zip(every, results, strict=True):
         factor = ", ".join(name for name, _ in condition.levels)
         level = ", ".join(f"{x:g}" if isinstance(x, float) else x for _, x in condition.levels)
-        yield condition.study, factor, level, rows
+        yield rows.assign(grid=condition.study, factor=factor, level=level)
 
 
 def changes(robustness: pd.DataFrame) -> pd.DataFrame:
@@ -144,7 +141,6 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         "physical": counts["laboratory"],
         "lucky": counts[grid.CHANCE],
         "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
-        "filtered": options.filtered,
         "seeds": len(options.seeds),
         "table": table(["claim", "base", *PARTS], cells),
         "names": ", ".join(steady) or "none",

@@ -125,27 +125,21 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
     below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
     still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
-    ranges = {n: "{:g} to {:g}".format(*vars(options)[n]) for n in ("tool", "rest", "ramp", "peak")}
-    return (
-        ranges
-        | (still["mm"] / still["m"]).to_dict()
-        | {
-            "verb": "do not determine" if below and above else "favour one side of",
-            "later": odds(later, PHI_LATER),
-            "best": "; ".join(best),
-            "odds": odds(rows, [laws.QR]),
-            "control": odds(rows, [laws.QR_TRANSPOSED]),
-            "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
-            "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
-            "evidence": evidence_table(rows_of_first(evidence, "size")),
-            "span": options.span,
-            "choices": "; ".join(choices),
-            "ramped": ramped,
-            "constant": constant,
-            "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
-            "post": tables["unsquared"].iloc[-1],
-        }
-    )
+    return (still["mm"] / still["m"]).to_dict() | {
+        "verb": "do not determine" if below and above else "favour one side of",
+        "later": odds(later, PHI_LATER),
+        "best": "; ".join(best),
+        "odds": odds(rows, [laws.QR]),
+        "control": odds(rows, [laws.QR_TRANSPOSED]),
+        "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
+        "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
+        "evidence": evidence_table(rows_of_first(evidence, "size")),
+        "choices": "; ".join(choices),
+        "ramped": ramped,
+        "constant": constant,
+        "least": number(by.loc[laws.PIVOTED, "least_ratio"].min()),
+        "post": tables["unsquared"].iloc[-1],
+    }
 
 
 def rows_of_first(rows: pd.DataFrame, column: str) -> pd.DataFrame:
