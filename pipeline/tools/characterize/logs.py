@@ -84,8 +84,8 @@ def _values(
         nested = {"joint_log": {key[len(SECTION) :]: one for key, one in values.items()}}
         for key, entry in entries("", recorded._replace(takes=[take]), folder, nested).items():
             log_key = key.startswith(SECTION) or key == "motion.rate"
-            if log_key and key not in found and entry.value and isinstance(entry.value, str):
-                found[key] = parse_yaml(entry.value)
+            if log_key and key not in found and entry.text:
+                found[key] = parse_yaml(entry.text)
                 if not entry.certain and entry.note:
                     taken[f"{key}: {entry.value}"] = entry.note
         if found.get("joint_log.joints") is None:

@@ -177,10 +177,10 @@ class Draft:
             self.answer(key, value)
         while suggested:  # repeat, since a suggestion may depend on another one
             before = self.open_values()
-            for key, (value, _) in self._suggestions().items():
-                if key in before and value:
+            for key, entry in self._entries().items():
+                if key in before and entry.text:
                     with suppress(PipelineError):
-                        self.answer(key, value)
+                        self.answer(key, entry.text)
                         print(f"suggestion accepted: {key}: {get_filled(self.values(), key)}")
             suggested = self.open_values() != before
         if motion is not None:
@@ -202,13 +202,8 @@ class Draft:
             contracts.write_text(f"{text.rstrip()}\n", file)
             print(f"new-dataset: wrote {os.path.relpath(file)}")
 
-    def _suggestions(self) -> dict[str, tuple[str, str]]:
-        """Return key → suggested value, "" without one, and note."""
-        known = entries(self.name, self.recorded, self.folder, self.values())
-        return {
-            key: (value if isinstance(value, str) else "", note)
-            for key, (value, note, _) in known.items()
-        }
+    def _entries(self) -> dict[str, template.Entry]:
+        return entries(self.name, self.recorded, self.folder, self.values())
 
     def show_motions(self) -> list[FoundMotion]:
         """Print the motions in the logs, numbered from 1, and return them."""
@@ -250,9 +245,9 @@ class Draft:
 
     def _ask_value(self, key: str) -> None:
         if key in (hints := self.open_values()):
-            suggested, note = self._suggestions().get(key, ("", ""))
-            print("; ".join(filter(None, [f"\n{key}: {hints[key]}", note])))
-            _accept_answer(partial(self.answer, key), suggested)
+            entry = self._entries().get(key, template.Entry())
+            print("; ".join(filter(None, [f"\n{key}: {hints[key]}", entry.note])))
+            _accept_answer(partial(self.answer, key), entry.text)
 
 
 def _accept_answer(accept: Callable[[str], None], suggested: str) -> None:

@@ -3,7 +3,7 @@
 import glob
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from os.path import commonprefix
 from pathlib import Path
 from typing import NamedTuple
@@ -89,7 +89,8 @@ def _placed(section: str, recorded: dict[Path, Finding], folder: Path) -> Iterat
     shared pattern all takes, the shared one is used.
     """
     patterns = {path: _pattern(path.relative_to(folder)) for path in recorded}
-    if len({*patterns.values()}) == len(recorded) > 1 and (one := shared_pattern(recorded, folder)):
+    alone = len({*patterns.values()}) == len(recorded) > 1
+    if alone and (one := shared_pattern([*recorded], folder)):
         patterns = dict.fromkeys(recorded, one)
     for path in sorted(recorded, key=patterns.get):
         name = take_name(path, folder, patterns[path])
@@ -105,9 +106,8 @@ def _pattern(path: Path) -> str:
     return glob.escape(path.as_posix())
 
 
-def shared_pattern(paths: Iterable[Path], folder: Path) -> str | None:
+def shared_pattern(paths: Sequence[Path], folder: Path) -> str | None:
     """Return one glob for all ``paths``; None if it also matches other files or folders."""
-    paths: Sequence[Path] = [*paths]
     names = [glob.escape(path.relative_to(folder).as_posix()) for path in paths]
     names = [re.sub(r"\d+", "*", name) for name in names]
     start = commonprefix(names)  # noqa: RUF071 - letter by letter

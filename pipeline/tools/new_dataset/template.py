@@ -24,6 +24,11 @@ class Entry(NamedTuple):
     note: str = ""
     certain: bool = True
 
+    @property
+    def text(self) -> str:
+        """The value, "" if there is none or if it has parts."""
+        return self.value if isinstance(self.value, str) else ""
+
 
 def text_of(text: str) -> str:
     """Return ``text`` as YAML, quoted if YAML could read another value."""
