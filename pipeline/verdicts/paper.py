@@ -84,9 +84,9 @@ def parse_items(entries: object) -> list[Item]:
     return items
 
 
-def cited_items(docstring: str, items: Sequence[Item]) -> set[str]:
-    """Return :attr:`Item.cited_as` of the items that ``docstring`` cites; raises ConfigError if the
-    paper lacks a cited number, or a label after "Eq." or "Fig.".
+def cited_items(docstring: str, items: Sequence[Item], **place: object) -> set[str]:
+    """Return :attr:`Item.cited_as` of the items that ``docstring`` cites; raises ConfigError with
+    the ``place`` if the paper lacks a cited number, or a label after "Eq." or "Fig.".
     """
     known = [item.cited_as for item in items]
     names = set(CITED_BY_NUMBER.findall(docstring))
@@ -97,7 +97,8 @@ def cited_items(docstring: str, items: Sequence[Item]) -> set[str]:
         elif prefix:
             names |= {first, last}
     for name in sorted(names - set(known)):
-        raise ConfigError(f"a docstring cites {name}, which the paper does not have", key=name)
+        message = f"a docstring cites {name}, which the paper does not have"
+        raise ConfigError(message, **place, key=name)
     return names
 
 
@@ -111,11 +112,7 @@ def citations(
             continue
         module = ".".join(file.relative_to(package.parent).with_suffix("").parts)
         for name, docstring in _documented(ast.parse(file.read_text(encoding="utf-8")), module):
-            try:
-                names = cited_items(docstring, items)
-            except ConfigError as error:
-                raise ConfigError(error.message, file=file, name=name, **error.evidence) from None
-            for item in names:
+            for item in cited_items(docstring, items, file=file, name=name):
                 sources[item].append(Source(name, file))
     return sources
 

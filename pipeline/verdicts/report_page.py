@@ -158,8 +158,8 @@ def readings(runs: Sequence[Run]) -> str:
         return say("default")
     changed = pd.DataFrame(rows).fillna("")
     header = ["claim (the run's own reading in bold)", *changed.columns[1:]]
-    parts = [f"{say('default')} {say('again')}", table(header, changed.to_numpy())]
-    return "\n\n".join([*parts, "\n".join(notes)]).rstrip()
+    rows = table(header, changed.to_numpy())
+    return "\n\n".join([f"{say('default')} {say('again')}", rows, "\n".join(notes)]).rstrip()
 
 
 def figures(

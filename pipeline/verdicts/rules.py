@@ -44,12 +44,11 @@ def standard_errors(r: Table, side: int = 0) -> tuple[ndarray, ndarray]:
         part = r.high - r.value if side > 0 else r.value - r.low
         half = np.where(r.standard_error.isna(), part, half)
     error = np.where(np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error)
-    degrees = np.arange(1, MOST_DEGREES + 1)
-    quantiles = stdtrit(degrees, TAILS[1])
+    degrees = np.append(np.arange(1.0, MOST_DEGREES + 1), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(error > 0, half / error, NORMAL_QUANTILE)
-    fits = quantiles[None, :] <= 1.001 * ratio[:, None]
-    return np.nan_to_num(error), np.where(fits.any(axis=1), degrees[fits.argmax(axis=1)], np.inf)
+    first = np.searchsorted(-stdtrit(degrees[:-1], TAILS[1]), -1.001 * ratio)
+    return np.nan_to_num(error), degrees[first]
 
 
 def beyond(distance: ndarray, r: Table, side: int = 0) -> tuple[ndarray, ndarray]:

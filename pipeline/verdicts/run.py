@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ EVIDENCE_TABLES = ("evidence", "readings")
 T = TypeVar("T")
 Number = Annotated[float, Field(strict=True)]  # no text and no truth value
 TestName = Annotated[str, Field(pattern="::")]  # FILE::NAME
+PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 NUMBERED = 3  # number of joints of the paper's arm
 
 
@@ -41,14 +43,9 @@ class ArmNames(NamedTuple):
         return {f"joint {n}": name for n, name in enumerate(self.joints, 1)} if papers else {}
 
 
-class _Kept(dict):
-    def __missing__(self, name: str) -> str:
-        return f"{{{name}}}"
-
-
 def filled(text: str, names: Mapping[str, object]) -> str:
     """Return ``text`` with ``names`` in place of each ``{name}``; other placeholders stay."""
-    return text.format_map(_Kept(names))
+    return PLACEHOLDER.sub(lambda place: str(names.get(place[1], place[0])), text)
 
 
 @options(frozen=True)
