@@ -119,9 +119,8 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     density = model.log_density(off[0, :154], commanded, mean)
     assert density == pytest.approx(-0.5 * np.linalg.slogdet(2 * np.pi * covariance)[1])
     copied = copied_reader(errors.parent, monkeypatch).load(errors)
-    for one, other in zip(
-        copied.predict(off[0, :154], commanded, 6), (mean, covariance), strict=True
-    ):
+    again = copied.predict(off[0, :154], commanded, 6)
+    for one, other in zip(again, (mean, covariance), strict=True):
         np.testing.assert_array_equal(one, other)
     for call, words in (
         (lambda: model.predict(off[0, :154], commanded, 3), "a row for each of the 154 errors"),
@@ -207,9 +206,8 @@ def test_the_readmes_filters_of_joint_errors_are_nearer_than_measured(
     pytest.importorskip(package, reason=f"{package} is missing here")
     for name, file in (("model.json", errors), (READER_NAME, errors.parent / READER_NAME)):
         (tmp_path / name).write_text(file.read_text())
-    known = run_blocks(
-        [BLOCKS[0], BLOCKS[1 if package == "filterpy" else 2]], tmp_path, monkeypatch
-    )
+    own = BLOCKS[1 if package == "filterpy" else 2]
+    known = run_blocks([BLOCKS[0], own], tmp_path, monkeypatch)
     if package == "particles":
         assert error(known, "by_particles") < 0.5 * error(known, "measured")
         return
