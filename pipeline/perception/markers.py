@@ -113,15 +113,14 @@ def _start_frame(positions: np.ndarray, points: MarkedArm, take: str) -> tuple[i
     message += f" {points.gate:g} m: check their places and mounts, the base, and the gate"
     for k in np.flatnonzero(np.isfinite(positions[..., 0]).any(axis=1)):
         postures = points.postures(positions[k])
-        undecided = [one for one in postures if not one.decided]
-        if len(postures) == 1 and not undecided:
-            return k, postures[0].q
-        if undecided:
+        if undecided := [one for one in postures if not one.decided]:
             values, vectors = np.linalg.eigh(undecided[0].normal)
             share = (vectors[:, values < LEAST_LEVER**2] ** 2).sum(axis=1)
             left = ", ".join(np.array(points.joints)[share > UNDETERMINED])
             key, message = "markers", f"the markers and bodies do not determine {left}"
             message += ": track another link"
+        elif len(postures) == 1:
+            return k, postures[0].q
         elif postures:
             key, message = "posture", f"{len(postures)} postures of the arm fit the markers and"
             message += " bodies: track another link, or state the posture at the start of a take"

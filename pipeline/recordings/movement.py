@@ -86,7 +86,11 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
         return 0
     off, mean, key = np.abs(steps * rate - 1), (time[-1] - time[0]) / len(steps), None
     another = abs(mean * rate - 1) > RATE_TOLERANCE
-    beyond = (off > JITTER) & _lasts(time * rate)
+    # a loaded computer's clock is late, and then on time again; missing rows shift it for good
+    shift = median_filter(time * rate - np.arange(len(time)), LASTING, mode="nearest")
+    rows, half = np.arange(len(steps)), LASTING // 2
+    after, before = np.minimum(rows + half + 1, len(steps)), np.maximum(rows - half, 0)
+    beyond = (off > JITTER) & (np.abs(shift[after] - shift[before]) > JITTER)
     if beyond.any() and not (another and np.median(off) > JITTER):
         row = int(np.argmax(beyond))
         found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from the start"
@@ -98,16 +102,6 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
         return int((off > CLOCK_TOLERANCE).sum())
     message = f"the time step of the log is {found}, not 1/{rate:g} s: {cause}"
     raise RecordingError(message, file=file, key=key)
-
-
-def _lasts(steps: np.ndarray) -> np.ndarray:
-    """Return the mask (N − 1,) of rows about which the clock ``steps`` (N,) is shifted for good. A
-    loaded computer's clock is late, and then on time again.
-    """
-    shift = median_filter(steps - np.arange(len(steps)), LASTING, mode="nearest")
-    rows, half = np.arange(len(steps) - 1), LASTING // 2
-    after, before = np.minimum(rows + half + 1, len(rows)), np.maximum(rows - half, 0)
-    return np.abs(shift[after] - shift[before]) > JITTER
 
 
 def read_log(file: Path, options: LogOptions) -> JointLog:
