@@ -4,7 +4,7 @@ unit, order, sign and clock.
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -58,11 +58,6 @@ class Pairing(NamedTuple):
     order: np.ndarray  # (n,) int
     delay: int  # rows by which the command is early
 
-    @classmethod
-    def plain(cls, n: int, factor: float = 1.0, delay: int = 0) -> Self:
-        """Return the pairing of n columns in their order."""
-        return cls(np.full(n, factor), np.arange(n), delay)
-
     def apply(self, actual: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the paired rows of ``actual`` and ``target``, (N − |delay|, n) in rad."""
         actual, target = shift_rows(actual, target, self.delay)
@@ -71,6 +66,10 @@ class Pairing(NamedTuple):
     def error(self, actual: np.ndarray, target: np.ndarray) -> float:
         """Return the greatest of the joints' :func:`tracking_errors` in the paired rows."""
         return float(tracking_errors(*self.apply(actual, target)).max())
+
+
+def _plain(n: int, factor: float = 1.0, delay: int = 0) -> Pairing:
+    return Pairing(np.full(n, factor), np.arange(n), delay)
 
 
 def shift_rows(actual: np.ndarray, target: np.ndarray, rows: int) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +99,7 @@ def standing_joints(actual: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing:
     """Return the pairing of angles (N, n) in rad; the identity unless another halves the error."""
-    best, standing = Pairing.plain(actual.shape[1]), standing_joints(actual, target)
+    best, standing = _plain(actual.shape[1]), standing_joints(actual, target)
     if standing.any() and not standing.all():
         follows = np.flatnonzero(~standing)
         factor, order, delay = find_pairing(actual[:, follows], target[:, follows], rate)
@@ -162,7 +161,7 @@ def suspects(
     pairing: Pairing, actual: np.ndarray, target: np.ndarray, rate: float
 ) -> Iterator[tuple[str, str, str, float]]:
     """Yield name, option and value of each change of a ``pairing``, and the error without it."""
-    plain, (factor, order, delay) = Pairing.plain(len(pairing.order)), pairing
+    plain, (factor, order, delay) = _plain(len(pairing.order)), pairing
     unit = next((f", {name}" for name, known in FACTORS.items() if known == abs(factor[0])), "")
     scale = "sign" if (np.abs(factor) == 1).all() else f"unit{unit}"
     listed = [repr(float(each)).removesuffix(".0") for each in factor]
@@ -200,7 +199,7 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
 
     n, motion = actual.shape[1], np.ptp(target, axis=0).sum()
     if not motion:
-        return Pairing.plain(n, delay=delay)
+        return _plain(n, delay=delay)
     size = np.ptp(actual, axis=0).sum() / motion
     size = next((known for known in FACTORS.values() if abs(size / known - 1) < SAME), size)
     # (2, n, n) root mean square difference of joint i from column j, and from minus column j
@@ -209,7 +208,7 @@ def _unit_and_order(actual: np.ndarray, target: np.ndarray, delay: int) -> Pairi
     cost, own, same = costs.min(axis=0), np.diagonal(costs[0]), np.arange(n)
     order = linear_sum_assignment(cost)[1]
     if cost[same, order].sum() > ORDER_GAIN * own.sum():
-        return Pairing.plain(n, size, delay)
+        return _plain(n, size, delay)
     sign = np.where(costs[1, same, order] < ORDER_GAIN * costs[0, same, order], -1.0, 1.0)
     # keep the place of columns whose exchange hardly reduces the cost
     stay = own <= cost[same, order] / ORDER_GAIN

@@ -89,17 +89,15 @@ def find_repetitions(
     """
     if not rest:
         return _find_passes(angles, ends, steps, circular)
-    runs, left_out = [], {"cut_off": [], "other_motion": [], "too_little_rest": []}
+    by_reason = {reason: [] for reason in ("", "cut_off", "other_motion", "too_little_rest")}
     for run in motions:
         reached = angles[[max(run.first - 1, 0), min(run.last, len(angles) - 1)]]
         away = np.abs(apart(reached, np.stack(ends), circular)).max()
         other = "other_motion" if away > REACH or abs(run.steps - steps) > SLACK else ""
         short = "too_little_rest" if run.pause < rest + 2 * SLACK + 1 else ""
-        if reason := (other or short) if run.whole else "cut_off":
-            left_out[reason].append(run.first)
-        else:
-            runs.append(run)
-    return Repetitions(runs, left_out)
+        by_reason[(other or short) if run.whole else "cut_off"].append(run)
+    runs = by_reason.pop("")
+    return Repetitions(runs, {why: [run.first for run in own] for why, own in by_reason.items()})
 
 
 def _find_passes(
