@@ -104,6 +104,9 @@ def test_the_results_of_the_readme_are_between_its_marks(decided):
     assert f"On youbot the Wishart model's σ̂_B is {estimates}; the paper prints 0.25.\n" in text
     with pytest.raises(ContractError, match="put them back"):
         report_page.readme_with_results(before, RUNS[0], decided)
+    # a dataset without a robot has no estimates
+    text = report_page.readme_with_results(before + after, replace(RUNS[0], metrics={}), decided)
+    assert "σ̂_B" not in text
 
 
 def test_a_trial_run_prints_no_verdict():
