@@ -98,15 +98,6 @@ def read_whole(file: Path) -> bytes:
         return require_content(stream.read(), file)
 
 
-def call_alone(function: Callable, *arguments: object, file: Path) -> Any:
-    """Return ``function(*arguments)`` called in a :class:`Sandbox`; errors name the ``file``."""
-    with Sandbox() as sandbox:
-        try:
-            return sandbox.call(function, *arguments)
-        except RecordingError as error:
-            raise type(error)(error.message, **{"file": file} | error.evidence) from None
-
-
 class Sandbox:
     """Context manager that calls functions in a forked process, or in a new one if it has ended."""
 

@@ -18,7 +18,7 @@ from pkgutil import walk_packages
 from types import ModuleType
 from typing import Any
 
-from pipeline.core.bounds import ReaderFailure, call_alone, read_whole, require_content
+from pipeline.core.bounds import ReaderFailure, Sandbox, read_whole, require_content
 from pipeline.core.errors import ConfigError, RecordingError
 
 BYTES = 1 << 16  # size of a file's head: labels and rows of some hundred columns
@@ -143,8 +143,8 @@ def read_alone(function: Callable, *arguments: object, file: Path, advice: str) 
     """Return ``function(*arguments)`` from a separate process with bounds on time and memory;
     RecordingError with the ``advice`` where the function or its process fails on the ``file``.
     """
-    with advised(advice):
-        return call_alone(function, *arguments, file=file)
+    with advised(advice, file=file), Sandbox() as sandbox:
+        return sandbox.call(function, *arguments)
 
 
 @contextmanager
@@ -171,10 +171,10 @@ def compare_announced(
     if lacking and refusal:
         message = f"the file announces {int(announced)} {items} and holds {found}: {refusal}"
         raise RecordingError(message, **where)
-    differing = (
-        {f"{'lacking' if lacking > 0 else 'surplus'}_{items}": abs(lacking)} if lacking else {}
-    )
-    return {f"announced_{items}": int(announced), f"found_{items}": found} | differing
+    counts = {f"announced_{items}": int(announced), f"found_{items}": found}
+    if lacking:
+        counts[f"{'lacking' if lacking > 0 else 'surplus'}_{items}"] = abs(lacking)
+    return counts
 
 
 def begins(*marks: bytes) -> Callable[[Head], bool]:

@@ -5,7 +5,7 @@ A separate process reads a bag, since compressed parts (bz2, lz4, zstd) can deco
 """
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -90,29 +90,23 @@ def choose_topic(file: Path, kinds: tuple[str, ...], topic: str | None = None) -
     raise RecordingError(message, file=file, **({"topic": topic} if topic else {}))
 
 
-def messages(
-    file: Path, topic: str, pick: Callable[[Any], Any], numbers: Collection[int] | None = None
-) -> Iterator[Any]:
-    """Yield ``pick(message)`` for every message of ``topic`` in the bag ``file`` (or the messages
-    ``numbers``, from 0), in the order of recording. ``pick`` is pickled and called in the reading
-    process, which keeps one message in memory; a message has the attributes of its ROS definition.
-    Raises RecordingError for a missing, truncated, damaged or unindexed bag, for a ``topic`` of
-    another serialization or definition, for another number of messages than the bag announces,
-    and, with the message's number, where ``pick`` does.
+def messages(file: Path, topic: str, pick: Callable[[Any], Any]) -> Iterator[Any]:
+    """Yield ``pick(message)`` for every message of ``topic`` in the bag ``file``, in the order of
+    recording. ``pick`` is pickled and called in the reading process, which keeps one message in
+    memory; a message has the attributes of its ROS definition. Raises RecordingError for a missing,
+    truncated, damaged or unindexed bag, for a ``topic`` of another serialization or definition, for
+    another number of messages than the bag announces, and, with the message's number, where
+    ``pick`` does.
     """
-    where = {"file": file, "topic": topic}
     with Sandbox() as sandbox:
-        again = mend(Path(file))
-        with advised(again, **where, number=0):
-            count = sandbox.call(_start, Path(file), topic)
-        for number in range(count):
-            wanted = numbers is None or number in numbers
-            with advised(again, **where, number=number):
-                picked = sandbox.call(_next, pick if wanted else None)
-            if wanted:
-                yield picked
-        with advised(again, **where):
-            sandbox.call(_finish)
+
+        def call(function: Callable, *arguments: object, **evidence: int) -> Any:
+            with advised(mend(Path(file)), file=file, topic=topic, **evidence):
+                return sandbox.call(function, *arguments)
+
+        for number in range(call(_start, Path(file), topic, number=0)):
+            yield call(_next, pick, number=number)
+        call(_next, None)  # the end of the bag, where messages may be surplus
 
 
 def _start(file: Path, topic: str) -> int:
@@ -121,12 +115,8 @@ def _start(file: Path, topic: str) -> int:
 
 
 def _next(pick: Callable[[Any], Any] | None) -> Any:
-    message = next(_streams[0])
+    message = next(_streams[0], None)
     return pick and pick(message)
-
-
-def _finish() -> None:
-    next(_streams[0], None)
 
 
 def _stream(file: Path, topic: str) -> Iterator[Any]:

@@ -148,7 +148,7 @@ def _intrinsics(path: Path, depth: Depth, raw: Path, topic: str = "") -> Intrins
         message = "depth images need a file with the camera's intrinsics"
         raise ConfigError(message, key=f"{KEY}.intrinsics")
     stated = rosbag.choose_topic(path, (rosbag.CAMERA_INFO,), depth.camera_info)
-    camera = next(rosbag.messages(path, stated, partial(rosbag.camera_info, **size), {0}))
+    camera = next(rosbag.messages(path, stated, partial(rosbag.camera_info, **size)))
     if camera.distortion and "rect" in topic:
         message = "the topic's name says rectified, but its camera_info has a distortion; state the"
         raise RecordingError(f"{message} intrinsics in a file", file=path, topic=topic)

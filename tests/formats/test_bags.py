@@ -45,7 +45,6 @@ def test_messages_come_in_order_with_the_time_of_their_headers_and_a_cut_bag_is_
     stamps, pixels = zip(*messages(bag, "/depth", first), strict=True)
     np.testing.assert_allclose(stamps, START + 0.04 * np.arange(5), rtol=0, atol=1e-6)
     assert pixels == (0, 1, 2, 3, 4)
-    assert [pixel for _, pixel in messages(bag, "/depth", first, {1, 3})] == [1, 3]
     inside = bag if bag.is_file() else next(f for f in bag.iterdir() if f.suffix != ".yaml")
     content = inside.read_bytes()
     for share in (0.0, 0.3, 0.6):

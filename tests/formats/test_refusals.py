@@ -192,7 +192,7 @@ FORMATS = {
     ]),
     "Motive, typed rows": Sound(typed(DEFINITION, *(seen_row(k) for k in range(3))),
                                 partial(read_motive, unit="m"), [
-        (None, typed(DEFINITION, frame_row(0)), "no rate", 4),
+        (None, typed(DEFINITION, frame_row(0)), "rate is '' in the header and 0 by", 4),
         (None, typed(DEFINITION, frame_row(0), frame_row(0, "1,1,1,1,3,M-3")), "not increase", 5),
         (None, typed(frame_row(0)), "not defined", 3),
         (None, typed(DEFINITION, DEFINITION.replace("Arm", "Leg")), "defined twice", 4),

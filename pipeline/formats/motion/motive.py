@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import NUMBER, Text, cells_of, numbers_of, read_text
+from pipeline.formats.delimited import Text, cells_of, numbers_of, read_text
 from pipeline.formats.format import Format, Head, Kind
 from pipeline.formats.motion import take as capture
 from pipeline.formats.motion.motive_rows import ROW_TYPES, read_rows
@@ -135,11 +135,13 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     table = numbers_of(rows, numbers, columns, file=file, gaps=True)
     values = dict(zip(columns, table.T, strict=True))
     frame = capture.frame_numbers(values[0], numbers, file)
-    printed = np.zeros(0) if header.time is None else values[header.time]
+    printed = np.full(len(frame), np.nan) if header.time is None else values[header.time]
     counts = {"blank_rows": len(text.lines) - header.line - len(rows) - repeated}
     counts["cut_rows"] = int(text.cut is not None)
     counts |= capture.compare_frames(fields.get("Total Exported Frames", ""), len(frame))
-    rate = _rate(fields, frame, printed, file)
+    # older versions have no export rate
+    key = RATES[1] if fields.get(RATES[1]) else RATES[0]
+    found = capture.settle_rate(fields.get(key, ""), frame, printed, file, line=1, key=key)
     unit = capture.settle_unit(fields.get("Length Units", ""), unit, file, key="Length Units")
     # a name that two assets share does not identify an asset: the ID is appended
     uses = Counter((kind, name) for kind, name, _ in groups)
@@ -161,9 +163,9 @@ def _read_columns(text: Text, file: Path, unit: str | None) -> MotionTake:
     rare = {"repeated_rows": repeated, "skipped_bones": header.bones}
     more |= {name: count for name, count in rare.items() if count}
     markers |= {name: solved[name] for name in solved if name not in markers}
-    rate_from = "" if any(fields.get(key) for key in RATES) else capture.FROM_TIMES
-    origin = fields.get("Take Name") or file.stem, fields["Format Version"], rate, frame
-    raw = MotionTake(*origin, printed, markers, bodies, counts, unit, rate_from=rate_from)
+    (rate, source), name = found, fields.get("Take Name") or file.stem
+    about = name, fields["Format Version"], rate, frame, printed, markers, bodies, counts, unit
+    raw = MotionTake(*about, rate_from=source)
     return capture.checked_take(raw, file, numbers, places, more)
 
 
@@ -190,20 +192,6 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
         message = "no frame follows the header; export the take again"
         raise RecordingError(message, file=file, line=header.line)
     return rows, numbers, repeated
-
-
-def _rate(fields: dict[str, str], frame: np.ndarray, printed: np.ndarray, file: Path) -> float:
-    key = RATES[1] if fields.get(RATES[1]) else RATES[0]  # older versions have no export rate
-    stated = fields.get(key, "")
-    timed = capture.rate_from_times(frame, printed) if len(printed) else None
-    if not stated and timed is not None:
-        return timed
-    rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
-    message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
-    message += "times; a rate > 0 that agrees with the times is required; export the take again"
-    if 0 < rate < np.inf and (not len(printed) or capture.keeps_time(frame, printed, rate)):
-        return rate
-    raise RecordingError(message, file=file, line=1, key=key)
 
 
 def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.ndarray:

@@ -116,10 +116,8 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
         previous = line
     numbers, printed = np.array(times).reshape(-1, 2).T
     frame = capture.frame_numbers(numbers, lines, file)
-    if (rate := capture.rate_from_times(frame, printed)) is None:
-        message = "no rate: the file has no frame, or the times of its frames do not increase; "
-        message += "export the take again"
-        raise RecordingError(message, file=file, line=[len(text.lines), *lines][-1])
+    last = [len(text.lines), *lines][-1]
+    rate, source = capture.settle_rate("", frame, printed, file, line=last)
     unit = capture.settle_unit("", unit, file, key="info")
     counts |= capture.compare_frames(infos.get("framecount", ""), len(frame))
     poses = pd.DataFrame(poses, columns=["k", "name", *POSE])
@@ -144,5 +142,5 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     markers, poses = dense(seen, defined, POSE[:3]), dense(poses, [*bodies.values()], POSE)
     rigid = {name: RigidBody(pose[:, :3], pose[:, 3:]) for name, pose in poses.items()}
     about = file.stem, infos["version"], rate, frame, printed, markers, rigid
-    raw = MotionTake(*about, counts, unit, rate_from=capture.FROM_TIMES)
+    raw = MotionTake(*about, counts, unit, rate_from=source)
     return capture.checked_take(raw, file, lines, more=more)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import spelled
+from pipeline.formats.delimited import NUMBER, spelled
 from pipeline.formats.format import compare_announced
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
@@ -75,6 +75,29 @@ def frame_numbers(values: np.ndarray, lines: list[int], file: Path) -> np.ndarra
     return values.astype(np.int64)
 
 
+def settle_rate(
+    stated: str, frame: np.ndarray, printed: np.ndarray, file: Path, **where: object
+) -> tuple[float, str]:
+    """Return the frame rate in Hz, ``stated`` or by the ``printed`` times (N,) s, and its source if
+    it is not stated. RecordingError (``where``) for no rate > 0, and where TELLING or more times
+    contradict it: the median over all spans of a quarter of the take decides, since times may jump.
+    """
+    timed = rate_from_times(frame, printed)
+    if not stated and timed is not None:
+        return timed, FROM_TIMES
+    rate = float(stated) if NUMBER.fullmatch(stated) else np.nan
+    if 0 < rate < np.inf:
+        frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
+        lag = max(len(time) // 4, 1)
+        passed, expected = time[lag:] - time[:-lag], (frame[lag:] - frame[:-lag]) / rate
+        off = np.abs(passed - expected) - TIME_ROUNDING - RATE_TOLERANCE * expected
+        if len(time) < TELLING or np.median(off) <= 0:
+            return rate, ""
+    message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
+    message += "times; a rate > 0 that agrees with the times is required; export the take again"
+    raise RecordingError(message, file=file, **where)
+
+
 def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     """Return the frame rate in Hz by the ``printed`` times (N,) s: the mean rate rounded to an
     integer. Return the unrounded mean where the integer rate misses a printed time by more than
@@ -88,19 +111,6 @@ def rate_from_times(frame: np.ndarray, printed: np.ndarray) -> float | None:
     hundredths = np.allclose(time * 100, np.round(time * 100), rtol=0, atol=1e-6)
     most = max(0.5 / mean, TIME_ROUNDING if hundredths else 0.0)
     return float(np.round(mean)) if off.max() < most else float(mean)
-
-
-def keeps_time(frame: np.ndarray, printed: np.ndarray, rate: float) -> bool:
-    """Return whether the ``printed`` times (N,) s agree with ``rate`` (Hz); True with fewer than
-    TELLING times. The median over all spans of a quarter of the take decides, since times may jump.
-    """
-    frame, time = (values[np.isfinite(printed)] for values in (frame, printed))
-    if len(time) < TELLING:
-        return True
-    lag = len(time) // 4
-    passed, expected = time[lag:] - time[:-lag], (frame[lag:] - frame[:-lag]) / rate
-    off = np.abs(passed - expected) - TIME_ROUNDING - RATE_TOLERANCE * expected
-    return bool(np.median(off) <= 0)
 
 
 def compare_frames(stated: str, found: int) -> dict[str, int]:
