@@ -225,19 +225,19 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     values["Total Frames in Take"] = str(int(take.frame[-1] - take.frame[0]) + 1)
     values["Total Exported Frames"] = str(len(take.frame))
     del values["Capture Start Frame"]  # Motive 1.23 writes this key for some takes only
-    pose = [("Rotation", axis) for axis in "XYZW"] + [("Position", axis) for axis in "XYZ"]
-    labels = [(BODY, name, *label) for name in take.bodies for label in pose]
-    labels += [(RAW, name, "Position", axis) for name in take.markers for axis in "XYZ"]
-    assets = dict.fromkeys(label[:2] for label in labels)
-    identities = {key: f'"{number:X}"' for number, key in enumerate(assets, start=0xA10)}
-    header = [
-        ",".join(f"{key},{value}" for key, value in values.items()),
-        "",
-        ",".join([",Type", *(kind for kind, *_ in labels)]),
-        ",".join([",Name", *(_quoted(name) for _, name, *_ in labels)]),
-        ",".join([",ID", *(identities[label[:2]] for label in labels)]),
-        ",".join([",", *(quantity for *_, quantity, _ in labels)]),
-        ",".join(["Frame,Time (Seconds)", *(axis for *_, axis in labels)]),
+    place = [("Position", axis) for axis in "XYZ"]
+    pose = [("Rotation", axis) for axis in "XYZW"] + place
+    assets = [(BODY, name, pose) for name in take.bodies]
+    assets += [(RAW, name, place) for name in take.markers]
+    labels = [
+        (kind, _quoted(name), f'"{number:X}"', *label)
+        for number, (kind, name, parts) in enumerate(assets, start=0xA10)
+        for label in parts
+    ]
+    header = [",".join(f"{key},{value}" for key, value in values.items()), ""]
+    starts = ",Type", ",Name", ",ID", ",", "Frame,Time (Seconds)"
+    header += [
+        ",".join([start, *row]) for start, row in zip(starts, np.transpose(labels), strict=True)
     ]
     blocks = [block for body in take.bodies.values() for block in (body.quaternion, body.position)]
     table = np.column_stack([take.frame, take.frame / take.rate, *blocks, *take.markers.values()])

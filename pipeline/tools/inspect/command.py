@@ -36,7 +36,7 @@ from pipeline.formats.joints.log import BAG, JOINT_STATE
 from pipeline.formats.motion.take import STRAY
 from pipeline.formats.number_sheet import TREES
 from pipeline.tools.inspect.depth import add_cloud, add_image, add_index, describe_numbered
-from pipeline.tools.inspect.finding import ROBOT, Finding, as_json, as_table
+from pipeline.tools.inspect.finding import REASONS, ROBOT, Finding, as_json, as_table
 from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tables
 
 INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
@@ -47,13 +47,6 @@ ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # message types
 # option that names a topic → message types of the topic
 TOPICS = {"force.log.topic": WRENCH, "depth.topic": DEPTH_TYPES}
 TOPICS |= {"depth.camera_info": (rosbag.CAMERA_INFO,)}
-NO_CAMERA = "no camera calibration: export numbers as CSV (ros2 topic echo --csv TOPIC)"
-NO_SAMPLES = "labels and no samples: text without rows of numbers below the first line"
-NO_TABLE = "text without rows of numbers (between commas, semicolons, tabs or blanks)"
-BINARY = (
-    "binary data of no known format: unpack an archive, save arrays (HDF5, NPY, pickle) with their "
-    "times in one .npz, else export as in pipeline/formats/README.md"
-)
 
 
 def run(place: Path, reading: Sequence[str], json: bool = False) -> None:
@@ -120,17 +113,18 @@ def describe_file(file: Path) -> Finding:
         head = Head.read(file)
         if form := recognised(head, [URDF, *formats_in(formats)]):
             return _read(finding, form)
-        if head.text is None or head.content.startswith(b"PK"):
-            finding.facts["reason"] = BINARY
-        elif known := foreign(head.text):
+        if head.text is not None and (known := foreign(head.text)):
             finding.format, advice = known
             raise RecordingError(f"{finding.format} is not read: {advice}")
-        else:
-            # at most a line of labels and a line of units, of as many cells
-            marks = {max(map(line.count, ",;\t")) for line in head.lines}
-            labels = len(head.lines) < 3 and len(marks) == 1 and min(marks) > 1
-            reason = NO_SAMPLES if labels else NO_TABLE
-            finding.facts["reason"] = NO_CAMERA if head.suffix in TREES else reason
+        # at most a line of labels and a line of units, of as many cells
+        marks = {max(map(line.count, ",;\t")) for line in head.lines}
+        labels = len(head.lines) < 3 and len(marks) == 1 and min(marks) > 1
+        reason = "no_samples" if labels else "no_table"
+        if head.text is None or head.content.startswith(b"PK"):
+            reason = "binary"
+        elif head.suffix in TREES:
+            reason = "no_camera"
+        finding.facts["reason"] = REASONS[reason]
     except OSError as error:
         finding.refuse(RecordingError(f"the file cannot be read ({error.strerror})"))
     except PipelineError as error:
@@ -226,20 +220,17 @@ def _add_robot(finding: Finding, form: Format) -> None:
         joints.setdefault(joint.kind, []).append(joint.name)
     # exclude mimic joints, which depend on another joint
     own = {j.name for j in tree.joints.values() if j.kind in SINGLE and j.follows is None}
-    moving = {
-        end: [joint.name for joint in tree.above(end) if joint.name in own] for end in tree.ends
-    }
-    most = max(map(len, moving.values()), default=0)
+    moving = {end: [j.name for j in tree.above(end) if j.name in own] for end in tree.ends}
+    most = max([*map(len, moving.values()), 1])
     arms = [{"joints": names, "tip": end} for end, names in moving.items() if len(names) == most]
-    arms = arms if most else []
     turning, chains, refusals = joints.get("revolute", []), [], []
     for chain in (turning[first : first + 3] for first in range(len(turning) - 2)):
         try:
             chains.append({"joints": chain, "tools": planar_tools(tree, chain)})
         except ConfigError as error:
             refusals += [error.message] * error.message.startswith("robot.urdf")
-    finding.facts = {"robot": tree.root.get("name", ""), "joints": joints}
-    finding.facts |= {"arms": arms, "chains": chains}
+    about = {"robot": tree.root.get("name", ""), "joints": joints}
+    finding.facts = about | {"arms": arms, "chains": chains}
     if refusals and not chains:
         finding.stops.append(refusals[0])
     if not (arms or chains):

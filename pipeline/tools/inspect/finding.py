@@ -14,7 +14,9 @@ import numpy as np
 from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
-QUESTIONS: dict[str, dict[str, str]] = read_yaml(Path(__file__).with_name("questions.yaml"))
+_TEXTS = read_yaml(Path(__file__).with_name("texts.yaml"))
+QUESTIONS: dict[str, dict[str, str]] = _TEXTS["questions"]
+REASONS: dict[str, str] = _TEXTS["reasons"]  # why a file is of no known format
 UNKNOWN, ROBOT = "unknown", "robot"  # kinds in addition to pipeline.formats.format.Kind
 WIDTH = 100  # greatest number of characters in a line of facts
 LISTED = 4  # number of printed names of a longer list
@@ -66,7 +68,7 @@ class Finding:
         self.gaps |= {n: number for n, number in counts.items() if number and n not in facts}
 
     def ask(self, name: str, suggested: str | None = None, **found: object) -> None:
-        """Add the question ``name`` of questions.yaml about the values that were ``found``."""
+        """Add the question ``name`` of texts.yaml about the values that were ``found``."""
         question, option = (text.format(**found) for text in QUESTIONS[name].values())
         self.open.append(Question(question, option, suggested))
 
