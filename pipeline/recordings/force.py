@@ -9,7 +9,7 @@ from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import Force
 from pipeline.formats import force as force_formats
 from pipeline.formats.force.calibration import read_calibration
-from pipeline.formats.force.record import ForceLogOptions, full_scale, sound_samples
+from pipeline.formats.force.record import ForceLogOptions, sound_samples
 from pipeline.formats.format import Kind, formats_in
 from pipeline.recordings.quality import quality_row
 
@@ -34,7 +34,8 @@ def force_rows(raw: Path, name: str, force: Force) -> tuple[pd.DataFrame, list[d
         message = f"unknown format {log.format!r}; set one of {', '.join(sorted(formats))}"
         raise ConfigError(message, key="dataset.force.log.format")
     record = formats[log.format].read(file, ForceLogOptions(**stated, calibration=calibration))
-    ratings = np.array(log.full_scale) if log.full_scale is not None else full_scale(calibration)
+    ratings = calibration and calibration.full_scale
+    ratings = ratings if log.full_scale is None else np.array(log.full_scale)
     sound, faults = sound_samples(record, ratings, log.frozen_after, log.max_faulty, file=file)
     wrench = record.force
     if np.isfinite(record.torque).any():

@@ -59,16 +59,15 @@ def read_daqft(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRecord
 
 
 def _gauges(sheet: Sheet, options: ForceLogOptions) -> tuple[list[int], np.ndarray, dict]:
-    """Return the columns of G0 to G5 and the matrix (6, 6) to N and N·m of the calibration. It has
-    no offset, so that the tare removes the bias of the gauges.
+    """Return the columns of G0 to G5 and the matrix (6, 6) of the calibration. It has no offset, so
+    that the tare removes the bias of the gauges.
     """
     if options.calibration is None or sorted({*GAUGES} & {*sheet.labels}) != GAUGES:
         message = "no column is labelled Force X, Force Y, Force Z; gauge voltages need columns G0 "
         message += "to G5 and the transducer's calibration"
         where = {"file": sheet.file, "line": sheet.label_line, "key": f"{OPTION}.calibration"}
         raise RecordingError(message, **where)
-    factors = forces.calibrated_factors(options.calibration, options)
-    return [*map(sheet.labels.index, GAUGES)], factors[:, None] * options.calibration.matrix, {}
+    return [*map(sheet.labels.index, GAUGES)], options.calibration.matrix, {}
 
 
 def _rate(sheet: Sheet, options: ForceLogOptions) -> float:

@@ -87,18 +87,6 @@ def si_factor(
     return factors[0]
 
 
-def calibrated_factors(calibration: Calibration, options: ForceLogOptions) -> np.ndarray:
-    """Return the factors (6,) from the units of a calibration to N and N·m."""
-    units = {axis: getattr(calibration, f"{KINDS[axis]}_unit") for axis in (*FORCES, *TORQUES)}
-    where = {"file": calibration.file, "line": 1}
-    return np.array([si_factor(axis, unit, options, **where) for axis, unit in units.items()])
-
-
-def full_scale(calibration: Calibration | None) -> np.ndarray | None:
-    """Return the ratings (6,) of a calibration in N and N·m, None without a calibration."""
-    return calibration and calibration.full_scale * calibrated_factors(calibration, NO_OPTIONS)
-
-
 def repeats(values: np.ndarray) -> dict[str, int]:
     """Return ``repeated_rows`` (equal to the row before) and ``zero_rows`` of (N, axes) values."""
     repeated = (values[1:] == values[:-1]).all(axis=1).sum()
@@ -158,14 +146,13 @@ def plateau(values: np.ndarray) -> np.ndarray:
     neighbours, while at most EQUAL_PAIRS of the other neighbours are equal, so that it is no
     coarse resolution.
     """
-    cut = np.zeros(len(values), bool)
-    for axis in values.T:
-        for extreme in (axis.max(), axis.min()):
-            at, same = axis == extreme, axis[1:] == axis[:-1]
-            pairs = at[1:] & same
-            elsewhere = same[~at[1:]]
-            if pairs.sum() >= FEWEST and elsewhere.size and elsewhere.mean() <= EQUAL_PAIRS:
-                cut |= at
+    cut, same = np.zeros(len(values), bool), values[1:] == values[:-1]
+    for extreme in (values.max(axis=0), values.min(axis=0)):
+        at = values == extreme
+        others = (~at[1:]).sum(axis=0)
+        coarse = (same & ~at[1:]).sum(axis=0) > EQUAL_PAIRS * others
+        flat = ((same & at[1:]).sum(axis=0) >= FEWEST) & (others > 0) & ~coarse
+        cut |= (at & flat).any(axis=1)
     return cut
 
 

@@ -236,9 +236,8 @@ def write_motive(file: Path, take: MotionTake, *, start: str) -> None:
     ]
     header = [",".join(f"{key},{value}" for key, value in values.items()), ""]
     starts = ",Type", ",Name", ",ID", ",", "Frame,Time (Seconds)"
-    header += [
-        ",".join([start, *row]) for start, row in zip(starts, np.transpose(labels), strict=True)
-    ]
+    rows = zip(starts, np.transpose(labels), strict=True)
+    header += [",".join([start, *row]) for start, row in rows]
     blocks = [block for body in take.bodies.values() for block in (body.quaternion, body.position)]
     table = np.column_stack([take.frame, take.frame / take.rate, *blocks, *take.markers.values()])
     row = ",".join(["%d", *["%.6f"] * (table.shape[1] - 1)]) + "\r\n"

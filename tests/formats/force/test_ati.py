@@ -10,7 +10,7 @@ from written_logs import refusal, write_netft
 
 from pipeline.formats.force.calibration import AXES, read_calibration
 from pipeline.formats.force.daqft import read_daqft, read_netft, write_daqft
-from pipeline.formats.force.record import ForceLogOptions, ForceRecord, full_scale
+from pipeline.formats.force.record import ForceLogOptions, ForceRecord
 
 KEY, STARTED = "dataset.force.log", "4/2/13 3:45 PM"
 PLAIN = ForceLogOptions()
@@ -185,8 +185,9 @@ def test_units_matrix_and_ratings_are_those_of_the_user_axes_in_any_encoding(tmp
         file.write_bytes(file.read_text().replace("made up", "Meßgerät").encode(encoding))
         result = read_calibration(file)
         assert (result.serial, result.force_unit, result.torque_unit) == ("FT1", "N", "N-mm")
-        np.testing.assert_array_equal(result.matrix, MATRIX)
-        np.testing.assert_allclose(full_scale(result), [25, 25, 35, 0.25, 0.25, 0.25])
+        newton = MATRIX * np.repeat([1, 1e-3], 3)[:, None]
+        np.testing.assert_array_equal(result.matrix, newton)
+        np.testing.assert_allclose(result.full_scale, [25, 25, 35, 0.25, 0.25, 0.25])
     error = refusal(read_calibration, calibration(tmp_path, others))
     assert "get a calibration of version 1.1" in error.message
 
