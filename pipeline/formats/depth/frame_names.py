@@ -52,7 +52,9 @@ def _split(files: list[Path]) -> list[FrameSequence]:
     if times and len({*times}) == len(files):
         return [_sequence(files, varying, times, timed=True)]
     if not times and varying:
-        frame = max(varying, key=lambda j: _frame_likeness(columns[j], j))
+        # the frame's number is padded by zeros, has many values, or is late in a name
+        padded = [len({*map(len, one)}) == 1 and len(one[0]) > 2 for one in columns]
+        frame = max(varying, key=lambda j: (padded[j], len({*columns[j]}), j))
         others = [j for j in varying if j != frame]
         together = len({*columns[frame]}) == len(files)
         if not others or together:
@@ -64,12 +66,6 @@ def _split(files: list[Path]) -> list[FrameSequence]:
     for row, file in enumerate(files):
         groups.setdefault(tuple(columns[j][row] for j in others), []).append(file)
     return [sequence for group in groups.values() for sequence in _split(group)]
-
-
-def _frame_likeness(column: Sequence[str], place: int) -> tuple:
-    """Return the rank of a number as the frame's: padded by zeros, many values, late in a name."""
-    padded = len({*map(len, column)}) == 1 and len(column[0]) > 2
-    return padded, len({*column}), place
 
 
 def _sequence(

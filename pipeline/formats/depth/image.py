@@ -25,7 +25,7 @@ from pipeline.formats.depth.frame_names import FrameSequence, frame_sequences
 from pipeline.formats.format import Format, Head, Kind, begins, file_content, matching
 
 PNG, TIFF, PGM = b"\x89PNG\r\n\x1a\n", (b"II*\0", b"MM\0*"), b"P5"
-ENDINGS = (".png", ".tif", ".tiff", ".pgm")
+ENDINGS = (".png", ".tif", ".tiff", ".pgm", *cloud.ENDINGS)  # suffixes of depth frames
 WIDTH, LENGTH, DESCRIPTION = 256, 257, 270  # tags of TIFF 6.0, section 8
 SHORTEST_STEP, LONGEST_STEP = 1e-4, 10.0  # s, limits of the median step; times in ms exceed them
 PIXEL = 4  # bytes, size of the largest decoded pixel
@@ -251,17 +251,12 @@ def numbered_frames(folder: Path, pattern: str, *, rate: float) -> DepthIndex:
     return DepthIndex(time, tuple(str(file.relative_to(folder)) for file in frames.files), {})
 
 
-def frame_endings() -> tuple[str, ...]:
-    """Return the file suffixes of depth frames (images and clouds), such as ``.png``."""
-    return ENDINGS + cloud.ENDINGS
-
-
 def _begins(head: Head) -> bool:
     rows = [line.split(maxsplit=1) for line in head.lines if not line.lstrip().startswith("#")]
     if not rows or len(rows[0]) != 2:
         return False
     stamp, name = rows[0]
-    return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(frame_endings())
+    return bool(NUMBER.fullmatch(stamp)) and name.strip().lower().endswith(ENDINGS)
 
 
 IMAGE = Format("depth image", Kind.IMAGE, read_depth, begins(PNG, *TIFF, PGM))

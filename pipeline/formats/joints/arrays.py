@@ -44,7 +44,9 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     require("memory_mib", sum(one.size for one in data.values()) * 8 / MIB, "MiB of numbers", file)
     words = {name: [*map(str, one)] for name, one in data.items() if one.dtype.kind == "U"}
     dated = {name for name, one in data.items() if one.dtype.kind in "mM"}  # their type is a unit
-    data = {n: _seconds(one) if n in dated else one for n, one in data.items() if n not in words}
+    for name in dated:  # s, dates since 1970
+        data[name] = (data[name] - np.zeros(1, data[name].dtype)) / np.timedelta64(1, "s")
+    data = {name: one for name, one in data.items() if name not in words}
     times = clocks_of({name: one for name, one in data.items() if one.ndim == 1})
     lengths = {len(data[name]) for name in times}
     groups, columns = {}, {}  # array → labels of its columns, label → numbers (N,)
@@ -136,11 +138,6 @@ def _numeric(value: object) -> np.ndarray:
     if kind == "O" and value.ndim == 1 and len({np.shape(row) for row in value}) == 1:
         return _numeric(np.stack(value)) if np.shape(value[0]) else np.empty(())
     return value if kind and kind in "fiumMU" else np.empty(())
-
-
-def _seconds(value: np.ndarray) -> np.ndarray:
-    """Return dates (since 1970) and durations in s."""
-    return (value - np.zeros(1, value.dtype)) / np.timedelta64(1, "s")
 
 
 def _mat(file: Path) -> Arrays:

@@ -224,7 +224,9 @@ def signals_of_groups(
     groups: Mapping[str, list[str]], values: Mapping[str, np.ndarray], time: np.ndarray | None
 ) -> tuple[dict[str, list[str]], dict[str, str]]:
     """Return :func:`signals_of` groups of columns, and ``values`` (N, joints) per group."""
-    fits = {n for n in groups if n not in values or not _is_quaternion(values[n])}
+    norms = {n: np.linalg.norm(rows, axis=1) for n, rows in values.items() if rows.shape[1] == 4}
+    turns = {n for n, norm in norms.items() if np.abs(norm - 1).max(initial=0.0) < UNIT_NORM}
+    fits = {*groups} - turns  # quaternions are no angles
     actual = [name for name in named_like("actual", groups) if name in fits]
     target = [name for name in named_like("target", groups) if name in fits and name not in actual]
     if len(target) == 1:
@@ -249,7 +251,9 @@ def signals_of_groups(
     if time is None or len(time) != len(moved):
         time = np.arange(len(moved), dtype=float)
     alike = [n for n in groups if n != actual[0] and values[n].shape == moved.shape]
-    follows = [n for n in alike if _follows(values[n], moved)]
+    limit = FOLLOWS * np.ptp(moved, axis=0).max(initial=0.0)
+    # 90 % of the rows differ by less than the limit
+    follows = [n for n in alike if limit and np.quantile(abs(values[n] - moved), 0.9) < limit]
     speeds = [n for n in alike if n not in follows and is_derivative(values[n], moved, time)]
     clear = [name for name in target if name not in speeds]
     if len(clear) == 1:
@@ -268,17 +272,6 @@ def signals_of_groups(
 def possibly_speed(names: Iterable[str]) -> list[str]:
     """Return the names ``qd``, which mean a speed in most logs and a command in some."""
     return [name for name in names if re.sub(r"[^a-z]", "", bare(name).lower()) == "qd"]
-
-
-def _is_quaternion(values: np.ndarray) -> bool:
-    off = np.abs(np.linalg.norm(values, axis=1) - 1).max(initial=0.0)
-    return values.shape[1] == 4 and bool(off < UNIT_NORM)
-
-
-def _follows(commanded: np.ndarray, measured: np.ndarray) -> bool:
-    """Return whether 90 % of the rows differ by less than FOLLOWS of the measured range."""
-    motion = np.ptp(measured, axis=0).max(initial=0.0)
-    return bool(motion) and bool(np.quantile(np.abs(commanded - measured), 0.9) < FOLLOWS * motion)
 
 
 def is_derivative(speed: np.ndarray, angles: np.ndarray, time: np.ndarray) -> bool:

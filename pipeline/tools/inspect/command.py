@@ -18,8 +18,8 @@ from pipeline.core.bounds import Reading, Sandbox, read_whole, within
 from pipeline.core.errors import ConfigError, PipelineError, RecordingError
 from pipeline.formats import rosbag
 from pipeline.formats.delimited import foreign
+from pipeline.formats.depth import image
 from pipeline.formats.depth.frame_names import frame_sequences
-from pipeline.formats.depth.image import frame_endings
 from pipeline.formats.depth.intrinsics import ANY_SIZE
 from pipeline.formats.force.record import WRENCH, ForceLogOptions, require_record
 from pipeline.formats.format import (
@@ -41,7 +41,6 @@ from pipeline.tools.inspect.joints import add_joint_log, add_table, compare_tabl
 
 INDEXES = (".txt", ".csv", "")  # suffixes of indexes of depth frames
 LENGTH = "dataset.mocap.unit"
-TOTALS = ("marker_samples", "pose_samples")  # no faults
 DEPTH_TYPES = (rosbag.IMAGE, rosbag.CLOUD)
 ANALYSED = {*DEPTH_TYPES, *WRENCH, JOINT_STATE}  # message types
 # option that names a topic → message types of the topic
@@ -84,18 +83,14 @@ def inspect(place: Path) -> list[Finding]:
         # normalise paths, since an index may contain depth/../depth/1.png
         placed = {os.path.normpath(p) for one in indexes for p in (one.file, *one.files)}
         rest = [file for file in files if os.path.normpath(file) not in placed]
-        frames = [file for file in rest if file.suffix.lower() in frame_endings()]
-        findings = [
-            *map(read, bags),
-            *indexes,
-            *(read(file) for file in rest if file not in frames),
-        ]
+        frames = [file for file in rest if file.suffix.lower() in image.ENDINGS]
+        others = [file for file in rest if file not in frames]
+        findings = [*map(read, bags), *indexes, *map(read, others)]
         for one in frame_sequences(frames):
-            several = len(one.files) > 1
-            findings.append(read(one.pattern, *[describe_numbered] * several))
+            findings.append(read(one.pattern, *[describe_numbered] * (len(one.files) > 1)))
     if not findings:
-        stop = "the folder holds no recordings: name another, or a file"
-        findings.append(Finding(place, stops=[stop]))
+        stops = ["the folder holds no recordings: name another, or a file"]
+        return [Finding(place, stops=stops)]
     compare_tables(findings)
     return sorted(findings, key=lambda finding: str(finding.file))
 
@@ -158,7 +153,8 @@ def _add_motion(finding: Finding, form: Format) -> None:
     finding.facts = {"bodies": [*take.bodies], "markers": markers, "frames": len(take.frame)}
     finding.facts |= {"first_frame": first, "steps": steps, "rate_from": take.rate_from}
     finding.count({"unlabelled_markers": len(take.markers) - len(markers)})
-    finding.count({name: n for name, n in take.counts.items() if name not in TOTALS})
+    faults = {name: n for name, n in take.counts.items() if name != "marker_samples"}
+    finding.count(faults)
 
 
 def _add_trajectory(finding: Finding, form: Format) -> None:
