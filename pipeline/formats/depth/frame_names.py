@@ -48,20 +48,16 @@ def _split(files: list[Path]) -> list[FrameSequence]:
     columns = [*zip(*(re.findall(r"\d+", file.stem, re.ASCII) for file in files), strict=True)]
     varying = [j for j, column in enumerate(columns) if len({*column}) > 1]
     times, inside = _times([file.stem for file in files], varying)
-    others = [j for j in varying if j not in inside]
-    if times and len({*times}) == len(files):
-        return [_sequence(files, varying, times, timed=True)]
+    others, values = [j for j in varying if j not in inside], times
     if not times and varying:
         # the frame's number is padded by zeros, has many values, or is late in a name
         padded = [len({*map(len, one)}) == 1 and len(one[0]) > 2 for one in columns]
         frame = max(varying, key=lambda j: (padded[j], len({*columns[j]}), j))
-        others = [j for j in varying if j != frame]
-        together = len({*columns[frame]}) == len(files)
-        if not others or together:
-            return [_sequence(files, varying, [*map(int, columns[frame])])]
-    if not others:
-        numbers = [int(column[0]) for column in columns[-1:]] * len(files)
-        return [_sequence(files, varying, times or numbers, timed=bool(times))]
+        others, values = [j for j in varying if j != frame], [*map(int, columns[frame])]
+    elif not times:
+        values = [int(column[0]) for column in columns[-1:]] * len(files)
+    if not others or len({*values}) == len(files):
+        return [_sequence(files, varying, values, bool(times))]
     groups: dict[tuple, list[Path]] = {}
     for row, file in enumerate(files):
         groups.setdefault(tuple(columns[j][row] for j in others), []).append(file)
@@ -69,7 +65,7 @@ def _split(files: list[Path]) -> list[FrameSequence]:
 
 
 def _sequence(
-    files: list[Path], varying: Sequence[int], values: list[int], *, timed: bool = False
+    files: list[Path], varying: Sequence[int], values: list[int], timed: bool
 ) -> FrameSequence:
     first, pattern = files[0], files[0]
     if len(files) > 1:

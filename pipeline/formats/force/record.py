@@ -125,19 +125,20 @@ def sound_samples(
     starts = np.flatnonzero(np.append(True, (values[1:] != values[:-1]).any(axis=1)))
     ends = np.append(starts[1:], len(values))
     lasting = record.time[ends - 1] - record.time[starts]
-    faulty = {"frozen": (np.repeat(lasting > longest, ends - starts), "frozen_after")}
     beyond = plateau(values)
     if full_scale is not None:
         beyond |= (np.abs(values[:, : len(full_scale)]) >= full_scale).any(axis=1)
+    faulty = {"frozen": (np.repeat(lasting > longest, ends - starts), "frozen_after")}
     faulty["saturated"] = beyond, "full_scale"
+    sound, counts = np.ones(len(values), bool), {}
     for name, (samples, option) in faulty.items():
         if samples.mean() > share:
             first = f"the first at {record.time[samples][0]:.6g} s; a share of {share:g} is allowed"
             message = f"{samples.sum()} of {len(samples)} samples are {name}, {first}"
             raise RecordingError(message, file=file, key=f"{OPTION}.{option}")
-    counts = {f"{name}_samples": int(samples.sum()) for name, (samples, _) in faulty.items()}
-    sound = ~np.any([samples for samples, _ in faulty.values()], axis=0)
-    return sound, {name: count for name, count in counts.items() if count}
+        sound &= ~samples
+        counts |= {f"{name}_samples": int(samples.sum())} if samples.any() else {}
+    return sound, counts
 
 
 def plateau(values: np.ndarray) -> np.ndarray:
@@ -228,8 +229,8 @@ def axis_factors(
     columns = sheet.columns({axis: named[axis] for axis in wanted}, KEY)
     units = {axis: stated[KINDS[axis]] if stated else sheet.unit(n) for axis, n in columns.items()}
     factors = [si_factor(axis, unit, options, **where) for axis, unit in units.items()]
-    kinds = {KINDS[axis]: unit for axis, unit in reversed(units.items()) if unit}
-    return [*columns.values()], np.array(factors), dict(reversed(kinds.items()))
+    kinds = {KINDS[axis]: units[axis] for axis in ("fx", "tx") if units.get(axis)}
+    return [*columns.values()], np.array(factors), kinds
 
 
 def sheet_record(

@@ -7,14 +7,13 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import UNITS, spelled, split_line
+from pipeline.formats.delimited import UNITS, spelled
 from pipeline.formats.format import Format, Head, Kind, is_bag
 from pipeline.formats.joints.names import is_names, match_joints, named_like, states_joints
 from pipeline.formats.number_sheet import Sheet, read_sheet
@@ -126,11 +125,10 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
 
 def names_in_cells(sheet: Sheet, count: int) -> list[str]:
     """Return ``count`` joints' names in cells, or none; RecordingError where they change."""
-    columns = {n for n, label in enumerate(sheet.labels) if is_names(label)}
-    if not (columns := sorted(columns - {*sheet.numeric})):
+    columns = {n for n, label in enumerate(sheet.labels) if is_names(label)} - {*sheet.numeric}
+    if not columns:
         return []
-    cells = (split_line(row, sheet.separator) for row in sheet.rows)
-    stated = [[*itemgetter(*columns, columns[0])(each)][:-1] for each in cells]
+    stated = [*zip(*map(sheet.words, sorted(columns)), strict=True)]
     if changed := next((n for n, each in enumerate(stated) if each != stated[0]), 0):
         message = "the joints' names differ from the first row: write the joints in one order"
         raise RecordingError(message, file=sheet.file, line=sheet.lines[changed])

@@ -94,7 +94,10 @@ def settle_rate(
         if len(time) < TELLING or np.median(off) <= 0:
             return rate, ""
     message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
-    message += "times; a rate > 0 that agrees with the times is required; export the take again"
+    message += (
+        "times (0: they do not increase); a rate > 0 that agrees with the times is required; "
+    )
+    message += "export the take again"
     raise RecordingError(message, file=file, **where)
 
 

@@ -60,9 +60,7 @@ def describe_numbered(pattern: Path) -> Finding:
     """Return the finding of the numbered frames that match ``pattern``."""
     frames = named_frames(pattern.parent, pattern.name)
     finding = Finding(pattern, "depth sequence, numbered", Kind.SEQUENCE)
-    time = np.array(frames.values) - frames.values[0]
-    if frames.timed:
-        time = time * 1e-9
+    time = (np.array(frames.values) - frames.values[0]) * (1e-9 if frames.timed else 1)
     finding.count({"dropped_frames": (dropped := dropped_frames(time))})
     if frames.timed:
         finding.facts["times"] = "in the names"
