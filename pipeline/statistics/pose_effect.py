@@ -40,8 +40,8 @@ class PoseEffect(NamedTuple):
 
 def windows_of(motions: Sequence[tuple[ndarray, ndarray, ndarray]]) -> ndarray:
     """Return the windows (5, W) of all joints: number of the motion or block, number of the joint,
-    ln s², ln|q̇|² and ln x². ``motions`` have noise (M, n) in rad, commanded steps (M, n) in rad and
-    the pose quantity x ≥ 0 (M, n); x = 0 at rest.
+    ln s², ln|q̇|² and ln x². ``motions`` have noise (M, n) in rad, commanded steps (M, n) in rad
+    and the pose quantity x ≥ 0 (M, n); x = 0 at rest.
     """
     rows = []
     fastest = np.max([np.abs(dq).max(axis=0, initial=0.0) for _, dq, _ in motions], axis=0)

@@ -157,7 +157,7 @@ def _drawn_takes(model: WishartModel, recorded: Recorded, rng: Generator) -> Rec
 def _weight_curve(
     steps: tuple[ndarray, ...], floor: float, target: float
 ) -> Iterator[tuple[float, float, str]]:
-    """Yield (α₂/α₁ in rad, σ̂_B, point) at RATIOS, and where σ̂_B falls through ``target``, if so."""
+    """Yield (α₂/α₁ in rad, σ̂_B, point) at RATIOS, and where σ̂_B falls through ``target``."""
     from scipy.optimize import brentq
 
     def sigma_b(ratio: float) -> float:
