@@ -13,7 +13,6 @@ RADIUS = 0.9995  # greatest spectral radius of the memory
 # weight of the squared log ratio of predicted and measured variance, nats a sample: a likelihood
 # with heavy tails does not determine a variance
 CALIBRATION = 0.25
-POWERS = 1.0, 2.0, 1.0  # of the decay a sample in φ, ψ and χ
 
 
 @compiled
@@ -21,10 +20,9 @@ def damped_memory(memory: ndarray, factor: float, keep: float) -> ndarray:
     """(3,) ``memory`` φ, ψ, χ whose modes decay by ``factor`` more a sample, and by more if they
     would not fade; ``keep`` is the weight of the last exponential mean.
     """
-    damped = np.empty(3)
+    powers = np.array([1.0, 2.0, 1.0])
     while True:
-        for i in range(3):
-            damped[i] = memory[i] * factor ** POWERS[i]
+        damped = memory * factor**powers
         modes = np.linalg.eigvals(companion_of(damped, keep).astype(np.complex128))
         radius = np.abs(modes).max()
         if radius <= RADIUS:
