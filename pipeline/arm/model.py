@@ -168,6 +168,26 @@ def _whole_model(tree: Tree) -> pin.Model:
     return pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"))
 
 
+@lru_cache(maxsize=1)
+def _reduced_model(
+    tree: Tree, names: tuple[str, ...], held: tuple[tuple[str, float], ...]
+) -> tuple[pin.Model, pin.Data]:
+    """Model of the joints ``names`` with all other joints fixed, at zero or where they are
+    ``held``, and its placements and Jacobian at zero angles: one for all tips of these joints.
+    """
+    full = _whole_model(tree)
+    step = np.zeros(full.nv)
+    for name, value in held:
+        step[full.joints[full.getJointId(name)].idx_v] = value
+    others = [full.getJointId(name) for name in full.names[1:] if name not in names]
+    fixed = pin.integrate(full, pin.neutral(full), step)
+    model = pin.buildReducedModel(full, others, fixed)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+    return model, data
+
+
 def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
     """Layout of the arm in the base frame; all other joints of the URDF, its ``tree`` if read, are
     fixed. Raises ConfigError as :func:`describe`, for a URDF that Pinocchio cannot read, and for an
@@ -176,20 +196,11 @@ def layout_of(robot: Robot, tree: Tree | None = None) -> Layout:
     tree, joints, base, tip, held = describe(robot, tree)
     names = [joint.name for joint in joints]
     try:
-        full = _whole_model(tree)
-        step = np.zeros(full.nv)
-        for name, value in held.items():
-            step[full.joints[full.getJointId(name)].idx_v] = value
-        others = [full.getJointId(name) for name in full.names[1:] if name not in names]
-        fixed = pin.integrate(full, pin.neutral(full), step)
-        model = pin.buildReducedModel(full, others, fixed)
+        model, data = _reduced_model(tree, tuple(names), tuple(held.items()))
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split())[:200]
         message = f"robot.urdf: Pinocchio cannot read it ({reason}); check it with check_urdf"
         raise ConfigError(message, file=tree.file) from None
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
-    pin.updateFramePlacements(model, data)
     jacobian = data.J.reshape(6, -1)  # a single column is a vector in Pinocchio
     sliding = np.array([joint.kind == "prismatic" for joint in joints])
     # a joint's column of the Jacobian is its axis in the root's frame
