@@ -31,10 +31,11 @@ MAX_STEPS = 2000  # of the simplex
 START_SPREAD = 0.15  # rad; offset of the first frame's start poses from the commanded pose
 LOST = 2.0  # objective, in least objectives of the take, above which the arm counts as lost
 LOST_HEADINGS = 24  # headings of the first segment from which a search for a lost arm starts
+SIGN = np.int64(-(2**63))  # sign bit of a 64-bit float
 
 
 class Frame(NamedTuple):
-    """Points, known nodes and options of one frame, and a buffer of the compiled functions."""
+    """Points, known nodes and options of one frame, and buffers of the compiled functions."""
 
     points: np.ndarray  # (2, I) x and z, m
     nodes: np.ndarray  # (4, 2) O1, O2, O3, EE, m; O1 and the commanded EE are inputs
@@ -42,14 +43,16 @@ class Frame(NamedTuple):
     gamma1: float  # weight of the mean distance
     gamma2: float  # weight of the asymmetry
     buffer: np.ndarray  # (5, I) signed squared distances by segment, m²; last row: distances, m
+    bits: np.ndarray  # (5, I) ``buffer`` viewed as integers
 
 
 def frame_of(
     points: np.ndarray, o1: np.ndarray, ee: np.ndarray, bounds: np.ndarray, gammas: tuple
 ) -> Frame:
-    """Return the frame with a new buffer; ``gammas`` are the weights γ1 and γ2."""
+    """Return the frame with new buffers; ``gammas`` are the weights γ1 and γ2."""
     arrays = (np.array(array, order="C") for array in (points, [o1, o1, o1, ee], bounds))
-    return Frame(*arrays, *gammas, np.empty((5, points.shape[1])))
+    buffer = np.empty((5, points.shape[1]))
+    return Frame(*arrays, *gammas, buffer, buffer.view(np.int64))
 
 
 @inner
@@ -88,7 +91,7 @@ def rank(frame: Frame, v: np.ndarray) -> float:
             signed[2, i] = 0.0 if aside > 0.0 else signed[2, i]
     asymmetry = 0.0
     for j in range(pieces):
-        above, under = _greatest(signed[j])
+        above, under = _greatest(signed[j], frame.bits[j])
         asymmetry += abs(np.sqrt(above) - np.sqrt(under))
     return frame.gamma1 * _sum(signed[4]) / x.size + frame.gamma2 * asymmetry
 
@@ -127,13 +130,16 @@ def _to_segment(x, z, start, end):
 
 
 @inner
-def _greatest(signed):
-    """Return the greatest positive and the greatest negative magnitude."""
-    above = under = 0.0
-    for value in signed:
-        above = value if value > above else above
-        under = -value if -value > under else under
-    return above, under
+def _greatest(signed, bits):
+    """Return the greatest positive and the greatest negative magnitude; overwrites ``signed``."""
+    above, under = np.int64(0), SIGN
+    for i in range(signed.size):  # vectorised for integers
+        above = bits[i] if bits[i] > above else above
+        under = bits[i] ^ SIGN if bits[i] ^ SIGN > under else under
+    bits[0] = above
+    greatest = signed[0]
+    bits[0] = under ^ SIGN
+    return greatest, (-signed[0] if signed[0] < 0.0 else 0.0)
 
 
 @inner
@@ -158,21 +164,30 @@ def variables(frame: Frame, nodes: np.ndarray, end: str) -> np.ndarray:
     return np.concatenate([np.arcsin(share) / STRETCH, middle * np.arctan2(x, z)])
 
 
+def nodes_of(frame: Frame, v: np.ndarray) -> np.ndarray:
+    """Return the nodes (3, 2) O2, O3 and EE, m, of a pose ``v`` of :func:`rank`."""
+    if v.size == 4:
+        return np.vstack([v.reshape(2, 2), frame.nodes[3]])
+    middle, half = frame.bounds.mean(axis=1), np.diff(frame.bounds)[:, 0] / 2
+    psi, lengths = v[2:] / middle, middle + half * np.append(np.sin(STRETCH * v[:2]), 0.0)
+    steps = lengths[:, None] * np.stack([np.sin(psi), np.cos(psi)], axis=-1)
+    return frame.nodes[0] + np.cumsum(steps, axis=0)
+
+
 @compiled
 def _simplex(frame, step, extent, corners, values):
     """Run the simplex of Nelder and Mead (1965), coefficients 1, 2, ½, ½, from ``corners[0]``;
     return True if its size fell to ``extent`` in every variable.
 
-    ``corners`` (n+4, n) and ``values`` (n+1,) are overwritten; the best corner is first, and its
-    nodes are in ``frame``; the last three rows are a buffer. Loops compile four times as fast as
-    NumPy's array expressions.
+    ``corners`` (n+4, n) and ``values`` (n+1,) are overwritten; the best corner is first, the last
+    three rows are a buffer. Loops compile four times as fast as NumPy's array expressions.
     """
     n = values.size - 1
     middle, reflected, tried = corners[n + 1], corners[n + 2], corners[n + 3]
     for i in range(1, n + 1):
         _set(corners, i, corners[0])
         corners[i, i - 1] += step
-    unknown, ended = 0, False  # index of the first corner without a value
+    unknown = 0  # index of the first corner without a value
     for _ in range(MAX_STEPS):
         for i in range(unknown, n + 1):
             values[i] = rank(frame, corners[i])
@@ -184,9 +199,8 @@ def _simplex(frame, step, extent, corners, values):
                 middle[j] += corners[i, j]
             for i in range(1, n + 1):
                 size = max(size, abs(corners[i, j] - corners[0, j]))
-        ended = size <= extent
-        if ended:
-            break
+        if size <= extent:
+            return True
         for j in range(n):
             middle[j] /= n
             reflected[j] = middle[j] - (corners[n, j] - middle[j])
@@ -212,8 +226,7 @@ def _simplex(frame, step, extent, corners, values):
                 for j in range(n):
                     corners[i, j] = corners[0, j] + 0.5 * (corners[i, j] - corners[0, j])
             unknown = 1
-    rank(frame, corners[0])  # writes the nodes
-    return ended
+    return False
 
 
 @inner
@@ -240,7 +253,7 @@ def _fit(frame: Frame, end: str, start: np.ndarray) -> tuple[np.ndarray, float, 
     corners, values = np.tile(first, (first.size + 4, 1)), np.empty(first.size + 1)
     for step, extent in RUNS[end]:
         ended = _simplex(frame, step, extent, corners, values)
-    return frame.nodes[1:].copy(), float(values[0]), ended
+    return nodes_of(frame, corners[0]), float(values[0]), ended
 
 
 class FittedSequence(NamedTuple):

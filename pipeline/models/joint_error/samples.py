@@ -2,6 +2,7 @@
 predictions that count: horizons, commanded samples and jumps of the commanded speed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,12 +50,14 @@ def commanded(command: ndarray, rate: float) -> ndarray:
     return result
 
 
-def counted(run: JointRun, steps: int) -> ndarray:
-    """(N − steps, n) True where a prediction ``steps`` samples ahead counts: the joint is commanded
-    to move, and neither end is within SETTLING s of a jump of the commanded speed.
+def counted(run: JointRun, steps: int, joints: Sequence[int] | slice = slice(None)) -> ndarray:
+    """(N − steps, n) True where a prediction ``steps`` samples ahead counts: the joint, one of the
+    columns ``joints``, is commanded to move, and neither end is within SETTLING s of a jump of the
+    commanded speed.
     """
-    calm = settled(run.command, run.rate)
-    return (calm & commanded(run.command, run.rate))[steps:] & calm[: max(len(calm) - steps, 0)]
+    command = run.command[:, joints]
+    calm = settled(command, run.rate)
+    return (calm & commanded(command, run.rate))[steps:] & calm[: max(len(calm) - steps, 0)]
 
 
 def horizons(rate: float) -> list[int]:

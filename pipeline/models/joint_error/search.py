@@ -61,7 +61,7 @@ def joint_samples(
         else [np.arange(count) * 4 // count for count in lengths]
     )
     for steps in horizons(runs[0].rate)[: 3 if memory else 1]:
-        own = [np.flatnonzero(counted(run, steps)[:, j]) for run in runs]
+        own = [np.flatnonzero(counted(run, steps, [j])) for run in runs]
         if sum(map(len, own)) < LEAST:  # a joint that stands still: all samples
             own = [np.arange(max(count - steps, 0)) for count in lengths]
         before = np.concatenate([first + each for first, each in zip(starts, own, strict=True)])
