@@ -13,16 +13,25 @@ from itertools import product
 from pathlib import Path
 
 from pipeline.core import contracts
+from pipeline.core.errors import PipelineError
 from pipeline.core.typed_yaml import read_yaml
 
 
 def run() -> None:
-    """Mend DVC's state, sort the entries of all lock files and print the names of changed files."""
+    """Mend DVC's state, sort the entries of all lock files, without an entry that is cut off, and
+    print the names of changed files.
+    """
     changed = [str(path) for path in _mend()]
     for place in ("dvc.lock", "data/raw/*/dvc.lock", "pipeline/**/dvc.lock"):
         for lock in sorted(Path().glob(place)):
             text = lock.read_text(encoding="utf-8")
             head, *entries = re.split(r"(?m)^  (?=\S)", text)
+            if not _is_sound(lock):  # DVC was killed while it wrote the last entry that is there
+                entries = entries[:-1]
+            if not entries:
+                lock.unlink()
+                changed.append(str(lock))
+                continue
             by_name = {entry.partition(":")[0]: f"  {entry}" for entry in entries}
             names = stage_names(lock.with_name("dvc.yaml"))
             ordered = head + "".join(by_name.get(name, "") for name in names)
@@ -31,6 +40,18 @@ def run() -> None:
                 changed.append(str(lock))
     done = f"{', '.join(changed)} put in order" if changed else "every dvc.lock is in order"
     print(f"lock: {done}")
+
+
+def _is_sound(lock: Path) -> bool:
+    """Return whether DVC can read a lock file."""
+    from dvc.schema import COMPILED_LOCKFILE_SCHEMA
+    from voluptuous import Invalid
+
+    try:
+        COMPILED_LOCKFILE_SCHEMA(read_yaml(lock))
+    except (PipelineError, Invalid):
+        return False
+    return True
 
 
 def _mend() -> Iterator[Path]:
