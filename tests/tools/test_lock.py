@@ -41,11 +41,10 @@ def test_a_lock_file_cut_off_at_any_byte_is_one_that_dvc_reads_and_keeps_what_is
         assert not kept or COMPILED_LOCKFILE_SCHEMA(read_yaml(lock))
         whole = LOCK[:length].count("    outs:\n    - path")  # entries begun to their outputs
         assert whole - 1 <= len(kept) <= 3
-        assert {*kept} <= {"files", "track", "fit"}
 
 
 def test_a_lock_file_with_a_conflict_is_left_to_the_user(project):
     text = LOCK.replace("  track:", "<<<<<<< ours\n  track:").replace("  fit:", "=======\n  fit:")
     (project / "dvc.lock").write_text(text)
     command.run()
-    assert "<<<<<<< ours" in (project / "dvc.lock").read_text()
+    assert (project / "dvc.lock").read_text() == text

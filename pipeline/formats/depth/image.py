@@ -115,7 +115,7 @@ def read_depth(file: Path, *, shape: tuple[int, int] | None = None) -> RawDepth:
             raise RecordingError(f"{message}intrinsics", file=file)
         # other modes convert 16 bits to 8
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-    except RecordingError:
+    except (RecordingError, MemoryError):
         raise
     except Exception as error:  # Pillow has no common class for damaged headers
         reason = re.sub(" ?<.*>", "", f" ({error})")  # without the address of the buffer

@@ -14,7 +14,9 @@ from pathlib import Path
 
 from pipeline.core import contracts
 from pipeline.core.errors import PipelineError
-from pipeline.core.typed_yaml import read_yaml
+from pipeline.core.typed_yaml import parse_yaml, read_yaml
+
+CONFLICT = "<<<<<<< "  # mark of git's, in a file that is to be merged
 
 
 def run() -> None:
@@ -26,8 +28,12 @@ def run() -> None:
         for lock in sorted(Path().glob(place)):
             text = lock.read_text(encoding="utf-8")
             head, *entries = re.split(r"(?m)^  (?=\S)", text)
-            if not _is_sound(lock):  # DVC was killed while it wrote the last entry that is there
+            if not _is_sound(text):  # DVC was killed while it wrote the last entry that is there
                 entries = entries[:-1]
+                if CONFLICT in text or (
+                    entries and not _is_sound(head + "".join(f"  {entry}" for entry in entries))
+                ):
+                    continue  # another fault, which DVC names
             if not entries:
                 lock.unlink()
                 changed.append(str(lock))
@@ -42,13 +48,13 @@ def run() -> None:
     print(f"lock: {done}")
 
 
-def _is_sound(lock: Path) -> bool:
-    """Return whether DVC can read a lock file."""
+def _is_sound(text: str) -> bool:
+    """Return whether DVC can read the ``text`` of a lock file."""
     from dvc.schema import COMPILED_LOCKFILE_SCHEMA
     from voluptuous import Invalid
 
     try:
-        COMPILED_LOCKFILE_SCHEMA(read_yaml(lock))
+        COMPILED_LOCKFILE_SCHEMA(parse_yaml(text))
     except (PipelineError, Invalid):
         return False
     return True
