@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.evidence.table import depends_on
 from pipeline.statistics.takes import NORMAL_QUANTILE
 from pipeline.verdicts.claims import COMPARED, CONSTRUCTION, ENDS, NONE, ORDERS, PAPER, Claim
-from pipeline.verdicts.rules import RULES, decide_cases
+from pipeline.verdicts.rules import RULES, Cases, decide_cases
 from pipeline.verdicts.run import ArmNames, IndexedEvidence, Reference, Run, index_evidence
 from pipeline.verdicts.wording import interval, number
 
@@ -106,21 +106,22 @@ def _decide_claim(
     rule, cases, names = RULES[claim.rule], claim.cases(arm), arm.numbered
     if claim.numbers_joints and not names:
         evidence = {}
-    r = _rule_table(claim, [case | names for case in cases], evidence)
-    keys = sorted({"value"} | (rule.needs & {*COMPARED, "standard_error"}))
-    there = r[keys].notna().all(axis=1)
+    r = _numbers(claim, [case | names for case in cases], evidence)
+    keys = {"value"} | (rule.needs & {*COMPARED, "standard_error"})
+    known = ~np.isnan([getattr(r, key) for key in keys]).any(axis=0)
     # the rule ``decreasing`` compares the cases with each other and needs all cases
-    known = there & (there.all() or claim.rule != "decreasing")
+    known &= known.all() or claim.rule != "decreasing"
     if (unless := claim.unless) is not None:
         share = unless.value.look_up(evidence, names)
         # a guard without a number is no evidence
-        known = known & (share is not None and share <= unless.limit)
+        known &= share is not None and share <= unless.limit
     holds = decide_cases(rule, r, known) if known.any() else [None] * len(known)
     # the interval of the rule ``standard_errors`` is the rule's own
     quantile = claim.limit if claim.rule == "standard_errors" else NORMAL_QUANTILE
-    half = quantile * r.standard_error
-    r = r.assign(low=r.low.fillna(r.value - half), high=r.high.fillna(r.value + half))
-    rows = r[[*COMPARED, "published", "distance"]].to_numpy(dtype=float)
+    ends = [r.value - quantile * r.standard_error, r.value + quantile * r.standard_error]
+    low, high = (np.where(np.isnan(x), y, x) for x, y in zip((r.low, r.high), ends, strict=True))
+    r = r._replace(low=low, high=high)
+    rows = np.transpose([getattr(r, name) for name in Case._fields[1:-1]])
     decided = tuple(
         Case(
             ", ".join(v if isinstance(v, str) else f"{k} {v}" for k, v in case.items()),
@@ -149,8 +150,8 @@ def _verdict_word(
     return NOT_REPRODUCED if False in holds else REPRODUCED
 
 
-def _rule_table(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> pd.DataFrame:
-    """Return the table of a rule (:mod:`pipeline.verdicts.rules`) with a row for each case."""
+def _numbers(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> Cases:
+    """Return the numbers of the ``cases`` for the rule of ``claim``."""
 
     def numbers(reference: Reference | None) -> np.ndarray:
         values = [reference and reference.look_up(evidence, case) for case in cases]
@@ -160,16 +161,22 @@ def _rule_table(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> p
     plain = ends.column == "value"  # an end of an interval has no interval
     parts = {n: replace(ends, column=n) if plain else None for n in (*ENDS, "standard_error")}
     named = {key: getattr(claim, key, parts.get(key)) for key in COMPARED}
-    r = pd.DataFrame({key: numbers(reference) for key, reference in named.items()})
+    r = Cases(**{key: numbers(reference) for key, reference in named.items()})
     errors = [numbers(part) for part in claim.standard_errors or [parts["standard_error"]]]
-    r["standard_error"] = np.sqrt(np.sum(np.square(errors), axis=0))
-    if claim.difference is None:  # of other rules, ``than`` is a number of the rule
-        r["difference"] = r.value - r.than if claim.rule in ORDERS else np.nan
-        r["difference"] = r.value if claim.rule == "equivalent" else r.difference
-    for key in ("published", "tolerance", "limit", "margin"):
-        r[key] = np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
-    r["yardstick"] = r.published.fillna(r.limit)
-    return r.assign(distance=(r.published - r.value) / r.standard_error)
+    error = np.sqrt(np.sum(np.square(errors), axis=0))
+    stated = {
+        key: np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))
+        for key in ("published", "tolerance", "limit", "margin")
+    }
+    r = r._replace(standard_error=error, **stated)
+    if claim.difference is None and claim.rule in ORDERS:  # of other rules, ``than`` is theirs
+        r = r._replace(difference=r.value - r.than)
+    if claim.difference is None and claim.rule == "equivalent":
+        r = r._replace(difference=r.value)
+    yardstick = np.where(np.isnan(r.published), r.limit, r.published)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (r.published - r.value) / r.standard_error
+    return r._replace(yardstick=yardstick, distance=distance)
 
 
 def case_text(case: Case) -> str:

@@ -6,13 +6,6 @@ has 0 or 1. A claim is refuted if one of its n cases is refuted after Holm's cor
 cases (Holm 1979), and holds if every case holds (an intersection-union test, Berger 1982, which
 needs no correction). Any other claim has no evidence.
 
-The table of a rule has a row for each case; a number that the claim lacks is NaN. ``value`` is the
-run's number, ``than`` the number compared with. ``low`` and ``high`` are the 95 % interval of the
-value, or for an order and an equivalence of the difference ``value − than``; ``standard_error``
-belongs to it, else the interval is taken as normal. ``threshold`` and ``power`` belong to a test of
-the run. ``control`` is the value of a control without the claimed effect. The claim states
-``published``, ``tolerance``, ``limit`` and ``margin``; ``yardstick`` is the published value or the
-limit.
 """
 
 from collections.abc import Callable
@@ -20,8 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
-from numpy import ndarray
+from numpy import nan, ndarray
 from scipy.special import stdtr, stdtrit
 
 from pipeline.core.typed_yaml import read_yaml
@@ -30,19 +22,48 @@ from pipeline.statistics.takes import NORMAL_QUANTILE, TAILS
 
 LEVEL = 0.025  # probability of a false verdict on one side, as of a two-sided 95 % interval
 MOST_DEGREES = 200  # Student's law with more is taken as normal
-Table = pd.DataFrame
-Judge = Callable[[Table], tuple[ndarray, ndarray]]  # probabilities for and against
 
 
-def standard_errors(r: Table, side: int = 0) -> tuple[ndarray, ndarray]:
+class Cases(NamedTuple):
+    """Numbers (cases,) of a claim; a number that the claim lacks is NaN.
+
+    ``value`` is the run's number, ``than`` the number compared with. ``low`` and ``high`` are the
+    95 % interval of the value, or for an order and an equivalence of the ``difference`` value −
+    than; ``standard_error`` belongs to it, else the interval is taken as normal. ``threshold`` and
+    ``power`` belong to a test of the run. ``control`` is the value of a control without the claimed
+    effect. The claim states ``published``, ``tolerance``, ``limit`` and ``margin``; ``yardstick``
+    is the published value or the limit, ``distance`` is (published − value) in standard errors.
+    """
+
+    value: ndarray
+    than: ndarray = nan
+    difference: ndarray = nan
+    low: ndarray = nan
+    high: ndarray = nan
+    threshold: ndarray = nan
+    power: ndarray = nan
+    control: ndarray = nan
+    standard_error: ndarray = nan
+    published: ndarray = nan
+    tolerance: ndarray = nan
+    limit: ndarray = nan
+    margin: ndarray = nan
+    yardstick: ndarray = nan
+    distance: ndarray = nan
+
+
+Judge = Callable[[Cases], tuple[ndarray, ndarray]]  # probabilities for and against
+
+
+def standard_errors(r: Cases, side: int = 0) -> tuple[ndarray, ndarray]:
     """Return the standard error of the estimate of each case and its degrees of freedom, from the
     interval; 0 for an estimate without an interval. An interval without a standard error may be
     skew: ``side`` 1 is its part above the value, −1 the part below.
     """
-    half = np.asarray((r.high - r.low) / 2, dtype=float)
+    half = (r.high - r.low) / 2
     if side:
         part = r.high - r.value if side > 0 else r.value - r.low
-        half = np.where(r.standard_error.isna(), part, half)
+        half = np.where(np.isnan(r.standard_error), part, half)
     error = np.where(np.isnan(r.standard_error), half / NORMAL_QUANTILE, r.standard_error)
     degrees = np.append(np.arange(1.0, MOST_DEGREES + 1), np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -51,12 +72,11 @@ def standard_errors(r: Table, side: int = 0) -> tuple[ndarray, ndarray]:
     return np.nan_to_num(error), degrees[first]
 
 
-def beyond(distance: ndarray, r: Table, side: int = 0) -> tuple[ndarray, ndarray]:
+def beyond(distance: ndarray, r: Cases, side: int = 0) -> tuple[ndarray, ndarray]:
     """Return the probabilities for and against ``distance`` > 0, an estimate with the standard
     error of the case on ``side``; 0 or 1 where it has none.
     """
     error, degrees = standard_errors(r, side)
-    distance = np.asarray(distance, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(error > 0, distance / error, np.copysign(np.inf, distance))
     t = np.where(np.isnan(distance), np.nan, np.clip(t, -1e9, 1e9))
@@ -69,44 +89,43 @@ def beyond(distance: ndarray, r: Table, side: int = 0) -> tuple[ndarray, ndarray
 def _order(sign: float) -> Judge:
     """Return the rule that the difference has the ``sign`` by more than the margin."""
 
-    def judge(r: Table) -> tuple[ndarray, ndarray]:
-        difference = r.difference.to_numpy(dtype=float)
-        margin = np.nan_to_num(r.margin.to_numpy(dtype=float))
-        without = r.low.isna() | r.high.isna()  # a difference without an interval decides nothing
-        sides = (beyond(side * difference - margin, r)[0] for side in (sign, -sign))
+    def judge(r: Cases) -> tuple[ndarray, ndarray]:
+        margin = np.nan_to_num(r.margin)
+        without = np.isnan(r.low + r.high)  # a difference without an interval decides nothing
+        sides = (beyond(side * r.difference - margin, r)[0] for side in (sign, -sign))
         supports, refutes = (np.where(without, 1.0, probability) for probability in sides)
         return supports, refutes
 
     return judge
 
 
-def _sure(holds: pd.Series, fails: pd.Series) -> tuple[ndarray, ndarray]:
+def _sure(holds: ndarray, fails: ndarray) -> tuple[ndarray, ndarray]:
     return np.where(holds, 0.0, 1.0), np.where(fails, 0.0, 1.0)
 
 
-def _within(r: Table, tolerance: pd.Series, distance: pd.Series) -> tuple[ndarray, ndarray]:
-    return beyond(tolerance - distance.abs(), r)
+def _within(r: Cases, tolerance: ndarray, distance: ndarray) -> tuple[ndarray, ndarray]:
+    return beyond(tolerance - abs(distance), r)
 
 
-def _falls(r: Table) -> pd.Series:
-    return pd.Series(np.diff(r.value, prepend=np.inf) < 0, r.index)
+def _falls(r: Cases) -> ndarray:
+    return np.diff(r.value, prepend=np.inf) < 0
 
 
-def _contains(r: Table) -> pd.Series:
+def _contains(r: Cases) -> ndarray:
     return (r.low - r.tolerance <= r.published) & (r.published <= r.high + r.tolerance)
 
 
-def _greatest_below(r: Table) -> tuple[ndarray, ndarray]:
+def _greatest_below(r: Cases) -> tuple[ndarray, ndarray]:
     """Return P(greatest ≥ yardstick) and P(greatest < yardstick) of a repeat by Gumbel's law, from
     mean ``than`` and standard deviation ``standard_error`` of the greatest values of the repeats.
     """
     scale = r.standard_error * np.sqrt(6) / np.pi
     below = np.exp(-np.exp(-((r.yardstick - r.than) / scale + np.euler_gamma)))
-    return np.asarray(1 - below), np.asarray(below)
+    return 1 - below, below
 
 
 JUDGES: dict[str, Judge] = {
-    "within_relative": lambda r: _within(r, r.tolerance * r.published.abs(), r.value - r.published),
+    "within_relative": lambda r: _within(r, r.tolerance * abs(r.published), r.value - r.published),
     "within_absolute": lambda r: _within(r, r.tolerance, r.value - r.published),
     "below": lambda r: beyond(r.yardstick - r.value, r, 1),
     "greatest_below": _greatest_below,
@@ -118,9 +137,9 @@ JUDGES: dict[str, Judge] = {
     "less": _order(-1.0),
     "greater": _order(1.0),
     "decreasing": lambda r: _sure(_falls(r), ~_falls(r)),
-    "equivalent": lambda r: _within(r, r.tolerance * r.than.abs(), r.difference),
+    "equivalent": lambda r: _within(r, r.tolerance * abs(r.than), r.difference),
     "interval_contains": lambda r: _sure(_contains(r), ~_contains(r)),
-    "standard_errors": lambda r: _sure(r.distance.abs() < r.limit, r.distance.abs() >= r.limit),
+    "standard_errors": lambda r: _sure(abs(r.distance) < r.limit, abs(r.distance) >= r.limit),
 }
 
 
@@ -135,19 +154,20 @@ WORDED = read_yaml(Path(__file__).with_name("rules.yaml"))
 RULES = {name: Rule({*WORDED[name]["needs"]}, judge) for name, judge in JUDGES.items()}
 
 
-def decide_cases(rule: Rule, r: Table, known: pd.Series) -> list[bool | None]:
-    """Return for each row of ``r`` whether the case holds, None if the rule does not decide it or
-    the row is not ``known``. A case that the control passes too does not hold: the rule has no
-    power to confirm it. It fails all the same.
+def decide_cases(rule: Rule, r: Cases, known: ndarray) -> list[bool | None]:
+    """Return for each case of ``r`` whether it holds, None if the rule does not decide it or the
+    case is not ``known``. A case that the control passes too does not hold: the rule has no power
+    to confirm it. It fails all the same.
     """
     with np.errstate(invalid="ignore"):
         supports, refutes = rule.judge(r)
-        ends = {"low": np.nan, "high": np.nan, "standard_error": np.nan}
-        of_control, _ = rule.judge(r.assign(value=r.control, **ends))
-    powerless = r.control.notna().to_numpy() & (of_control <= LEVEL)
-    known = known.to_numpy()
+        held = known & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
+        if (controlled := ~np.isnan(r.control)).any():
+            of_control, _ = rule.judge(
+                r._replace(value=r.control, low=nan, high=nan, standard_error=nan)
+            )
+            held &= ~(controlled & (of_control <= LEVEL))
     refuted = holm(np.where(known, np.nan_to_num(refutes, nan=1.0), 1.0)) & known
-    held = known & ~powerless & (np.nan_to_num(supports, nan=1.0) <= LEVEL)
     return [False if no else True if yes else None for yes, no in zip(held, refuted, strict=True)]
 
 

@@ -58,7 +58,7 @@ def pieces(threads: int) -> Iterator[tuple[str, list[np.ndarray]]]:
     youbot, stage = take(30), scene("youbot")._replace(model=GaussianModel(0.05, 25.0))
     q, v = drawn_takes(stage, TAKES, STEPS, 1e-4, np.random.default_rng(7), REST)
     noise = process_noise(stage.chain, q, v)
-    data = Recorded(stage.chain, q[:, :-1], v, noise, ("a", "b", "c"))
+    data = Recorded(stage.chain, q[:, :-1], v, noise, ("a", "b", "c"), rate=100.0)
     for file in sorted((CONF / "model").glob("*.yaml")):
         options = OmegaConf.to_container(OmegaConf.load(file), resolve=True)
         fit = estimate(data, options_type(options["kind"])(**options))

@@ -3,22 +3,22 @@ the pipeline; without power it decides nothing, and many true cases of few takes
 """
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from pipeline.statistics.curves import following_tests, variation, variation_limits
 from pipeline.statistics.takes import paired_difference, percentile_interval
-from pipeline.verdicts.rules import LEVEL, RULES, decide_cases, holm, standard_errors
+from pipeline.verdicts.rules import LEVEL, RULES, Cases, decide_cases, holm, standard_errors
 
-COLUMNS = "value than difference low high standard_error threshold power control".split()
-COLUMNS += "published tolerance limit margin yardstick distance".split()
 REPEATS, STEPS, JOINTS = 100, 80, ("elbow", "wrist")
 
 
 def decided(rule: str, *cases: dict) -> list[bool | None]:
     """Decide ``cases``; a number that a case lacks is NaN."""
-    rows = pd.DataFrame([{**dict.fromkeys(COLUMNS, np.nan), **case} for case in cases])
-    return decide_cases(RULES[rule], rows, pd.Series(True, rows.index))
+    return decide_cases(RULES[rule], numbers(*cases), np.full(len(cases), True))
+
+
+def numbers(*cases: dict) -> Cases:
+    return Cases(*(np.array([case.get(name, np.nan) for case in cases]) for name in Cases._fields))
 
 
 def mean_of(values: np.ndarray, **others: float) -> dict:
@@ -137,8 +137,7 @@ def test_a_limit_that_a_control_without_the_effect_passes_confirms_nothing_and_s
 
 def test_no_rule_decides_without_its_numbers():
     for name in RULES:
-        rows = pd.DataFrame(np.nan, [0], COLUMNS)
-        assert decide_cases(RULES[name], rows, pd.Series(False, rows.index)) == [None]
+        assert decide_cases(RULES[name], numbers({}), np.array([False])) == [None]
 
 
 def test_one_of_many_true_cases_of_few_takes_is_not_refuted_by_chance():
@@ -160,6 +159,6 @@ def test_holm_rejects_in_order_and_stops_at_the_first_that_passes():
 @pytest.mark.parametrize("takes", [4, 20, 1000])
 def test_the_degrees_of_freedom_follow_from_interval_and_error(takes):
     case = mean_of(np.random.default_rng(takes).normal(0, 1, takes))
-    error, degrees = standard_errors(pd.DataFrame([case]))
+    error, degrees = standard_errors(numbers(case))
     assert error[0] == pytest.approx(case["standard_error"])
     assert degrees[0] == takes - 1 or (takes == 1000 and degrees[0] >= 150)
