@@ -61,22 +61,25 @@ def find_offset(
             raise refusal(f"{message} that do not increase")
         if not np.ptp(signal, axis=0).any():
             raise refusal("no motion to compare the clocks by: one of the signals is constant")
-    spline = CubicSpline(t_b, b)
+    spline, centre = CubicSpline(t_b, b), b.mean(axis=0)
 
     def inside(tau: float) -> np.ndarray:
         return (t_a + tau >= t_b[0]) & (t_a + tau <= t_b[-1])
 
-    def fit(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the residuals, the regressors and the affine map (B and c)."""
+    def fit(tau: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return ``a`` within the times of ``b``, the regressors, the affine map (B and c) and the
+        residuals.
+        """
         use = inside(tau)
-        regressors = np.column_stack([spline(t_a[use] + tau) - b.mean(axis=0), np.ones(use.sum())])
+        regressors = np.ones((use.sum(), b.shape[1] + 1))
+        regressors[:, :-1] = spline(t_a[use] + tau) - centre
         affine = np.linalg.lstsq(regressors, a[use], rcond=None)[0]
-        return a[use] - regressors @ affine, regressors, affine
+        return a[use], regressors, affine, a[use] - regressors @ affine
 
     def unexplained(tau: float) -> float:
         """Return the unexplained share of the variance of ``a`` within the times of ``b``."""
-        residual, use = fit(tau)[0], inside(tau)
-        return float((residual**2).sum() / ((a[use] - a[use].mean(axis=0)) ** 2).sum())
+        seen, *_, residual = fit(tau)
+        return float((residual**2).sum() / ((seen - seen.mean(axis=0)) ** 2).sum())
 
     grid = np.linspace(*search, max(3, round((search[1] - search[0]) / GRID) + 1))
     least = max(MIN_OVERLAP * len(t_a), 2 * b.shape[1] + 4)
@@ -91,7 +94,7 @@ def find_offset(
     if correlation < MIN_CORRELATION:
         message = "the signals of the two instruments are not alike at any clock offset: no motion"
         raise refusal(f"{message}, or not the same take", correlation=round(correlation, 3))
-    residual, regressors, affine = fit(tau)
+    _, regressors, affine, residual = fit(tau)
     time, square = t_a[inside(tau)], (residual**2).sum()
     slope = spline.derivative()(time + tau) @ affine[:-1]
     # derivatives by offset and drift, without their projection on B and c

@@ -16,7 +16,7 @@ from pipeline.core.errors import ComputeError
 if TYPE_CHECKING:
     from pipeline.core.options.analysis import Compute
 
-START = 6.0  # s of processor time to start workers; they must save more than this
+START = 2.0  # s until workers compute; they must save more than this
 LOADING = 2.0  # s of the first trial attributed to loading compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
 

@@ -14,7 +14,7 @@ from scipy.special import ndtri
 
 from pipeline.models.joint_error.fit import Options, fit_joint_error
 from pipeline.models.joint_error.law import JointErrorModel, drive
-from pipeline.models.joint_error.samples import HORIZONS, JointRun, commanded, counted, horizons
+from pipeline.models.joint_error.samples import HORIZONS, JointRun, counted, horizons
 
 QUARTERS = 4  # parts of the runs of a single motion
 ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks of each, by time
@@ -93,7 +93,7 @@ def score_runs(
             outlook, error = law.outlook(error, inputs, steps), error[steps:]
             score, z = outlook.log_probability(error, run.quantum), outlook.std_share(error)
             values = np.stack([error - outlook.mean, outlook.variance, score, z])
-            masks = np.stack([counted(run, steps), ~commanded(run.command, run.rate)[steps:]])
+            masks = np.stack([counted(run, steps), ~run.moving[steps:]])
             block = np.arange(len(z)) * blocks // len(z) + 1
             parts.append((values, masks, block[None, :, None]))
         if not parts:
@@ -150,7 +150,7 @@ def joint_tables(
         parameters.append(pd.DataFrame({"model": name, "joint": law.joints} | columns))
     for name in dict.fromkeys(run.motion for run in runs):
         own = [run for run in runs if run.motion == name]
-        moved = np.any([commanded(run.command, run.rate).any(axis=0) for run in own], axis=0)
+        moved = np.any([run.moving.any(axis=0) for run in own], axis=0)
         moving = ", ".join(np.array(own[0].joints)[moved]) or "none"
         motions.append((name, len(own), max(len(run.command) - 1 for run in own), moving))
     return {

@@ -4,6 +4,7 @@ predictions that count: horizons, commanded samples and jumps of the commanded s
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy import ndarray
@@ -29,6 +30,18 @@ class JointRun:
     pose_noise: float | None  # rad, standard deviation of a measured angle, if known
     motion: str  # runs with equal commands have equal motions
 
+    @cached_property
+    def calm(self) -> ndarray:
+        """(M+1, n) samples of :func:`settled`."""
+        return settled(self.command, self.rate)
+
+    @cached_property
+    def moving(self) -> ndarray:
+        """(M+1, n) True at samples to which a joint was commanded to move."""
+        result = np.zeros(self.command.shape, dtype=bool)
+        result[1:] = np.abs(np.diff(self.command, axis=0)) * self.rate > STANDING
+        return result
+
 
 def settled(command: ndarray, rate: float) -> ndarray:
     """(N, n) True where no jump of the commanded speed lies within the last SETTLING s."""
@@ -43,21 +56,13 @@ def settled(command: ndarray, rate: float) -> ndarray:
     return count[now] == count[since]
 
 
-def commanded(command: ndarray, rate: float) -> ndarray:
-    """(N, n) True at samples to which a joint was commanded to move."""
-    result = np.zeros(command.shape, dtype=bool)
-    result[1:] = np.abs(np.diff(command, axis=0)) * rate > STANDING
-    return result
-
-
 def counted(run: JointRun, steps: int, joints: Sequence[int] | slice = slice(None)) -> ndarray:
     """(N − steps, n) True where a prediction ``steps`` samples ahead counts: the joint, one of the
     columns ``joints``, is commanded to move, and neither end is within SETTLING s of a jump of the
     commanded speed.
     """
-    command = run.command[:, joints]
-    calm = settled(command, run.rate)
-    return (calm & commanded(command, run.rate))[steps:] & calm[: max(len(calm) - steps, 0)]
+    calm, moving = run.calm[:, joints], run.moving[:, joints]
+    return (calm & moving)[steps:] & calm[: max(len(calm) - steps, 0)]
 
 
 def horizons(rate: float) -> list[int]:
