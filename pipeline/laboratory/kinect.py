@@ -25,6 +25,7 @@ THROUGH = 1e-200
 REACH = 3
 BIAS_STEP = 1e-3  # m, grid of the bias table: the bias varies over decimetres
 BIAS_STEPS, QUARTER_TURN = np.float32(1 / BIAS_STEP), np.float32(np.pi / 2)  # 1/m, rad
+MILLIMETRES = np.float32(1000)  # in a metre
 Window = tuple[slice, slice]  # rows and columns of an image
 
 
@@ -236,20 +237,35 @@ def lateral_deviation(grazing: np.ndarray, options: KinectOptions) -> np.ndarray
 
 
 @compiled
-def _measure(depth, grazing, source, noise, bias, axial, limit, farthest):
-    """Turn standard normal ``noise`` (N,) into measured depths in m, float32, and return (N,) True
-    where a pixel shows a surface. Pixel p shows pixel ``source[p]`` of exact ``depth`` (N,) in m
-    and ``grazing`` angle (N,) in rad; σ_z by the factors ``axial`` (4,) of Fankhauser et al. 2015.
+def _measure(
+    depth, grazing, source, noise, bias, axial, limit, ends, border, near, far, kept, fate
+):
+    """Return the image (N,) in mm, uint16, from standard normal ``noise`` (N,), float32, which it
+    overwrites. Pixel p shows pixel ``source[p]`` of exact ``depth`` (N,) in m and ``grazing`` angle
+    (N,) in rad, none beyond its ``limit``; σ_z by the factors ``axial`` (4,) of Fankhauser et al.
+    2015. A pixel of an edge, at the index ``border`` (B,), is lost where ``fate[0]`` is below
+    ``kept[0]``, and below ``kept[1]`` a mixture of ``near`` and ``far`` (N,) m with the weight
+    ``fate[1]``. Depths beyond the ``ends`` (2,) in m are lost.
     """
-    visible, (a, b, c, d) = np.zeros(noise.size, np.bool_), axial
+    image, (a, b, c, d) = np.zeros(noise.size, np.uint16), axial
     for pixel in range(noise.size):
         z, angle = depth[source[pixel]], grazing[source[pixel]]
-        if z > 0 and z <= farthest and angle <= limit:
+        if z > 0 and z <= ends[1] and angle <= limit:
             term = angle / (QUARTER_TURN - angle)
             std = a + z * (b + c * z) + d * z * np.sqrt(z) * (term * term)
             noise[pixel] = noise[pixel] * std + (z + bias[int(z * BIAS_STEPS)])
-            visible[pixel] = True
-    return visible
+        else:
+            noise[pixel] = 0.0
+    for k in range(border.size):
+        pixel = border[k]
+        if fate[0, k] < kept[0]:
+            noise[pixel] = 0.0
+        elif fate[0, k] < kept[1]:
+            noise[pixel] = near[pixel] + fate[1, k] * (far[pixel] - near[pixel])
+    for pixel in range(noise.size):
+        if ends[0] <= noise[pixel] <= ends[1]:
+            image[pixel] = np.uint16(np.rint(noise[pixel] * MILLIMETRES))
+    return image
 
 
 def read_depth(
@@ -269,22 +285,12 @@ def read_depth(
     shift = np.rint(lateral * rng.standard_normal((2, band.size), dtype=np.float32))
     shift = shift.clip(-REACH, REACH).astype(np.intp)
     places = np.stack(np.unravel_index(band, grazing.shape)) + shift
-    source = np.arange(depth.size)
+    source = np.arange(depth.size, dtype=np.int32)
     source[band] = np.ravel_multi_index(tuple(places), grazing.shape, mode="clip")
-    measured = rng.standard_normal(depth.size, dtype=np.float32)
-    limits = np.float32(options.grazing_limit), np.float32(options.range[1])
-    factors = np.array(options.axial, np.float32)
-    visible = _measure(depth.ravel(), grazing.ravel(), source, measured, bias, factors, *limits)
-
+    noise = rng.standard_normal(depth.size, dtype=np.float32)
     border = np.flatnonzero(edge)
-    fate, weight = rng.random((2, border.size), dtype=np.float32)
-    lost = fate < options.edge_lost
-    mixes = ~lost & (fate < options.edge_lost + options.edge_mixed)
-    mixed = border[mixes]
-    front, back = near.ravel()[mixed], far.ravel()[mixed]
-    measured[mixed] = front + weight[mixes] * (back - front)
-    visible[mixed] = True
-    visible[border[lost]] = False
-    visible &= (measured >= options.range[0]) & (measured <= options.range[1])
-    image = np.rint(np.where(visible, measured, 0) * np.float32(1000)).astype(np.uint16)
-    return image.reshape(depth.shape)
+    kept = options.edge_lost, options.edge_lost + options.edge_mixed
+    factors, ends, kept = (np.array(x, np.float32) for x in (options.axial, options.range, kept))
+    sensor = source, noise, bias, factors, np.float32(options.grazing_limit), ends
+    mixed = border, near.ravel(), far.ravel(), kept, rng.random((2, border.size), dtype=np.float32)
+    return _measure(depth.ravel(), grazing.ravel(), *sensor, *mixed).reshape(depth.shape)
