@@ -1,5 +1,6 @@
 """figures: the paper's figures and their captions, drawn from the tables of the other stages."""
 
+import json
 from pathlib import Path
 
 from pipeline.configuration import config
@@ -18,11 +19,12 @@ def run() -> None:
     if contracts.exists("deviation", SCORE):  # it has the models with a fit
         fitted = set(contracts.read("deviation", SCORE)["source"])
         models = [model for model in models if model in fitted]
+    own = json.loads((SCORE / "evidence.json").read_text(encoding="utf-8"))
     options = {
         "models": models[:DRAWN],
         "joints": robot.joints if robot else [],
         "mode": settings.simulation.mode,
         "configurations": force.configurations if force else {},
-        "recordings": "simulated " * bool(settings.dataset.laboratory) + "recordings",
+        "recordings": "simulated " * own["synthetic"] + "recordings",
     }
     draw_all(OUT, options, settings.compute)

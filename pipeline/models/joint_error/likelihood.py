@@ -23,8 +23,9 @@ def damped_memory(memory: ndarray, factor: float, keep: float) -> ndarray:
     powers = np.array([1.0, 2.0, 1.0])
     while True:
         damped = memory * factor**powers
-        modes = np.linalg.eigvals(companion_of(damped, keep).astype(np.complex128))
-        radius = np.abs(modes).max()
+        radius = 0.0
+        for mode in np.linalg.eigvals(companion_of(damped, keep).astype(np.complex128)):
+            radius = max(radius, abs(mode))
         if radius <= RADIUS:
             return damped
         factor *= min(RADIUS / radius, 0.99999)
@@ -54,12 +55,16 @@ def composite_loss(
     every prediction has in addition. r, √scale and √least have one unit.
     """
     std = np.sqrt(growth @ scale)
-    companion, longest = companion_of(memory, keep), horizons.max()
-    impulse, rows = np.empty(longest), np.empty((longest + 1, 3))
-    rows[0] = np.array([1.0, 0.0, 0.0])
+    companion, longest = companion_of(memory, keep), 0
+    for horizon in horizons:
+        longest = max(longest, horizon)
+    impulse, rows = np.empty(longest), np.zeros((longest + 1, 3))
+    rows[0, 0] = 1.0
     for i in range(longest):
         impulse[i] = rows[i, 0] + (1 - keep) * rows[i, 2]
-        rows[i + 1] = rows[i] @ companion
+        row = rows[i] @ companion
+        for j in range(3):  # an assigned row compiles for two seconds
+            rows[i + 1, j] = row[j]
     normal = math.isinf(degrees)
     unit = 1.0 if normal else (degrees - 2) / degrees
     constant = -0.5 * math.log(2 * math.pi)
