@@ -104,6 +104,7 @@ class Recordings:
     filtered: int  # number of takes in a batch of the filter
     realizations: int
     seed: int
+    described: bool = True  # whether cases have the evidence on the recordings themselves
 
     def generator(self, name: str, *numbers: int) -> np.random.Generator:
         """Return the random stream ``name`` of a stage, by numbers of the draw and the trial."""
@@ -111,8 +112,10 @@ class Recordings:
         return rng.stream(self.seed, name, *filter(None, numbers[:1]), *numbers[1:])
 
     @cached_property
-    def variation_limits(self) -> np.ndarray:
-        """:func:`variation_limits` (n, 2) of the training takes."""
+    def variation_limits(self) -> np.ndarray | None:
+        """:func:`variation_limits` (n, 2) of the training takes, None unless they are described."""
+        if not self.described:
+            return None
         return variation_limits(self.takes.training.noise, self.generator("score.variation"))
 
 

@@ -67,11 +67,12 @@ def noise_tests(
 
 
 def motion_evidence(
-    outcomes: Mapping[str, Outcome], takes: Takes, mode: str, limits: np.ndarray
+    outcomes: Mapping[str, Outcome], takes: Takes, mode: str, limits: np.ndarray | None
 ) -> pd.DataFrame:
     """Return the evidence of fits, realisations and predictions; ``outcomes`` by model.
 
-    ``limits`` (n, 2) are of :func:`pipeline.statistics.curves.variation_limits`.
+    ``limits`` (n, 2) are of :func:`pipeline.statistics.curves.variation_limits`; None leaves out
+    the evidence on the recordings themselves.
     """
     training = takes.training
     realized = {name: each for name, each in outcomes.items() if each.mean is not None}
@@ -82,7 +83,7 @@ def motion_evidence(
         std |= {name: each.std for name, each in modelled.items()}
     else:  # without k = 0, before the first step
         std |= {name: each.deviation[1:] for name, each in realized.items()}
-    rows = [*_recorded_rows(takes, limits)]
+    rows = [] if limits is None else [*_recorded_rows(takes, limits)]
     for name, each in outcomes.items():
         rows += _estimate_rows(name, each.estimates, len(training.joints))
     off = {name: (each.mean - takes.poses.mean(axis=0))[1:] for name, each in realized.items()}

@@ -32,7 +32,7 @@ def run() -> None:
         measured = {take.take: take for take in measured_takes(settings.dataset)}
         cameras = {base.clock: Camera(None, measured)} if measured else {}
         sizes = (motion.rate, len(measured), settings.simulation.realizations)
-        recordings = Recordings(takes, cameras, *sizes, settings.seed)
+        recordings = Recordings(takes, cameras, *sizes, settings.seed, described=False)
         trials = partial(run_trials, compute=settings.compute, label="readings: models and filters")
         own, *others = cases
         results = evaluate([cases[name] for name in others], recordings, trials)
