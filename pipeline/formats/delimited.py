@@ -199,3 +199,12 @@ def unit_of(label: str) -> str | None:
     """Return the unit in brackets behind a label, or None; ``q[0]`` and ``q(1)`` have no unit."""
     match = UNIT.fullmatch(label)
     return match[2] if match and not re.fullmatch(r"\s*\d*\s*", match[2]) else None
+
+
+def unit_in_name(name: str, kind: str) -> str:
+    """Return the unit of the ``kind`` (angle or time) that is a word of ``name``, as in q_deg_0 and
+    t_ms; "" for none, or two.
+    """
+    words = {spelled(word) for word in re.findall(r"[A-Za-zµ]{2,}", name)}
+    stated = words & {*UNITS[kind], *UNITS[f"unread_{kind}"]}
+    return stated.pop() if len(stated) == 1 else ""

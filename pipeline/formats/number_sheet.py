@@ -100,10 +100,14 @@ class Sheet:
         """Return (N,) the text of a column's cells; empty text where a row is too short."""
         return [(split_line(row, self.separator)[column:] or [""])[0] for row in self.rows]
 
-    def unit(self, column: int) -> str | None:
-        """Return the unit of a ``column``, stated in the header behind or below the label."""
-        behind = delimited.unit_of("".join(self.labels[column : column + 1]))
-        return behind or "".join(self.units[column : column + 1]).strip("()[] ") or None
+    def unit(self, column: int, kind: str = "") -> str | None:
+        """Return the unit of a ``column``, stated in the header behind or below the label, or of an
+        angle or a time (``kind``) as a word of the label.
+        """
+        label = "".join(self.labels[column : column + 1])
+        below = "".join(self.units[column : column + 1]).strip("()[] ")
+        named = kind and delimited.unit_in_name(label, kind)
+        return delimited.unit_of(label) or below or named or None
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
         """Return quantity → column number, from quantity → label (with or without its unit) or
@@ -208,6 +212,8 @@ def _sheet(
     mark = separator or delimited.separator_of(tail[below])
     if mark == delimited.SPACE:
         lines = [mark.join(line.lstrip("#%").split()) for line in lines]
+    if separator is None and mark == "," and has_quoted_decimals(lines[-SAMPLED:]):
+        lines, mark = [";".join(split_line(line, ",")) for line in lines], ";"
     start, repeated = _sections(lines, places, mark)
     end = len(lines) - below
     # include earlier lines, since a column may be empty in the last lines
@@ -244,6 +250,16 @@ def _sheet(
         message += "decimal, or save it with semicolons"
         raise RecordingError(message, file=file, line=places[0], key=key)
     return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
+
+
+def has_quoted_decimals(lines: list[str]) -> bool:
+    """Return whether numbers in quotes have a decimal comma, as "0,25", and no number a point;
+    "1,250" may be a thousand.
+    """
+    text = "\n".join(lines)
+    quoted = re.findall(r'(?<=")[+-]?\d+,\d+(?=")', text)
+    decimal = any(not re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in quoted)
+    return decimal and not re.search(r";|\d\.\d", text)
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:

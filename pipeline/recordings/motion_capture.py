@@ -116,27 +116,32 @@ def _tracks(
         message = f"no link {', '.join(unknown)}; there are {', '.join(mocap.markers)}"
         raise ConfigError(message, key="dataset.mocap.bodies")
 
-    def label(kind: str, name: str, recorded: Iterable[str]) -> str:
-        fitting = [one for one in recorded if one == name]
-        fitting = fitting or [one for one in recorded if one.rsplit(":", 1)[-1] == name]
-        if len(fitting) == 1:
-            return fitting[0]
-        message = f"{name!r} may be {' or '.join(fitting)}: write the full name"
-        if not fitting:
-            message = f"no {kind} named {name} in the take; it has"
-            message += f" {', '.join(sorted(recorded)) or 'none'}"
-        key = "markers" if kind == "marker" else "bodies"
-        raise RecordingError(message, file=file, key=f"dataset.mocap.{key}")
+    def find(kind: str, names: Iterable[str], recorded: Iterable[str], key: str) -> dict[str, str]:
+        found = {n: [r for r in recorded if n in (r, r.rpartition(":")[2])] for n in names}
+        found = {n: [n] if n in fits else fits for n, fits in found.items()}
+        if wrong := {n: fits for n, fits in found.items() if len(fits) != 1}:
+            missing = ", ".join(name for name, fits in wrong.items() if not fits)
+            several = (
+                f"{n!r} may be {' or '.join(f)}: write the full name" for n, f in wrong.items()
+            )
+            message = f"no {kind} named {missing} in the take; it has "
+            message += ", ".join(sorted(recorded)) or "none"
+            message = message if missing else "; ".join(several)
+            raise RecordingError(message, file=file, key=f"dataset.mocap.{key}")
+        return {name: fits[0] for name, fits in found.items()}
 
-    tracks, used = {}, set()
+    free = [at for link, at in mocap.markers.items() if link not in mocap.bodies]
+    marker = find("marker", [name for at in free for name in at], take.markers, "markers")
+    named = find("rigid body", [b.name for b in mocap.bodies.values()], take.bodies, "bodies")
+    tracks = {}
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
         if body := mocap.bodies.get(link):
-            pose = take.bodies[label("rigid body", body.name, take.bodies)]
+            pose = take.bodies[named[body.name]]
             positions = _carry(pose, body.mount, np.array([*places.values()]))
         else:
-            names = [label("marker", name, take.markers) for name in places]
-            positions, used = [take.markers[name] for name in names], used | {*names}
+            positions = [take.markers[marker[name]] for name in places]
         tracks |= {(number, i): track for i, track in enumerate(positions, 1)}
+    used = {*marker.values()}
     others = [name for name in take.markers if name not in used and not mocap.bodies]
     return tracks, [take.markers[name] for name in others]
 

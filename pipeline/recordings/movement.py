@@ -8,9 +8,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
-from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
+from pipeline.core.angles import MOST_TURNS, SHARPER, SPIKE, TURN, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
@@ -28,6 +28,8 @@ LASTING = 41  # rows of the medians before and after a deviation that lasts
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
+USUAL = 4  # place, by size, of the step that shows a joint's greatest motion in a row
+PACE, MOVING, HELD = 0.1, 0.1, 0.3  # s; share of the greatest pace; greatest share of held rows
 
 
 def read_movement(
@@ -128,6 +130,7 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             require_plausible(rows, log.time, names, options.circular, options.angle_unit, **where)
         if name in SIGNALS[:2]:
             rows, removed = unwrap(rows, log.time, names, circular=options.circular, **where)
+            require_continuous(rows, log.time, names, circular=options.circular, **where)
             jumps += removed
         signals[name] = rows
     return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
@@ -169,6 +172,50 @@ def require_plausible(
     raise RecordingError(
         f"{message}plausible and no angle: correct the cell, or leave the row out", **where
     )
+
+
+def require_continuous(
+    angles: np.ndarray,
+    time: np.ndarray,
+    names: Sequence[str],
+    *,
+    signal: str,
+    circular: np.ndarray | bool = True,
+    lines: Sequence[int] = (),
+    **where: object,
+) -> None:
+    """Raise RecordingError for a step of unwrapped ``angles`` (N, joints) in rad beyond SPIKE and
+    SHARPER times the joint's other steps, but for a few: a lost sign in the first or last row, rows
+    before the first measurement, or an encoder that was set to another angle.
+    """
+    if len(angles) <= 2 * USUAL:
+        return
+    steps = np.where(circular, np.abs(np.diff(angles, axis=0)), 0.0)
+    beyond = steps > np.maximum(SPIKE, SHARPER * np.sort(steps, axis=0)[-USUAL])
+    if beyond.any():
+        row, joint = np.argwhere(beyond)[0].tolist()
+        name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
+        message = f"{name} ({signal}) steps by {steps[row, joint]:.4g} rad in one row at "
+        message += f"{time[row + 1] - time[0]:.6g} s from the start, far beyond its other steps: a "
+        message += "lost sign, rows without a measurement, or an encoder that was set anew; "
+        where |= {"line": lines[row + (row > 0)]} if len(lines) else {}
+        raise RecordingError(f"{message}correct it, or leave these rows out", **where)
+
+
+def require_fresh(actual: np.ndarray, target: np.ndarray, rate: float, **where: object) -> None:
+    """Raise RecordingError where more than HELD of the rows in motion of ``actual`` and ``target``
+    (N, joints) rad equal the row before: a logger that is faster than the controller. Rows of a
+    motion by less than the resolution of the angles are also equal, and no fault.
+    """
+    steps = np.abs(np.diff(np.hstack([actual, target]), axis=0)).max(axis=1, initial=0.0)
+    pace = uniform_filter1d(steps, max(round(PACE * rate), 1)) if len(steps) else steps
+    moving = steps[pace > MOVING * pace.max(initial=0.0)]
+    changed = moving[moving > 0]
+    share = 1 - len(changed) / max(len(moving), 1)
+    if share > HELD and np.median(changed) > 2 * changed.min():
+        message = f"{share:.0%} of the rows in motion repeat the angles of the row before, at other"
+        message += f" times: the values change {rate * (1 - share):.4g} times a second; write each"
+        raise RecordingError(f"{message} sample once, with its own time", **where)
 
 
 def require_speeds(
@@ -243,6 +290,7 @@ def read_logged_movement(
     actual, target = commands.shift_rows(signals["actual"], signals["target"], early)
     if early:
         counts |= {"command_delay": early / rate, "rows_beside_the_delay": abs(early)}
+    require_fresh(actual, target, rate, file=movement)
     turns = whole_turns(target, actual, circular)
     if turns.any():
         actual = actual + TURN * turns

@@ -167,11 +167,3 @@ def test_a_motion_of_opensim_is_read_in_the_unit_that_it_states(tmp_path):
     with pytest.raises(RecordingError, match="in deg by the header") as refused:
         read_joint_table(tmp_path / "run.mot", options)
     assert refused.value.evidence["key"] == "dataset.joint_log.angle_unit"
-
-
-def test_one_number_per_line_is_one_column(tmp_path):
-    (tmp_path / "q.txt").write_text("".join(f"{angle}\n" for angle in Q[:, 0]))
-    (finding,) = inspect(tmp_path / "q.txt")
-    said, key, *_ = finding.open[0]
-    assert (finding.facts["columns"], key) == (1, "dataset.joint_log.signals")
-    assert "the table has one column" in said

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from kinds import kind
 from scipy.io import savemat
 
@@ -194,8 +195,8 @@ KINDS = [
     kind("33", log([], lambda t, q, target: (t, q, target + 1e10 * (t == t[200])[:, None])),
         "target_q_0 (target) is 1e+10 rad", "[line 202]", RADIANS, stops=True),
     kind("31", log(["date", "epoch_ms", *numbered("actual_q", "target_q")], lambda t, *q:
-        (dates(t, "2023-05-06T07:08:{:09.6f}Z"), 1e5 + 1e3 * t, *q)), "they step by 8;",
-        "suggested is ms", TRACKED, RADIANS, never=(NO_CLOCK,)),
+        (dates(t, "2023-05-06T07:08:{:09.6f}Z"), 1e5 + 1e3 * t, *q)), "125 Hz; unit ms",
+        TRACKED, RADIANS, never=(NO_CLOCK, "they step by")),
     kind("31", log(["frame", *numbered("actual_q", "target_q")], lambda t, *q: (np.arange(400.0),
         *q)), "table of numbers", NO_CLOCK, NULL, RADIANS),
     kind("33", log([], damaged(2 * np.pi + 0.3, (150, 2))), "actual_q_2", "jumps by 6.583 rad",
@@ -213,6 +214,32 @@ KINDS = [
     kind("34", log(["t [s]", *(f"q_{j} [rad]" for j in range(6)), *(f"q_cmd_{j} [deg]"
         for j in range(6))], lambda time, actual, target: (time, actual, np.degrees(target))),
         TRACKED, never=("? ",)),
+    *(kind("edge", log([], damaged(2.0, *cells)), "actual_q_2", f"{word} by 2 rad",
+        f"[line {line}]", stops=True) for line, word, cells in ((2, "steps", [(0, 2)]),
+        (401, "steps", [(399, 2)]), (202, "steps", [(row, 2) for row in range(200, 400)]),
+        (3, "jumps", [(1, 2)]), (400, "jumps", [(398, 2)]))),
+    kind("edge", log([], lambda time, *q: (time, *(np.where(time[:, None] < 0.1, 0.0, each)
+        for each in q))), "actual_q_0", "rows without a measurement", "[line 15]", stops=True),
+    *(kind("held", log([], lambda time, *q, n=n: (np.arange(len(time) * n) / RATE / n,
+        *(np.repeat(each, n, axis=0) for each in q))), words, stops=n > 1) for n, words in
+        ((1, TRACKED), (2, "50% of the rows in motion repeat"), (3, "change 125."))),
+    *(kind("units", log(["t [s]", *(form.format(j) for form in forms for j in range(6))],
+        lambda time, *q: (time, *map(np.degrees, q))), words, stops=words != TRACKED,
+        never=("suggested",)) for forms, words in ((("q_act_deg_{}", "q_des_deg_{}"), TRACKED),
+        (("q_act_{} [º]", "q_des_{} [º]"), TRACKED), (("q_act_{} [mrad]", "q_des_{} [mrad]"),
+        "is in mrad by the header: convert it to rad or deg"))),
+    kind("units", log(["t [s]", *(f"{word}_{j} [{'rad' if j % 2 else 'deg'}]" for word in ("q_act",
+        "q_des") for j in range(6))], lambda time, *q: (time, *(each * ([np.degrees(1), 1] * 3)
+        for each in q))), TRACKED, never=("? ",)),
+    kind("commas", lambda folder: (folder / "log.csv").write_text("\n".join(",".join(f'"{cell}"'
+        for cell in row) for row in (["t", *numbered("q", "q_cmd")], *(map("{:.6f}".format, row)
+        for row in np.column_stack(motion())))).replace(".", ",") + "\n"), TRACKED, "decimal ','"),
+    kind("vectors", lambda folder: savemat(folder / "log.mat", {"time_ms": 1e3 * motion()[0],
+        **dict(zip(numbered("q", "q_des"), np.column_stack(motion()[1:]).T, strict=True))}),
+        "joints 6; signals actual, target", TRACKED, never=("unit of the times",)),
+    kind("episode", lambda folder: pd.DataFrame({"timestamp": motion()[0], "action": [*motion()[2]],
+        "observation.state": [*motion()[1]]}).to_parquet(folder / "episode.parquet"),
+        "signals may be {actual: [observation.state], target: [action]}"),
     kind("40", target_moments("log_i_target", "log_m_target"), *PAIRED, at=""),
     kind("40", target_moments("log_f_target", "log_tcp_speed"), *PAIRED, never=("one column",)),
     kind("40", target_moments("log_v_target", "log_qdd_target"), *PAIRED),

@@ -264,6 +264,8 @@ FOLDERS = [
     kind("37", linked, "run_1/a_[0-9]*.png", "frames 2", inside="exports"),
     kind("37", lambda folder: (folder / "empty").mkdir(), NOTHING, at="empty", stops=True),
     kind("37", lambda folder: (folder / "a/b").mkdir(parents=True), NOTHING, stops=True),
+    kind("37", texts({"run.csv.dvc": "outs:\n- md5: 9f\n  size: 1\n  path: run.csv\n"}), NOTHING,
+        stops=True),
 ]  # fmt: skip
 
 CAMERA = {"width": 640, "height": 480, "fx": 525.5, "fy": 526.5, "cx": 319.25, "cy": 239.75}

@@ -5,7 +5,6 @@ order, sign and clock of a command, found whatever the others do; uneven clocks 
 import numpy as np
 import pytest
 
-from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
 from pipeline.formats.joints.log import JointLog, LogOptions
 from pipeline.recordings import commands, movement
@@ -42,16 +41,6 @@ def test_without_noise_the_offset_is_found_to_a_microsecond_on_any_clock():
 
 
 @pytest.mark.slow
-def test_with_a_millimetre_of_noise_the_error_is_below_three_milliseconds():
-    errors = np.array([find_offset(*recording(0.001, seed)).value - OFFSET for seed in range(60)])
-    assert errors.std() < 0.0012
-    assert np.abs(errors).max() < 0.003
-    # and the test would see a wrong clock: one frame of the motion capture
-    late, right = (find_offset(*recording(0.001, 0, OFFSET + way)).value for way in (0.01, 0.0))
-    assert late - right == pytest.approx(0.01, abs=0.002)
-
-
-@pytest.mark.slow
 def test_the_standard_errors_are_the_spread_of_the_estimates():
     result = [find_offset(*recording(0.002, seed)) for seed in range(120)]
     z = np.array([(f.value - OFFSET) / f.standard_error for f in result])
@@ -59,6 +48,7 @@ def test_the_standard_errors_are_the_spread_of_the_estimates():
     # correlation adds a few per cent
     assert 0.75 < z.std() < 1.2
     assert abs(z.mean()) < 4 / np.sqrt(120)
+    assert np.std([f.value for f in result]) < 0.0024  # s, at 2 mm of noise
     spread, stated = np.std([f.drift for f in result]), [f.drift_standard_error for f in result]
     assert np.mean(stated) == pytest.approx(spread, rel=0.25)
 
@@ -238,16 +228,3 @@ def test_a_late_clock_that_is_on_time_again_is_no_missing_row(tmp_path):
     np.savez(tmp_path / "log.npz", times=late, q=rows)
     signals, _ = movement.read_movement(files, 200.0, "rows")
     np.testing.assert_array_equal(signals["actual"], rows)
-
-
-@pytest.mark.parametrize("row", [1, 50, 398])
-def test_a_single_row_with_a_lost_sign_is_named_by_its_line(row):
-    time, lines = 0.01 * np.arange(400), np.arange(400) + 2
-    angles = np.stack([1.1 + 0.3 * np.sin(time), np.cos(2 * time)], axis=1)
-    assert unwrap(angles, time)[1] == 0
-    angles[row, 0] *= -1
-    with pytest.raises(
-        RecordingError, match=r"joint 1 .* neither a motion nor whole turns"
-    ) as found:
-        unwrap(angles, time, lines=lines)
-    assert found.value.evidence["line"] == row + 2

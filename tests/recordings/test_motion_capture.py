@@ -129,8 +129,8 @@ def test_a_body_that_the_take_lacks_or_that_has_no_link_is_named(tmp_path):
         read(file, bodies={"link1": Body("X", MOUNT)})
     with pytest.raises(ConfigError, match="no link arm; there are link1, link2, link3"):
         read(file, bodies={"arm": Body("B1", MOUNT)})
-    with pytest.raises(RecordingError, match="no marker named x9 in the take; it has a1, a2"):
-        read(file, markers=TEMPLATE | {"link1": {"x9": [0.0, 0.0, 0.0]}})
+    with pytest.raises(RecordingError, match="no marker named x8, x9 in the take; it has a1, a2"):
+        read(file, markers=TEMPLATE | {"link1": {n: [0.0] * 3 for n in ("x8", "x9")}})
 
 
 def test_takes_of_another_rate_or_length_are_refused(tmp_path):

@@ -1,7 +1,7 @@
 """Joint logs as named arrays: NumPy archives (.npz), MATLAB files (.mat up to version 7.2, with
-dotted paths into structs) and Parquet (columns ``q_0``, ``q_1``, … form one array). One array has
-the times (N,), one array per signal the values (N, joints). A separate process reads the file,
-since a damaged file can crash the library and a small file can decompress to any size.
+dotted paths into structs) and Parquet. One array has the times (N,), one array per signal the
+values (N, joints); vectors ``q_0``, ``q_1``, … also form one array. A separate process reads the
+file, since a damaged file can crash the library and a small file can decompress to any size.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
-from pipeline.formats.delimited import UNITS
+from pipeline.formats.delimited import UNITS, unit_in_name
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
 from pipeline.formats.joints.names import (
@@ -22,7 +22,6 @@ from pipeline.formats.joints.names import (
     possibly_speed,
     signals_of_groups,
     states_joints,
-    words_of,
 )
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # HDF5 files, which may also have the suffix .mat
@@ -47,7 +46,13 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     for name in dated:  # s, dates since 1970
         data[name] = (data[name] - np.zeros(1, data[name].dtype)) / np.timedelta64(1, "s")
     data = {name: one for name, one in data.items() if name not in words}
-    times = clocks_of({name: one for name, one in data.items() if one.ndim == 1})
+    vectors = {name: one for name, one in data.items() if one.ndim == 1}
+    for name, group in columns_by_name([*vectors]).items():
+        own = [vectors[label] for label in group]
+        if name not in data and len(own) > 1 and len({*map(len, own)}) == 1:
+            data[name] = np.column_stack(own)
+            words |= {"joint_names": joint_parts(group)} if states_joints(group) else {}
+    times, advice = clocks_of(vectors), ""
     lengths = {len(data[name]) for name in times}
     groups, columns = {}, {}  # array → labels of its columns, label → numbers (N,)
     for name, one in data.items():
@@ -64,7 +69,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
             shapes = [f"{name} {one.shape}" for name, one in sorted(data.items())]
             message = f"the {quantity} must be an array with one row of numbers per time, found "
             message += f"{', '.join(labels) or 'no such name'}; name the array, or its columns as "
-            message += f"ARRAY:COLUMN. The file has {', '.join(shapes) or 'no arrays'}"
+            message += f"ARRAY:COLUMN{advice}. The file has {', '.join(shapes) or 'no arrays'}"
             key = f"{OPTION}.{'time' if quantity == 'time' else 'signals'}"
             raise RecordingError(message, file=file, key=key)
         values = np.column_stack(chosen).astype(float)
@@ -75,10 +80,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         return values
 
     named = times if isinstance(options.time, int) else [options.time]
-    clock, time = (named[0] if len(named) == 1 else None), None
+    clock, time, second = (named[0] if len(named) == 1 else None), None, ""
     if clock is not None:
-        unit = "s" if clock in dated else options.time_unit
-        time = numbers("time", named)[:, 0] * UNITS["time"][unit]
+        second = "s" if clock in dated else _unit("time", named, file)
+        time = numbers("time", named)[:, 0] * UNITS["time"][second or options.time_unit]
     chosen = {name: labels for name, labels in options.signals.items() if labels}
     wanted = options.signals or ("actual", "target")
     if {*wanted} - {*chosen}:
@@ -86,9 +91,10 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers may be huge or NaN
             found, guessed = signals_of_groups({name: [name] for name in tables}, tables, time)
         if guessed and not possibly_speed(found["target"]):
+            advice = f". {'; '.join(guessed.values())}: signals may be {found}".replace("'", "")
             del found["target"]
         chosen = found | chosen
-    units = {name: _unit(chosen.get(name, ())) for name in wanted}
+    units = {name: _unit("angle", chosen.get(name, ()), file) for name in wanted}
     signals = {}
     for name, unit in units.items():
         factor = UNITS["angle"][unit or options.angle_unit]
@@ -104,16 +110,18 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         raise RecordingError(message, file=file, array=clock)
     width = {rows.shape[1] for rows in signals.values()}
     stated = (tuple(one) for name, one in words.items() if is_names(name) and {len(one)} == width)
-    units = {"time_unit": "s" * (clock in dated), "angle_unit": "rad" * all(units.values())}
+    units = {"time_unit": "s" * (second != ""), "angle_unit": "rad" * all(units.values())}
     log = JointLog(time, signals, {}, next(stated, ()), **units)
     return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
 
 
-def _unit(labels: Sequence[object]) -> str:
-    """Return the unit of the angles in arrays by the last word of their names, "" without one."""
-    last = {(words_of(str(label).partition(":")[0]) or [""])[-1] for label in labels}
-    stated = last & {*UNITS["angle"]}
-    return stated.pop() if len(stated) == 1 == len(last) else ""
+def _unit(kind: str, labels: Sequence[object], file: Path) -> str:
+    """Return the unit of the ``kind`` that is a word of all names of arrays, else ""."""
+    stated = {unit_in_name(str(label).partition(":")[0], kind) for label in labels}
+    if unread := stated & {*UNITS[f"unread_{kind}"]}:
+        message = f"{labels[0]} is in {unread.pop()} by its name: convert it to "
+        raise RecordingError(message + " or ".join(UNITS[kind]), file=file)
+    return stated.pop() if len(stated) == 1 else ""
 
 
 def _npz(file: Path) -> Arrays:
@@ -158,19 +166,13 @@ def _flatten(path: str, struct: Mapping[str, object]) -> Iterator[tuple[str, np.
 
 
 def _parquet(file: Path) -> Arrays:
-    """Return the numeric columns; columns ``q_0``, ``q_1``, … are also one array ``q``."""
+    """Return the columns of numbers, dates or words."""
     from pyarrow import parquet
 
     table = parquet.read_table(file)
     table.validate()
     columns = {name: _numeric(table[name].to_numpy()) for name in table.column_names}
-    arrays = {name: values for name, values in columns.items() if values.ndim}
-    for name, group in columns_by_name([*arrays]).items():
-        if name not in arrays and len(group) > 1:
-            arrays[name] = np.column_stack([arrays[label] for label in group])
-            if states_joints(group):
-                arrays["joint_names"] = np.array(joint_parts(group))
-    return arrays
+    return {name: values for name, values in columns.items() if values.ndim}
 
 
 def _npz_begins(head: Head) -> bool:

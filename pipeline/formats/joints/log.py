@@ -66,7 +66,9 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
     if (backward := (np.diff(log.time) <= 0) & ~doubled).any():
-        raise RecordingError("the time does not increase", **place(int(np.argmax(backward)) + 1))
+        message = "the time does not increase: choose another column of times; if the file holds "
+        message += "several recordings, write each to a file of its own"
+        raise RecordingError(message, **place(int(np.argmax(backward)) + 1))
     keep = np.append(True, ~doubled)
     signals = {name: rows[keep] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
@@ -101,19 +103,31 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
     places, factors = sheet.columns(wanted, f"{OPTION}.signals"), []
     checked = {"time", *(name for name in places if name.endswith(f"({next(iter(chosen))})"))}
     where = {"file": sheet.file, "line": sheet.label_line}
+    stated: dict[str, dict[str, str]] = {"time": {}, "angle": {}}  # kind → unit → quantity
     for quantity, column in places.items():
         kind = "time" if quantity == "time" else "angle"
-        unit = spelled(sheet.unit(column) or (kind == "angle" and sheet.angle_unit) or "")
-        given = getattr(options, f"{kind}_unit")
-        if unit in UNITS[kind] and unit != given and quantity in checked:
+        unit = spelled(sheet.unit(column, kind) or (kind == "angle" and sheet.angle_unit) or "")
+        given, known = getattr(options, f"{kind}_unit"), UNITS[kind]
+        if unit in UNITS[f"unread_{kind}"]:
+            message = (
+                f"the {quantity} is in {unit} by the header: convert it to {' or '.join(known)}"
+            )
+            raise RecordingError(message, **where)
+        if quantity in checked and unit in known:
+            stated[kind][unit] = quantity
+        # metres of a linear joint
+        length = UNITS["length"].get(unit, 1.0) if kind == "angle" else 1.0
+        factors.append(known[unit if unit in known else given] * length)
+    for kind, units in stated.items():  # columns of several units need no single one
+        if units and (given := getattr(options, f"{kind}_unit")) not in units:
+            unit, quantity = next(iter(units.items()))
             message = f"the {quantity} is in {unit} by the header and in {given} by the option"
             raise RecordingError(message, **where, key=f"{OPTION}.{kind}_unit")
-        factors.append(UNITS[kind][unit if unit in UNITS[kind] else given])
     measured = [column for name, column in places.items() if name.endswith("(actual)")]
     labels = [sheet.labels[column] for column in measured if sheet.labels]
-    stated = match_joints(names_in_cells(sheet, len(measured)) or labels, options.names)
-    if {*stated} == {*options.names} and states_joints(stated) and stated != [*options.names]:
-        message = f"the columns of the measured angles are {', '.join(stated)} by their names"
+    named = match_joints(names_in_cells(sheet, len(measured)) or labels, options.names)
+    if {*named} == {*options.names} and states_joints(named) and named != [*options.names]:
+        message = f"the columns of the measured angles are {', '.join(named)} by their names"
         raise RecordingError(message, **where, key=f"{OPTION}.joints")
     samples = sheet.samples([*places.values()], places.get("time"), measured)
     values, lines = samples.values * np.array(factors), [sheet.lines[row] for row in samples.rows]

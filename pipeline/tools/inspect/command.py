@@ -75,6 +75,7 @@ def inspect(place: Path) -> list[Finding]:
         if is_bag(place) or not place.is_dir():
             return [read(place)]
         paths = [p for p in paths_below(place) if "/." not in f"/{p.relative_to(place)}"]
+        paths = [path for path in paths if path.suffix != ".dvc"]  # DVC's, as raw_files
         bags = {path for path in paths if path.is_dir() and is_bag(path)}
         # an unreadable folder is listed as a file, so that its finding reports the error
         files = [p for p in paths if not (p.is_dir() and os.access(p, os.R_OK | os.X_OK))]

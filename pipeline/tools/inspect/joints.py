@@ -39,6 +39,8 @@ from pipeline.recordings.lags import lag
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
     UNWRAPPED,
+    require_continuous,
+    require_fresh,
     require_plausible,
     smoothness_by_rows,
     without_damage,
@@ -108,7 +110,7 @@ def add_table(finding: Finding, form: Format) -> None:
     if clocks:
         facts["step_of_time"] = round(float(np.median(steps[clock])), 9)
         facts |= {"time": labels[clock]} if labels else {}
-        second = TIME_UNITS.get(spelled(sheet.unit(clock) or ""))
+        second = TIME_UNITS.get(spelled(sheet.unit(clock, "time") or ""))
         if second and facts["step_of_time"]:
             finding.rate = round(1 / (facts["step_of_time"] * second), 3)
     signals: dict[str, list[str]] = {}
@@ -138,11 +140,14 @@ def _add_signals(
     time in the column ``clock``.
     """
     labels, first = sheet.labels, sheet.labels.index(signals["actual"][0])
-    units = {"time_unit": clock is not None and sheet.unit(clock)}
-    units["angle_unit"] = sheet.unit(first) or sheet.angle_unit
+    units = {"time_unit": clock is not None and sheet.unit(clock, "time")}
+    units["angle_unit"] = sheet.unit(first, "angle") or sheet.angle_unit
     units = {key: spelled(unit or "") for key, unit in units.items()}
     known = {key: unit for key, unit in units.items() if unit in (*TIME_UNITS, *ANGLE_UNITS)}
     options = {"signals": signals, "rate": 1.0, "time": None if clock is None else labels[clock]}
+    stated = {"time_unit": clock, "angle_unit": first}
+    own = {bare(labels[stated[key]]): unit for key, unit in known.items()}
+    finding.units = own | finding.units
     names = joint_parts(signals["actual"]) if states_joints(signals["actual"]) else []
     try:
         names = names_in_cells(sheet, len(signals["actual"])) or names
@@ -240,8 +245,10 @@ def _add_tracking(
             names = tuple((labels or {}).get(name, log.joints))
             require_plausible(values, time, names, True, "rad", **where)
             values, removed = unwrap(values, time, names, **where)
+            require_continuous(values, time, names, **where)
             finding.count({UNWRAPPED: removed + finding.gaps.get(UNWRAPPED, 0)})
             angles.append(values / factor)
+        require_fresh(*angles, rate)
     except PipelineError as error:
         finding.stops.append(str(error))
         return

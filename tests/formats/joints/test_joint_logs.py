@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from joint_files import read_joint_log, table
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
+from source_code import ROOT
 from written_logs import refusal
 
 from pipeline.formats import joints
@@ -69,6 +70,8 @@ UNITS = [  # header, option, unit, last time in s
     ("t [ms],q1,q2", "time_unit", "ms", 1e-4),
     ("t [ns],q1,q2", "time_unit", "ns", 1e-10),
     ("t [s],q1 [rad],q2 [rad/s]", None, None, 0.1),
+    ("t [s],q1 [rad],q2 [mm]", None, None, 0.1),
+    ("t_ms,q1,q2", "time_unit", "ms", 1e-4),
     ("t,q[0],q[1]", None, None, 0.1),
 ]
 
@@ -82,7 +85,7 @@ def test_a_unit_in_the_header_is_never_read_as_another(tmp_path, header, key, un
     options = LogOptions(**({key: unit} if key else {}))
     result = read_joint_log(tmp_path / "log.csv", joints=2, options=options)
     assert result.time[-1] == pytest.approx(last)
-    angles = np.deg2rad([0.5, 1.5]) if unit == "deg" else [0.5, 1.5]
+    angles = np.deg2rad([0.5, 1.5]) if unit == "deg" else [0.5, 0.0015 if "mm" in header else 1.5]
     np.testing.assert_allclose(result.signals["actual"], [angles] * 2)
 
 
@@ -194,6 +197,16 @@ def test_matrices_in_structs_have_a_dotted_path_and_version_7_3_is_named(tmp_pat
     )
     file.write_bytes(b"MATLAB 7.3 MAT-file, " + file.read_bytes()[21:])
     assert "-v7" in refusal(read_arrays, file, PLAIN).message
+
+
+@pytest.mark.parametrize("run", ["run_A", "run_B"])
+def test_structs_of_a_real_arm_are_what_scipy_reads(run):
+    if not (file := ROOT.parent / f"shared/recordings/kr300/{run}.mat").is_file():
+        pytest.skip(f"the recordings of the KR300 are absent at {file}")
+    rec, log = loadmat(file, simplify_cells=True)["rec"], read_arrays(file, PLAIN)
+    for signal, name in (("actual", "act_pos_se_deg"), ("target", "ref_pos_deg")):
+        np.testing.assert_array_equal(log.signals[signal], np.deg2rad(rec[name].T))
+    np.testing.assert_allclose(log.time, rec["time_cont"], atol=1e-9)
 
 
 @pytest.mark.parametrize("form", ["npz", "mat"])
