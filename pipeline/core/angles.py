@@ -17,7 +17,8 @@ BESIDE = 5  # rows before and after a jump that show the speed, and in which a s
 SIDES = np.array([(0, 0), (1, 1), (0, 0)])  # sides of the rows, behind another axis
 FASTEST = 3.0  # greatest speed during a jump over the speed beside it
 TURN_NOISE = 0.02  # rad, greatest noise of a measured angle at a jump
-SPIKE, SHARPER = 0.2, 20.0  # least step to a single damaged row: rad, and over the steps beside it
+# least step to a damaged row: rad, and over the steps beside it, or over all but the FEW greatest
+SPIKE, SHARPER, FEW = 0.2, 20.0, 3
 
 
 def unwrap(
@@ -41,7 +42,7 @@ def unwrap(
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
     motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
-    spikes = _spikes(motion)
+    spikes = _spikes(motion, circular)
     if not turns.any() and not spikes.any():
         return angles, 0
     reach, speed = min(BESIDE, len(steps) - 1), np.abs(motion) / seconds
@@ -57,27 +58,33 @@ def unwrap(
     if (wrong := ((turns != 0) & unlike) | spikes).any():
         row, joint = np.argwhere(wrong)[0].tolist()
         name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
+        faulty = row + bool(row or wrong[1:2, joint].any())  # after one step alone, the first row
         raise RecordingError(
             f"{name} ({signal}) jumps by {steps[row, joint]:.4g} rad at "
             f"{time[row + 1] - time[0]:.6g} s from the start, which is neither a motion nor whole "
-            "turns of 2π = 6.283 rad: check angle_unit, or leave this part of the log out",
-            **({"line": lines[row + 1]} if len(lines) else {}),
+            "turns of 2π = 6.283 rad; a lost sign, rows before the first measurement, an encoder "
+            "that was set anew? Check angle_unit, or leave this part of the log out",
+            **({"line": lines[faulty]} if len(lines) else {}),
             **evidence,
         )
     removed = np.cumsum(turns, axis=0)
     return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int((turns != 0).sum())
 
 
-def _spikes(motion: np.ndarray) -> np.ndarray:
-    """Return the mask (N − 1, joints) of steps to a single row far from the rows beside it."""
+def _spikes(motion: np.ndarray, circular: np.ndarray | bool) -> np.ndarray:
+    """Return the mask (N − 1, joints) of steps to a single row far from the rows beside it, and of
+    at most FEW steps of an angle far beyond all other steps.
+    """
     spikes, size = np.zeros(motion.shape, dtype=bool), np.abs(motion)
     if len(motion) < 2 * BESIDE:
         return spikes
+    most = np.partition(size, -FEW - 1, axis=0)[-FEW - 1]
+    spikes |= np.where(circular, size, 0.0) > np.maximum(SPIKE, SHARPER * most)
     beside = np.pad(size, SIDES[1:] * BESIDE)
     around = sliding_window_view(beside, 2 * BESIDE + 2, axis=0)  # of the steps k and k + 1
     usual = np.sort(around, axis=-1)[..., -3]  # the greatest but for the two of a spike
     there = np.minimum(size[:-1], size[1:]) > np.maximum(SPIKE, SHARPER * usual)
-    spikes[:-1] = there & (motion[:-1] * motion[1:] < 0)
+    spikes[:-1] |= there & (motion[:-1] * motion[1:] < 0)
     return spikes
 
 

@@ -131,6 +131,16 @@ def split_line(line: str, mark: str) -> list[str]:
     return [cell.strip().strip('"') for cell in line.split(mark)]
 
 
+def has_quoted_decimals(lines: list[str]) -> bool:
+    """Return whether numbers in quotes have a decimal comma, as "0,25", and no number a point;
+    "1,250" may be a thousand.
+    """
+    text = "\n".join(lines)
+    quoted = re.findall(r'(?<=")[+-]?\d+,\d+(?=")', text)
+    decimal = any(not re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in quoted)
+    return decimal and not re.search(r";|\d\.\d", text)
+
+
 def is_number(cell: str) -> bool:
     """Return whether a cell is a number, with a decimal point or comma."""
     return NUMBER.fullmatch(cell.replace(",", ".")) is not None

@@ -22,6 +22,7 @@ REMARKS = 5  # greatest number of lines of words below the rows
 TREES = (".json", ".jsonl", ".yaml", ".yml", ".xml")  # suffixes of files that are no table
 HEADER_END = "***End_of_Header***"  # line of LabVIEW's measurement files, after each section
 ORIGINS = {"endheader": "of OpenSim (MOT, STO)", HEADER_END: "of LabVIEW (LVM)"}
+IN_DEGREES = {"yes": "deg", "no": "rad"}
 LONGEST_GAP = 10  # longest interpolated gap, in median steps of the column
 SPARSEST = 50  # greatest number of rows per number in a column
 MEND = "export it again, or mend the line"
@@ -75,11 +76,6 @@ class Sheet:
         return {name.strip(): value.strip() for name, _, value in stated}
 
     @property
-    def angle_unit(self) -> str | None:
-        """Unit of all angles, if OpenSim's setting ``inDegrees`` states it."""
-        return {"yes": "deg", "no": "rad"}.get(self.settings.get("inDegrees", "").lower())
-
-    @property
     def origin(self) -> str | None:
         """Program that wrote the table, if the line that ends the header identifies it."""
         ends = {line.strip(" ,;\t") for line in self.header}
@@ -102,12 +98,13 @@ class Sheet:
 
     def unit(self, column: int, kind: str = "") -> str | None:
         """Return the unit of a ``column``, stated in the header behind or below the label, or of an
-        angle or a time (``kind``) as a word of the label.
+        angle or a time (``kind``) as a word of the label, or by OpenSim's setting ``inDegrees``.
         """
         label = "".join(self.labels[column : column + 1])
         below = "".join(self.units[column : column + 1]).strip("()[] ")
         named = kind and delimited.unit_in_name(label, kind)
-        return delimited.unit_of(label) or below or named or None
+        setting = self.settings.get("inDegrees", "").lower() if kind == "angle" else ""
+        return delimited.unit_of(label) or below or named or IN_DEGREES.get(setting)
 
     def columns(self, wanted: Mapping[str, str | int], key: str) -> dict[str, int]:
         """Return quantity → column number, from quantity → label (with or without its unit) or
@@ -116,8 +113,7 @@ class Sheet:
         columns, names = {}, [(label, delimited.bare(label)) for label in self.labels]
         for quantity, name in wanted.items():
             fits = [column for column, pair in enumerate(names) if name in pair]
-            if isinstance(name, int):
-                fits = [name] * (0 <= name < len(self.last))
+            fits = [name] * (0 <= name < len(self.last)) if isinstance(name, int) else fits
             if len(fits) != 1:
                 present = ", ".join(self.labels) or "; ".join(self.header)[:300] or "nothing"
                 message = f"{quantity}: {len(fits)} columns have the label or number (from 0) "
@@ -207,12 +203,12 @@ def _sheet(
     if not places:
         raise RecordingError("no samples: the file has no complete line; record again", file=file)
     lines = [text.lines[place - 1] for place in places]
-    tail = lines[: -REMARKS - 1 : -1]
-    below = next((n for n, line in enumerate(tail) if delimited.is_rowlike(line)), 0)  # remarks
-    mark = separator or delimited.separator_of(tail[below])
+    tail = [*map(delimited.is_rowlike, lines[: -REMARKS - 1 : -1])]
+    below = tail.index(True) if any(tail) else 0  # remarks
+    mark = separator or delimited.separator_of(lines[-1 - below])
     if mark == delimited.SPACE:
         lines = [mark.join(line.lstrip("#%").split()) for line in lines]
-    if separator is None and mark == "," and has_quoted_decimals(lines[-SAMPLED:]):
+    if separator is None and mark == "," and delimited.has_quoted_decimals(lines[-SAMPLED:]):
         lines, mark = [";".join(split_line(line, ",")) for line in lines], ";"
     start, repeated = _sections(lines, places, mark)
     end = len(lines) - below
@@ -250,16 +246,6 @@ def _sheet(
         message += "decimal, or save it with semicolons"
         raise RecordingError(message, file=file, line=places[0], key=key)
     return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
-
-
-def has_quoted_decimals(lines: list[str]) -> bool:
-    """Return whether numbers in quotes have a decimal comma, as "0,25", and no number a point;
-    "1,250" may be a thousand.
-    """
-    text = "\n".join(lines)
-    quoted = re.findall(r'(?<=")[+-]?\d+,\d+(?=")', text)
-    decimal = any(not re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in quoted)
-    return decimal and not re.search(r";|\d\.\d", text)
 
 
 def _sections(lines: list[str], places: list[int], mark: str) -> tuple[int, int]:
@@ -306,9 +292,8 @@ def _first_row(
         raise RecordingError(f"{message}export it again", file=file)
     if top + 1 < len(lines) and counts_on(cells):
         return top + 1
-    while top > start and len(above := split_line(lines[top - 1], mark)) == len(last):
-        if not {*above} <= {*MISSING}:
-            break
+    blank = {*MISSING}.issuperset
+    while top > start and len(up := split_line(lines[top - 1], mark)) == len(last) and blank(up):
         top -= 1
     return top
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from pipeline.core.angles import MOST_TURNS, SHARPER, SPIKE, TURN, unwrap, whole_turns
+from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import ConfigError, RecordingError
 from pipeline.core.options.dataset import SIGNALS, JointLogSection
 from pipeline.formats import joints as joint_formats
@@ -28,7 +28,6 @@ LASTING = 41  # rows of the medians before and after a deviation that lasts
 RATE_TOLERANCE = 0.01  # greatest relative error of the mean rate of the rows
 UNWRAPPED = "unwrapped_jumps"  # count of removed jumps of whole turns
 DAMAGED = 5  # rows of the median that omits damaged cells
-USUAL = 4  # place, by size, of the step that shows a joint's greatest motion in a row
 PACE, MOVING, HELD = 0.1, 0.1, 0.3  # s; share of the greatest pace; greatest share of held rows
 
 
@@ -130,7 +129,6 @@ def read_log(file: Path, options: LogOptions) -> JointLog:
             require_plausible(rows, log.time, names, options.circular, options.angle_unit, **where)
         if name in SIGNALS[:2]:
             rows, removed = unwrap(rows, log.time, names, circular=options.circular, **where)
-            require_continuous(rows, log.time, names, circular=options.circular, **where)
             jumps += removed
         signals[name] = rows
     return replace(log, signals=signals, counts=log.counts | ({UNWRAPPED: jumps} if jumps else {}))
@@ -172,34 +170,6 @@ def require_plausible(
     raise RecordingError(
         f"{message}plausible and no angle: correct the cell, or leave the row out", **where
     )
-
-
-def require_continuous(
-    angles: np.ndarray,
-    time: np.ndarray,
-    names: Sequence[str],
-    *,
-    signal: str,
-    circular: np.ndarray | bool = True,
-    lines: Sequence[int] = (),
-    **where: object,
-) -> None:
-    """Raise RecordingError for a step of unwrapped ``angles`` (N, joints) in rad beyond SPIKE and
-    SHARPER times the joint's other steps, but for a few: a lost sign in the first or last row, rows
-    before the first measurement, or an encoder that was set to another angle.
-    """
-    if len(angles) <= 2 * USUAL:
-        return
-    steps = np.where(circular, np.abs(np.diff(angles, axis=0)), 0.0)
-    beyond = steps > np.maximum(SPIKE, SHARPER * np.sort(steps, axis=0)[-USUAL])
-    if beyond.any():
-        row, joint = np.argwhere(beyond)[0].tolist()
-        name = names[joint] if len(names) == angles.shape[1] else f"joint {joint + 1}"
-        message = f"{name} ({signal}) steps by {steps[row, joint]:.4g} rad in one row at "
-        message += f"{time[row + 1] - time[0]:.6g} s from the start, far beyond its other steps: a "
-        message += "lost sign, rows without a measurement, or an encoder that was set anew; "
-        where |= {"line": lines[row + (row > 0)]} if len(lines) else {}
-        raise RecordingError(f"{message}correct it, or leave these rows out", **where)
 
 
 def require_fresh(actual: np.ndarray, target: np.ndarray, rate: float, **where: object) -> None:

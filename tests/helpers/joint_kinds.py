@@ -214,12 +214,11 @@ KINDS = [
     kind("34", log(["t [s]", *(f"q_{j} [rad]" for j in range(6)), *(f"q_cmd_{j} [deg]"
         for j in range(6))], lambda time, actual, target: (time, actual, np.degrees(target))),
         TRACKED, never=("? ",)),
-    *(kind("edge", log([], damaged(2.0, *cells)), "actual_q_2", f"{word} by 2 rad",
-        f"[line {line}]", stops=True) for line, word, cells in ((2, "steps", [(0, 2)]),
-        (401, "steps", [(399, 2)]), (202, "steps", [(row, 2) for row in range(200, 400)]),
-        (3, "jumps", [(1, 2)]), (400, "jumps", [(398, 2)]))),
+    *(kind("edge", log([], damaged(2.0, *cells)), "actual_q_2", "a lost sign", f"[line {line}]",
+        stops=True) for line, *cells in ((2, (0, 2)), (3, (1, 2)), (400, (398, 2)), (401, (399, 2)),
+        (202, *((row, 2) for row in range(200, 400))))),
     kind("edge", log([], lambda time, *q: (time, *(np.where(time[:, None] < 0.1, 0.0, each)
-        for each in q))), "actual_q_0", "rows without a measurement", "[line 15]", stops=True),
+        for each in q))), "actual_q_0", "before the first measurement", "[line 15]", stops=True),
     *(kind("held", log([], lambda time, *q, n=n: (np.arange(len(time) * n) / RATE / n,
         *(np.repeat(each, n, axis=0) for each in q))), words, stops=n > 1) for n, words in
         ((1, TRACKED), (2, "50% of the rows in motion repeat"), (3, "change 125."))),

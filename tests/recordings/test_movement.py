@@ -86,7 +86,9 @@ def test_wrapped_angles_are_unwrapped_counted_and_taken_beside_their_command(
     assert read.counts.get("joints_moved_by_whole_turns", 0) == apart
 
 
-@pytest.mark.parametrize(("size", "words"), [(4.4, "jumps by 4.4.* 2π"), (1, "steps by 1.* row")])
+@pytest.mark.parametrize(
+    ("size", "words"), [(4.4, "jumps by 4.4.* 2π"), (1, "jumps by 1.* lost sign")]
+)
 def test_a_jump_that_is_neither_a_motion_nor_whole_turns_is_refused(tmp_path, size, words):
     angles = TURNING + np.where(np.arange(60) < 20, 0.0, size)[:, None] * [0, 1]
     np.savez(tmp_path / "run.npz", time=np.arange(60) / 100, q=angles)

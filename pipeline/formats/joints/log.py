@@ -106,7 +106,7 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
     stated: dict[str, dict[str, str]] = {"time": {}, "angle": {}}  # kind → unit → quantity
     for quantity, column in places.items():
         kind = "time" if quantity == "time" else "angle"
-        unit = spelled(sheet.unit(column, kind) or (kind == "angle" and sheet.angle_unit) or "")
+        unit = spelled(sheet.unit(column, kind) or "")
         given, known = getattr(options, f"{kind}_unit"), UNITS[kind]
         if unit in UNITS[f"unread_{kind}"]:
             message = (

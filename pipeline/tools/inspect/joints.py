@@ -39,7 +39,6 @@ from pipeline.recordings.lags import lag
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
     UNWRAPPED,
-    require_continuous,
     require_fresh,
     require_plausible,
     smoothness_by_rows,
@@ -141,7 +140,7 @@ def _add_signals(
     """
     labels, first = sheet.labels, sheet.labels.index(signals["actual"][0])
     units = {"time_unit": clock is not None and sheet.unit(clock, "time")}
-    units["angle_unit"] = sheet.unit(first, "angle") or sheet.angle_unit
+    units["angle_unit"] = sheet.unit(first, "angle")
     units = {key: spelled(unit or "") for key, unit in units.items()}
     known = {key: unit for key, unit in units.items() if unit in (*TIME_UNITS, *ANGLE_UNITS)}
     options = {"signals": signals, "rate": 1.0, "time": None if clock is None else labels[clock]}
@@ -245,7 +244,6 @@ def _add_tracking(
             names = tuple((labels or {}).get(name, log.joints))
             require_plausible(values, time, names, True, "rad", **where)
             values, removed = unwrap(values, time, names, **where)
-            require_continuous(values, time, names, **where)
             finding.count({UNWRAPPED: removed + finding.gaps.get(UNWRAPPED, 0)})
             angles.append(values / factor)
         require_fresh(*angles, rate)
