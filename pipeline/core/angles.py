@@ -42,7 +42,7 @@ def unwrap(
     steps = np.diff(angles, axis=0)
     turns = np.where(circular, np.rint(steps / TURN), 0.0)
     motion, seconds = steps - TURN * turns, np.diff(time)[:, None]
-    spikes = _spikes(motion, circular if signal == "actual" else False)
+    spikes = _spikes(motion, seconds, circular if signal == "actual" else False)
     if not turns.any() and not spikes.any():
         return angles, 0
     reach, speed = min(BESIDE, len(steps) - 1), np.abs(motion) / seconds
@@ -71,15 +71,17 @@ def unwrap(
     return angles - TURN * np.vstack([np.zeros_like(removed[:1]), removed]), int((turns != 0).sum())
 
 
-def _spikes(motion: np.ndarray, measured: np.ndarray | bool) -> np.ndarray:
+def _spikes(motion: np.ndarray, seconds: np.ndarray, measured: np.ndarray | bool) -> np.ndarray:
     """Return the mask (N − 1, joints) of steps to a single row far from the rows beside it, and of
-    at most FEW steps of a ``measured`` angle far beyond all other steps; a command may step.
+    at most FEW steps of a ``measured`` angle far beyond all other steps; a command may step. A step
+    over missing rows counts as the mean step in them.
     """
     spikes, size = np.zeros(motion.shape, dtype=bool), np.abs(motion)
     if len(motion) < 2 * BESIDE:
         return spikes
-    most = np.partition(size, -FEW - 1, axis=0)[-FEW - 1]
-    spikes |= np.where(measured, size, 0.0) > np.maximum(SPIKE, SHARPER * most)
+    mean = size / np.maximum(seconds / np.median(seconds), 1)
+    most = np.partition(mean, -FEW - 1, axis=0)[-FEW - 1]
+    spikes |= np.where(measured, mean, 0.0) > np.maximum(SPIKE, SHARPER * most)
     beside = np.pad(size, SIDES[1:] * BESIDE)
     around = sliding_window_view(beside, 2 * BESIDE + 2, axis=0)  # of the steps k and k + 1
     usual = np.sort(around, axis=-1)[..., -3]  # the greatest but for the two of a spike

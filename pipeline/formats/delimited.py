@@ -53,8 +53,8 @@ def read_text(file: Path) -> Text:
     if (text := decoded(content)) is None:
         message = "this is not plain text (the file has zero bytes); export it as UTF-8 text"
         raise RecordingError(message, file=file)
-    *lines, last = text.split("\n")
-    return Text(lines, last or None)
+    *lines, last = text.replace("\xa0", " ").split("\n")
+    return Text(lines, last or "\0" * content.endswith(b"\0\0") or None)
 
 
 def foreign(text: str) -> tuple[str, str] | None:

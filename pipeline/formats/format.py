@@ -48,8 +48,10 @@ def decoded(content: bytes) -> str | None:
         encoding = "utf-16"
     elif b"\0" in content:
         encoding = "utf-16-le"  # without byte-order mark, if every second byte is zero
-        if any(content[1:400:2]):
-            return None
+        if any(content[1:400:2]):  # zeros behind the last line, where the power failed
+            encoding, content = "utf-8-sig", content.rstrip(b"\0")
+            if b"\n" not in content:
+                return None
     try:
         text = codecs.getincrementaldecoder(encoding)().decode(content)
     except UnicodeDecodeError:

@@ -116,7 +116,10 @@ def find_pairing(actual: np.ndarray, target: np.ndarray, rate: float) -> Pairing
     # round the delay to a row; a delay up to LATEST is the controller's lag, not a clock offset
     measured, command = best.apply(actual, target)
     delay = best.delay + round(np.nan_to_num(lag(command, measured, rate)) * rate)
-    return best._replace(delay=delay if abs(delay) > LATEST * rate else 0)
+    late = best._replace(delay=delay if abs(delay) > LATEST * rate else 0)
+    # a lag beside an error of another kind is no offset
+    useless = late.error(actual, target) > ORDER_GAIN * least and not best.delay
+    return best if useless else late
 
 
 def require_pair(

@@ -233,6 +233,17 @@ KINDS = [
     kind("commas", lambda folder: (folder / "log.csv").write_text("\n".join(",".join(f'"{cell}"'
         for cell in row) for row in (["t", *numbered("q", "q_cmd")], *(map("{:.6f}".format, row)
         for row in np.column_stack(motion())))).replace(".", ",") + "\n"), TRACKED, "decimal ','"),
+    *(kind("clocks", log([label, *numbered("q_act", "q_des")], change), *words, stops=stops,
+        never=("suggested is s:",)) for label, change, stops, *words in (
+        ("time", lambda t, *q: (dates(45356.4 + t / 86400, "{:.10f}"), *q), False, "in none of"),
+        ("time", lambda t, *q: (t / 60, *q), False, "at a rate from 5 to 5000 Hz in none"),
+        ("elapsed_ms", lambda t, *q: (1e3 * t, *q), False, TRACKED),
+        ("t [s]", lambda *all: (np.delete(each, range(200, 230), axis=0) for each in all), False,
+        "30 missing samples"),
+        ("t [s]", lambda t, q, target: (t, q + 0.3 * np.eye(6)[2], target), True, "_2 misses"))),
+    *(kind("text", lambda folder, old=old, new=new: (log()(folder), (file := folder / "log.csv")
+        .write_text(file.read_text().replace(old, new) + "\0" * 99 * (old == ""))), TRACKED, words)
+        for old, new, words in (("", "", "1 cut rows"), (",", ",\u00a0", "rows 400"))),
     kind("vectors", lambda folder: savemat(folder / "log.mat", {"time_ms": 1e3 * motion()[0],
         **dict(zip(numbered("q", "q_des"), np.column_stack(motion()[1:]).T, strict=True))}),
         "joints 6; signals actual, target", TRACKED, never=("unit of the times",)),

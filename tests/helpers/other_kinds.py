@@ -1,6 +1,7 @@
 """Kinds of files other than joint logs: see :func:`kinds.kind`."""
 
 import json
+import re
 import shutil
 from collections.abc import Callable
 from functools import partial
@@ -193,6 +194,9 @@ TAKES = [
     kind("28", take(frames=65535), "frames 65535"),
     kind("28", take(**CAPPED, length=700), "bytes or more; the file has 700", stops=True),
     kind("29", cut_motive, "lacking frames", "frames", at="take.csv"),
+    kind("unit", lambda folder: (cut_motive(folder), (file := folder / "take.csv").write_text(
+        re.sub(r",-?\d", ",0", file.read_text()).replace("Meters", "Millimeters"))),
+        "markers lie within", stops=True),
     kind("29", cut_rows, "dataset.mocap.unit", "4 lacking frames"),
     kind("29", fewer_messages, "announces 21 messages and holds 20", inside="take", stops=True),
     kind("29", frames("a.pcd", content=CLOUD[: CLOUD[:-1].rindex(b"\n") + 1]),

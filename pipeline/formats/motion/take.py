@@ -13,6 +13,7 @@ from pipeline.formats.format import compare_announced
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 FARTHEST = 100.0  # m, greatest coordinate
+NEAREST = 0.003  # m, least extent of all markers of a take: the size of one
 # names that capture programs give to markers without a name
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
@@ -169,6 +170,15 @@ def checked_take(
         return position
 
     markers = {name: check_position(position, name) for name, position in raw.markers.items()}
+    seen = np.vstack([np.empty((0, 3)), *markers.values()])
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    extent = float(np.ptp(seen, axis=0).max()) if len(seen) else 0.0
+    if len(markers) > 1 and 0 < extent < NEAREST:
+        message = (
+            f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than the size"
+        )
+        message += f" of one: are lengths in {raw.unit}? Export the take again, in another unit"
+        raise RecordingError(message, file=file)
     bodies = {}
     for name, body in raw.bodies.items():
         position, rotation = check_position(body.position, name), body.quaternion

@@ -142,8 +142,11 @@ def _add_motion(finding: Finding, form: Format) -> None:
         finding.refuse(error)
         if error.evidence.get("key") != LENGTH:
             return
-        # lengths are not printed; with mm no marker is too far away
-        take, unit = form.read(finding.file, "mm"), "not stated"
+        unit = "not stated"  # lengths are not printed; in mm or m markers are at possible places
+        try:
+            take = form.read(finding.file, "mm")
+        except RecordingError:
+            take = form.read(finding.file, "m")
     finding.version = take.version if take.version != form.name else None
     finding.rate, finding.units = take.rate, {"length": unit or take.unit}
     first, steps = int(take.frame[0]), int(take.frame[-1] - take.frame[0])

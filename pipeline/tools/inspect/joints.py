@@ -10,7 +10,9 @@ import pandas as pd
 
 from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import PipelineError, RecordingError
+from pipeline.core.options.dataset import JointLogSection
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, bare, spelled
+from pipeline.formats.depth.image import dropped_frames
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
 from pipeline.formats.joints.log import (
@@ -34,7 +36,13 @@ from pipeline.formats.joints.names import (
     words_of,
 )
 from pipeline.formats.number_sheet import Sheet
-from pipeline.recordings.commands import find_pairing, standing_joints, suspects, tracking_errors
+from pipeline.recordings.commands import (
+    find_pairing,
+    require_pair,
+    standing_joints,
+    suspects,
+    tracking_errors,
+)
 from pipeline.recordings.lags import lag
 from pipeline.recordings.movement import (
     CLOCK_TOLERANCE,
@@ -209,8 +217,9 @@ def _in_units(
     if not timed:
         step = float(np.median(np.diff(log.time)))
         fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
-        finding.ask("time_unit", clock := (fits or ["s"])[0], step=step)
-        second = TIME_UNITS[clock]
+        odd = f"{step:g}, at a rate from {RATES[0]:g} to {RATES[1]:g} Hz in none of the units"
+        finding.ask("time_unit", fits[0] if fits else None, step=f"{step:g}" if fits else odd)
+        second = TIME_UNITS[fits[0]] if fits else 1.0
     if not angled:
         first = log.signals.get("actual", np.hstack([*log.signals.values()]))
         greatest = float(np.abs(without_damage(first)).max())
@@ -237,6 +246,8 @@ def _add_tracking(
     """
     time, angles = log.time - log.time[0], []
     rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # nominal rate
+    if rate > RATES[1]:  # the times are in an unknown unit
+        return
     try:
         pairing = find_pairing(*(without_damage(log.signals[name]) for name in ANGLES), rate)
         for name, factor in zip(ANGLES, (1.0, abs(pairing.factor[0])), strict=True):
@@ -257,6 +268,13 @@ def _add_tracking(
         finding.ask("pairing", value, quantity=quantity, without=without, option=option)
     actual, target = pairing.apply(actual, target)
     standing, late = standing_joints(actual, target), lag(target, actual, rate)
+    finding.count({"missing_samples": dropped_frames(time)})
+    moving, joints = ~standing, names or [f"joint {n}" for n in range(1, len(standing) + 1)]
+    pair = actual[:, moving], target[:, moving], rate, JointLogSection.mismatch
+    try:
+        require_pair(*pair, np.array(joints)[moving])
+    except RecordingError as error:
+        finding.stops.append(error.message)
     missing = tracking_errors(actual, target)[~standing].max(initial=0.0)
     finding.facts["command"] = (
         f"tracking error {missing:.2g} of the motion (0.9 quantile), lag {1e3 * late:.2g} ms"
