@@ -195,7 +195,7 @@ TAKES = [
     kind("28", take(**CAPPED, length=700), "bytes or more; the file has 700", stops=True),
     kind("29", cut_motive, "lacking frames", "frames", at="take.csv"),
     kind("unit", lambda folder: (cut_motive(folder), (file := folder / "take.csv").write_text(
-        re.sub(r",-?\d", ",0", file.read_text()).replace("Meters", "Millimeters"))),
+        re.sub(r",-?\d\.(\d{6})", r",0.\1", file.read_text()).replace("Meters", "Millimeters"))),
         "markers lie within", stops=True),
     kind("29", cut_rows, "dataset.mocap.unit", "4 lacking frames"),
     kind("29", fewer_messages, "announces 21 messages and holds 20", inside="take", stops=True),
