@@ -194,7 +194,8 @@ TAKES = [
     kind("28", take(frames=65535), "frames 65535"),
     kind("28", take(**CAPPED, length=700), "bytes or more; the file has 700", stops=True),
     kind("29", cut_motive, "lacking frames", "frames", at="take.csv"),
-    kind("unit", lambda folder: (cut_motive(folder), (file := folder / "take.csv").write_text(
+    kind("unit", lambda folder: (write_motive(file := folder / "take.csv", random_take(9, 2,
+        body=False), start=START), file.write_text(
         re.sub(r",-?\d\.(\d{6})", r",0.\1", file.read_text()).replace("Meters", "Millimeters"))),
         "markers lie within", stops=True),
     kind("29", cut_rows, "dataset.mocap.unit", "4 lacking frames"),
