@@ -138,9 +138,9 @@ class ExportedErrors(Exported):
     """
 
     def predict(self, errors: ndarray, commands: ndarray, steps: int) -> tuple[ndarray, ndarray]:
-        """Return mean (n,) in rad and covariance (n, n) in rad² of the error ``steps`` samples
-        after the last of the known ``errors`` (K, n); ``commands`` (K + steps, n) are the commanded
-        angles in rad at these samples and the next ones.
+        """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
+        included, ``steps`` samples after the last of the known ``errors`` (K, n); ``commands``
+        (K + steps, n) are the commanded angles in rad at these samples and the next ones.
         """
         return self.law.predict(*self._histories(errors, commands), steps)
 

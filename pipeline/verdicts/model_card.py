@@ -38,11 +38,9 @@ def answer(run: Run) -> str:
             values = parameters[column] * (1e6 if "µrad" in name else 1.0)
             law[name] = values.map("{:.3g}".format, na_action="ignore").astype(object)
         fastest, still = _speeds(t["motion_ranges"])
-        words |= {
-            "horizons": at_horizons(scores, model),
-            "fastest": fastest,
-            "still": [*still.index],
-        }
+        words |= {"horizons": at_horizons(scores, model), "fastest": fastest}
+        resting = faults_of(scores[scores["samples"] == "at rest"], model)
+        words |= {"still": [*still.index], "resting": resting}
         words["law"] = pd.DataFrame(law).fillna(MISSING).to_numpy()
     unused = t["unused_recordings"][["recording", "reason"]].to_numpy()
     return render("answer.md", unused=unused, **words)

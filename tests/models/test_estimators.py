@@ -242,14 +242,8 @@ def correlated(takes: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def recording(chain, poses, step, noise: np.ndarray) -> Recorded:
-    return Recorded(
-        chain,
-        np.broadcast_to(poses[: noise.shape[1]], noise.shape),
-        np.tile(step, (noise.shape[1], 1)),
-        noise,
-        ("a", "b", "c"),
-        MEASUREMENT,
-    )
+    q, v = np.broadcast_to(poses[: noise.shape[1]], noise.shape), np.tile(step, (len(noise[0]), 1))
+    return Recorded(chain, q, v, noise, ("a", "b", "c"), MEASUREMENT)
 
 
 def standard_error(data: Recorded, rng: np.random.Generator) -> float:

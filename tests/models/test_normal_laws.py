@@ -169,9 +169,7 @@ def test_the_law_of_a_step_is_that_of_algorithm_2(chain, step):
 def test_the_noise_shrinks_as_the_pose_nears_the_bound_and_is_clipped_and_counted_beyond(
     chain, step
 ):
-    """Against the paper's motivation: nearer to a singularity, the inverse form gives less
-    noise.
-    """
+    """Against the paper's motivation: nearer a singularity the inverse form gives less noise."""
     q = np.stack([np.zeros(4), np.deg2rad([100.0, 70.0, 50.0, 20.0]), np.zeros(4)], axis=-1)
     norms = frobenius(chain.inverse_jacobian(q))
     model = GaussianModel(0.1, float(norms[2]) + 0.1)

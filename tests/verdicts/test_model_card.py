@@ -104,6 +104,10 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     for speed, still in ((0.09, True), (0.11, False)):
         ranges.loc[ranges["name"] == "b", "greatest"] = speed
         assert ("stood still: b." in model_card(run, [])) == still
+    scores = run.tables["joint_scores"]
+    assert "at rest:" not in answer(run)
+    scores.loc[scores["samples"] == "at rest", "two_sigma"] = 0.7
+    assert "**Not for joints at rest:** 0.7 of the errors of a at one sample" in answer(run)
 
 
 @pytest.mark.parametrize(

@@ -91,8 +91,9 @@ def score_runs(
         for run in (run for run in runs if len(run.command) > steps + 1):
             error, inputs = run.measured - run.command, drive(run.command, run.rate, law.power)
             outlook, error = law.outlook(error, inputs, steps), error[steps:]
-            score, z = outlook.log_probability(error, run.quantum), outlook.std_share(error)
-            values = np.stack([error - outlook.mean, outlook.variance, score, z])
+            score, off = outlook.log_probability(error, run.quantum), error - outlook.mean
+            variance = outlook.variance + run.quantum**2 / 12  # of the rounded angles
+            values = np.stack([off, variance, score, z := off / np.sqrt(variance)])
             masks = np.stack([counted(run, steps), ~run.moving[steps:]])
             block = np.arange(len(z)) * blocks // len(z) + 1
             parts.append((values, masks, block[None, :, None]))

@@ -53,12 +53,8 @@ class Outlook(NamedTuple):
     """Law of the errors h samples after the last of the known ones, Student's t or normal."""
 
     mean: ndarray  # (..., n) rad
-    variance: ndarray  # (..., n) rad²
+    variance: ndarray  # (..., n) rad², before the angles are rounded to their quantum
     degrees: ndarray  # (n,)
-
-    def std_share(self, error: ndarray) -> ndarray:
-        """(..., n) deviation of ``error`` from the mean in predicted standard deviations."""
-        return (error - self.mean) / np.sqrt(self.variance)
 
     def log_probability(self, error: ndarray, quantum: ndarray) -> ndarray:
         """(..., n) ln of the probability of the cell of width ``quantum`` (n,) in rad around
@@ -219,9 +215,9 @@ class JointErrorModel(MotionModel):
         return Outlook(mean, variance, self.degrees)
 
     def predict(self, errors: ndarray, commands: ndarray, steps: int) -> tuple[ndarray, ndarray]:
-        """Return mean (n,) in rad and covariance (n, n) in rad² of the error ``steps`` samples
-        after the last of the known ``errors`` (K, n). ``commands`` (K + steps, n) are the commanded
-        angles at these samples and the next ``steps``.
+        """Return mean (n,) in rad and covariance (n, n) in rad² of the recorded error, its rounding
+        included, ``steps`` samples after the last of the known ``errors`` (K, n). ``commands``
+        (K + steps, n) are the commanded angles at these samples and the next ``steps``.
         """
         if len(commands) != len(errors) + steps or steps < 1:
             message = f"commands must have a row for each of the {len(errors)} errors and each of "
@@ -229,7 +225,7 @@ class JointErrorModel(MotionModel):
         known = np.concatenate([errors, np.tile(errors[-1:], (steps, 1))])
         inputs = drive(commands, self.rate, self.power)
         law = self.outlook(known, inputs, steps)
-        return law.mean[-1], np.diag(law.variance[-1])
+        return law.mean[-1], np.diag(law.variance[-1] + self.quantum**2 / 12)
 
     def innovation_std(self, inputs: Drive) -> ndarray:
         """(N, n) s in rad at every sample."""
