@@ -153,8 +153,7 @@ def encoder_noise(errors: ndarray, dt: float) -> EncoderNoise:
     first = np.maximum(np.arange(steps) - window, 0)
     last = np.minimum(np.arange(steps) + window + 1, steps)
     freedom = (takes - 1) * (last - first)[:, None, None]
-    covariance = (total[last] - total[first]) / freedom
-    return EncoderNoise(bias, covariance, lasting * dt, dt)
+    return EncoderNoise(bias, (total[last] - total[first]) / freedom, lasting * dt, dt)
 
 
 def _encoder_takes(dataset: Dataset, joints: pd.DataFrame) -> list[Measurements]:

@@ -119,8 +119,7 @@ def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -
 
 def servo_times(motion: Commanded, options: DynamicsOptions) -> np.ndarray:
     """Return the servo's times (N,) in s, from 50 servo steps before to 50 after the motion."""
-    dt = 1.0 / options.rate
-    return np.arange(-50, round(motion.duration * options.rate) + 51) * dt
+    return np.arange(-50, round(motion.duration * options.rate) + 51) * (1.0 / options.rate)
 
 
 def true_chain(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Chain:
@@ -224,8 +223,7 @@ class Session(NamedTuple):
 def open_session(nominal: Chain, options: DynamicsOptions, rng: Generator) -> Session:
     """Draw the arm and the encoders' zeros; ConfigError for options of another arm."""
     built = true_chain(nominal, options, rng)
-    zeros = options.encoder_offset_std * rng.standard_normal(len(nominal.lower))
-    return Session(built, zeros)
+    return Session(built, options.encoder_offset_std * rng.standard_normal(len(nominal.lower)))
 
 
 class PerformedMotion(NamedTuple):

@@ -106,8 +106,7 @@ def process_noise(chain: Chain, q: ndarray, command: ndarray) -> ndarray:
     opposite sign. Raises SingularJacobianError.
     """
     chain.require_regular(q[:, :-1], what="measured pose")
-    nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], command)
-    return q[:, 1:] - nominal
+    return q[:, 1:] - (q[:, :-1] + chain.nominal_step(q[:, :-1], command))
 
 
 def mean_covariance(noise: ndarray) -> ndarray:

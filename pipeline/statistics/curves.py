@@ -219,7 +219,6 @@ def jackknifed_mean_error(error: ndarray) -> ndarray:
 def _variances(counts: ndarray, noise: ndarray) -> ndarray:
     """Return sample variances (R, M, n) of ``noise`` (takes, M, n) with weights ``counts``."""
     flat, takes = (noise - noise.mean(axis=0)).reshape(len(noise), -1), counts.sum(axis=1)[:, None]
-    mean = counts @ flat / takes
-    squares = np.maximum(counts @ flat**2 / takes - mean**2, 0)
+    squares = np.maximum(counts @ flat**2 / takes - (counts @ flat / takes) ** 2, 0)
     with np.errstate(divide="ignore", invalid="ignore"):  # one take has no variance
         return (squares * takes / (takes - 1)).reshape(-1, *noise.shape[1:])

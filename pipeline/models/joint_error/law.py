@@ -182,8 +182,7 @@ class JointErrorModel(MotionModel):
 
     def residuals(self, error: ndarray, inputs: Drive) -> ndarray:
         """(N, n, 3) r, previous r and z in rad at every sample of ``error`` (N, n)."""
-        r = error - np.einsum("kji,ji->kj", inputs.mean, self.mean_gain)
-        return past_of(r, self.keep)
+        return past_of(error - np.einsum("kji,ji->kj", inputs.mean, self.mean_gain), self.keep)
 
     def variance(self, std: ndarray, ends: ndarray, steps: int, impulse: ndarray) -> ndarray:
         """(len(ends), n) variances in rad² of the errors at samples ``ends``, given those ``steps``
@@ -223,8 +222,7 @@ class JointErrorModel(MotionModel):
             message = f"commands must have a row for each of the {len(errors)} errors and each of "
             raise ModelDomainError(f"{message}the {steps} next samples, got {len(commands)}")
         known = np.concatenate([errors, np.tile(errors[-1:], (steps, 1))])
-        inputs = drive(commands, self.rate, self.power)
-        law = self.outlook(known, inputs, steps)
+        law = self.outlook(known, drive(commands, self.rate, self.power), steps)
         return law.mean[-1], np.diag(law.variance[-1] + self.quantum**2 / 12)
 
     def innovation_std(self, inputs: Drive) -> ndarray:
@@ -257,8 +255,7 @@ class JointErrorModel(MotionModel):
 
     def with_trace(self, chain: Mechanism, q: ndarray, v: ndarray, trace: float):
         """Return the law with all variances times one factor; ModelDomainError for zero noise."""
-        factor = trace_factor(self.covariance(chain, q, v), trace)
-        return replace(self, scale=factor * self.scale)
+        return replace(self, scale=trace_factor(self.covariance(chain, q, v), trace) * self.scale)
 
     def sample(self, chain: Chain, q: ndarray, v: ndarray, rng: Generator) -> ndarray:
         """(..., n) draws of a step without memory."""

@@ -52,8 +52,7 @@ def settled(command: ndarray, rate: float) -> ndarray:
     jump = change > JUMP * np.maximum(usual, SMALL)
     count = np.cumsum(np.concatenate([np.zeros_like(jump[:1]), jump]), axis=0)
     now = np.arange(1, len(command) + 1)
-    since = np.maximum(now - 1 - round(SETTLING * rate), 0)
-    return count[now] == count[since]
+    return count[now] == count[np.maximum(now - 1 - round(SETTLING * rate), 0)]
 
 
 def counted(run: JointRun, steps: int, joints: Sequence[int] | slice = slice(None)) -> ndarray:

@@ -193,5 +193,4 @@ def _mean(own: JointErrorModel, joint: JointSamples, size: float) -> tuple[ndarr
         if loss <= best[0]:
             best = (loss, penalty, gains)
     held = np.array([best[2][g] for g in joint.groups])
-    gain = ridge(*total, best[1]) / unit
-    return gain, joint.error - np.einsum("kf,kf->k", x, held)
+    return ridge(*total, best[1]) / unit, joint.error - np.einsum("kf,kf->k", x, held)

@@ -39,9 +39,8 @@ class Decomposition:
         if self.left is None and self.name in COMPUTED:
             return
         if self.left is None or self.name != "given":
-            message = f"the decomposition must be one of {', '.join(COMPUTED)}, or given with the "
-            message += "first factor of the Jacobian"
-            raise ModelDomainError(message, decomposition=self.name)
+            known = f"one of {', '.join(COMPUTED)}, or given with the first factor of the Jacobian"
+            raise ModelDomainError(f"the decomposition must be {known}", decomposition=self.name)
         try:
             matrix = np.array(self.left, dtype=float)
             regular = np.linalg.cond(matrix) * LEAST_CONDITION < 1
@@ -123,8 +122,7 @@ def _eliminate(rows: ndarray) -> None:
         for i in range(k + 1, len(rows)):
             swap = greatest == i
             rows[k], rows[i] = np.where(swap, rows[i], rows[k]), np.where(swap, rows[k], rows[i])
-        multiples = rows[k + 1 :, k] / rows[k, k]
-        rows[k + 1 :] -= multiples[:, None] * rows[k]
+        rows[k + 1 :] -= (rows[k + 1 :, k] / rows[k, k])[:, None] * rows[k]
         rows[k + 1 :, k] = 0.0  # exactly
 
 
