@@ -11,6 +11,7 @@ WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a h
 RIGHT = 1.5  # greatest factor by which the standard deviation of a calibrated law is wrong
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
+LONGEST = "0.5 s"  # the longest horizon
 SHARES = ["one_sigma", "two_sigma"]
 NUMBERS = ["score", *SHARES, "autocorrelation"]
 
@@ -95,11 +96,16 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     """Return the law that the rule chooses by the commanded samples of ``scores``, or None, and the
     reason. Laws are listed from the simplest. A law replaces a simpler one if the interval of its
     margin is above zero, or if it alone is calibrated (σ wrong by at most RIGHT) and the interval
-    is not below zero. An unsound law (:func:`faults_of`) is not chosen.
+    is not below zero. An unsound law (:func:`faults_of`) is not chosen, and no law if no joint has
+    FEW samples at the longest horizon.
     """
     moving = scores[scores["samples"] == "commanded"]
     if moving.empty:
         return None, "no joint was commanded to move"
+    longest = moving[moving["horizon"] == LONGEST].groupby(["model", "joint"])["count"].sum()
+    if not (longest >= FEW).any():
+        found = f"{longest.max() if len(longest) else 0} commanded samples of a joint at most"
+        return None, f"{found} are predicted {LONGEST} ahead (required: {FEW}); record for longer"
     best, why, refused, calibrated = None, "", [], False
     for model in dict.fromkeys(moving["model"]):
         if faults := faults_of(moving, model):

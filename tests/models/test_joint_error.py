@@ -13,7 +13,7 @@ from scipy.stats import t as student
 
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.fit import fit_joint_error
-from pipeline.models.joint_error.held_out import score_runs
+from pipeline.models.joint_error.held_out import parts_of, score_runs
 from pipeline.models.joint_error.law import Outlook, build, drive
 from pipeline.models.joint_error.likelihood import CALIBRATION, composite_loss
 from pipeline.models.joint_error.samples import counted, settled
@@ -165,3 +165,7 @@ def test_runs_shorter_than_the_longest_horizon_are_fitted_to_the_shorter_ones():
     runs = runs_of_law(known_law(), np.random.default_rng(1), motions=1, repeats=4)
     short = [replace(run, command=run.command[:45], measured=run.measured[:45]) for run in runs]
     assert not counted(short[0], 50).size and np.all(fit_joint_error(short).scale.sum(axis=1) > 0)
+    # a fourth of the rows, held out, leaves none to fit
+    runs = [replace(runs[0], command=runs[0].command[:5], measured=runs[0].measured[:5])]
+    with pytest.raises(ModelDomainError, match="too short to fit a law"):
+        parts_of(runs)

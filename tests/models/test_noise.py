@@ -18,7 +18,6 @@ from pipeline.models.steps import (
     mean_covariance,
     measurement_covariance,
     process_noise,
-    recorded_deviation,
 )
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
@@ -69,15 +68,6 @@ def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a
     # control: the noise of steps contains the white part alone
     of_steps = np.diag(measurement_covariance(np.diff(q, axis=1)[:, :9], v[:9])) / 2
     np.testing.assert_allclose(of_steps, white**2, rtol=0.2)
-
-
-def test_the_recorded_deviation_is_over_the_takes_of_steps_or_of_angles():
-    q, noise = np.random.default_rng(3).standard_normal((2, 4, 6, 3)) * [1.0, 2.0, 3.0]
-    single = recorded_deviation(q, noise[:, 1:], "one_step")
-    assert not single[0].any()
-    np.testing.assert_allclose(single[1:], np.std(noise[:, 1:], axis=0) * np.sqrt(4 / 3))
-    free = recorded_deviation(q, noise[:, 1:], "free_running")
-    np.testing.assert_allclose(free, np.std(q, axis=0) * np.sqrt(4 / 3))
 
 
 def recorded(size: float = 1e-4, m: int = 3) -> Recorded:

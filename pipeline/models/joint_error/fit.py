@@ -89,7 +89,7 @@ def fit_joint_error(
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
         raise ModelDomainError("the recorded runs have no error", runs=len(runs))
     rate, inputs = runs[0].rate, [drive(run.command, run.rate, power) for run in runs]
-    reach = np.max([np.abs(np.diff(run.command, axis=0)).max(axis=0) for run in runs], axis=0)
+    reach = np.max([np.abs(np.diff(run.command, axis=0)).max(axis=0, initial=0) for run in runs], 0)
     quantum, laws = np.max([run.quantum for run in runs], axis=0), []
     for j, joint in enumerate(runs[0].joints):
         persistent = {

@@ -12,9 +12,11 @@ import pandas as pd
 from numpy import ndarray
 from scipy.special import ndtri
 
+from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.fit import Options, fit_joint_error
 from pipeline.models.joint_error.law import JointErrorModel, drive
 from pipeline.models.joint_error.samples import HORIZONS, JointRun, counted, horizons
+from pipeline.models.joint_error.search import LEAST
 
 QUARTERS = 4  # parts of the runs of a single motion
 ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks of each, by time
@@ -26,21 +28,28 @@ MapTrials = Callable[[Callable, Sequence], Iterable]
 
 def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[JointRun]]]:
     """Part that is held out → the other runs, its runs. A part is a motion; of a single motion, a
-    quarter of every run.
+    quarter of every run. Raises ModelDomainError if no other runs have LEAST samples.
     """
     if len({run.motion for run in runs}) == 1:
         quarters = []
         for run in runs:
             ends = pairwise(np.linspace(0, len(run.command), QUARTERS + 1).astype(int))
             for number, cut in enumerate(starmap(slice, ends), 1):
+                if cut.start == cut.stop:
+                    continue
                 own = {"command": run.command[cut], "measured": run.measured[cut]}
                 quarters.append(replace(run, **own, motion=f"quarter {number}"))
         runs = quarters
-    names = dict.fromkeys(run.motion for run in runs)
-    return {
-        name: ([r for r in runs if r.motion != name], [r for r in runs if r.motion == name])
-        for name in names
-    }
+    parts = {}
+    for name in dict.fromkeys(run.motion for run in runs):
+        others = [run for run in runs if run.motion != name]
+        if sum(len(run.command) for run in others) >= LEAST:
+            parts[name] = others, [run for run in runs if run.motion == name]
+    if not parts:
+        message = "the runs are too short to fit a law to a part of them and score it on the rest: "
+        found = sum(len(run.command) for run in runs)
+        raise ModelDomainError(f"{message}record longer motions", samples=found, required=2 * LEAST)
+    return parts
 
 
 def held_out(
