@@ -4,8 +4,8 @@ import csv
 import io
 import re
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -35,8 +35,7 @@ KNOWN = {unit for units in UNITS.values() for unit in units}
 UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")  # label and its unit in brackets
 
 
-@dataclass(frozen=True)
-class Text:
+class Text(NamedTuple):
     """Complete lines of a file, and the text ``cut`` after the last line end, or None. No reader
     uses ``cut``, since a number in it may have lost digits.
     """

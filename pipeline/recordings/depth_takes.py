@@ -180,15 +180,13 @@ def on_motion_clock(take: CameraTake, depth: Depth, arm: Arm) -> tuple[pd.DataFr
         seen = seen.groupby("t").mean(skipna=False).dropna()
         path = seen.index.to_numpy(), np.ascontiguousarray(seen.to_numpy())
         found = find_offset(*signals, *path, search=search, take=name)
-        offset, errors = (
-            found.value,
-            {
-                "clock_offset_standard_error": (found.standard_error, "s"),
-                "clock_drift": (found.drift, "s/s"),
-                "clock_drift_standard_error": (found.drift_standard_error, "s/s"),
-                "clock_correlation": (found.correlation, "1"),
-            },
-        )
+        offset = found.value
+        errors = {
+            "clock_offset_standard_error": (found.standard_error, "s"),
+            "clock_drift": (found.drift, "s/s"),
+            "clock_drift_standard_error": (found.drift_standard_error, "s/s"),
+            "clock_correlation": (found.correlation, "1"),
+        }
         if len(take.joints) > 1 and len(observed) >= FEWEST_FRAMES:
             own, *others = camera_residuals(signals, take.joints, arm, search)
             share = residual_share(signals[1], own, others)

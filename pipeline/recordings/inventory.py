@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator
+from functools import reduce
 from pathlib import Path
 
 import pandas as pd
@@ -125,9 +126,7 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     for part, keys in KEYS.items():
         places = set()
         for key in keys.split():
-            value = dataset
-            for name in key.split("."):
-                value = getattr(value, name, None)
+            value = reduce(lambda at, name: getattr(at, name, None), key.split("."), dataset)
             if isinstance(value, dict):  # of arrangements
                 value = [one.file for one in value.values()]
             for pattern in [value] if isinstance(value, str) else value or ():

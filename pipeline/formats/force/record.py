@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.core.errors import RecordingError
+from pipeline.formats import rosbag
 from pipeline.formats.delimited import UNITS, bare, plain_unit, spelled
 from pipeline.formats.force.calibration import Calibration
 from pipeline.formats.format import Format, Kind
@@ -276,11 +277,8 @@ def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRe
     Raises RecordingError for an unreadable bag, for no topic or several; with the sample number
     (from 0), where a value is not finite or the time decreases.
     """
-    # here, since most force logs are no bags
-    from pipeline.formats.rosbag import choose_topic, messages
-
-    topic = choose_topic(file, WRENCH, options.topic)
-    samples = np.array([*messages(file, topic, _sample)])
+    topic = rosbag.choose_topic(file, WRENCH, options.topic)
+    samples = np.array([*rosbag.messages(file, topic, _sample)])
     if not (finite := np.isfinite(samples).all(axis=1)).all():
         where = {"file": file, "topic": topic, "sample": int(np.argmin(finite))}
         raise RecordingError("a force or torque is not finite", **where)
@@ -288,11 +286,8 @@ def read_force_bag(file: Path, options: ForceLogOptions = NO_OPTIONS) -> ForceRe
 
 
 def _sample(message: object) -> list[float]:
-    from pipeline.formats.rosbag import seconds
-
-    wrench = message.wrench
-    axes = [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]
-    return [seconds(message), *axes]
+    parts = message.wrench.force, message.wrench.torque
+    return [rosbag.seconds(message), *(getattr(part, axis) for part in parts for axis in "xyz")]
 
 
 FORMAT = (

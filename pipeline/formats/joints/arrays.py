@@ -8,21 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from scipy.io import loadmat
 
 from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import UNITS, unit_in_name
 from pipeline.formats.format import Format, Head, Kind, begins, read_alone
+from pipeline.formats.joints import names as meanings
 from pipeline.formats.joints.log import OPTION, JointLog, LogOptions, increasing
-from pipeline.formats.joints.names import (
-    clocks_of,
-    columns_by_name,
-    is_names,
-    joint_parts,
-    possibly_speed,
-    signals_of_groups,
-    states_joints,
-)
 
 HDF5 = (b"MATLAB 7.3", b"\x89HDF")  # HDF5 files, which may also have the suffix .mat
 MEMBER = slice(30, 286)  # bytes of a ZIP file that contain the name of its first member
@@ -47,12 +40,13 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         data[name] = (data[name] - np.zeros(1, data[name].dtype)) / np.timedelta64(1, "s")
     data = {name: one for name, one in data.items() if name not in words}
     vectors = {name: one for name, one in data.items() if one.ndim == 1}
-    for name, group in columns_by_name([*vectors]).items():
+    for name, group in meanings.columns_by_name([*vectors]).items():
         own = [vectors[label] for label in group]
         if name not in data and len(own) > 1 and len({*map(len, own)}) == 1:
             data[name] = np.column_stack(own)
-            words |= {"joint_names": joint_parts(group)} if states_joints(group) else {}
-    times, advice = clocks_of(vectors), ""
+            if meanings.states_joints(group):
+                words["joint_names"] = meanings.joint_parts(group)
+    times, advice = meanings.clocks_of(vectors), ""
     lengths = {len(data[name]) for name in times}
     groups, columns = {}, {}  # array → labels of its columns, label → numbers (N,)
     for name, one in data.items():
@@ -89,8 +83,8 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     if {*wanted} - {*chosen}:
         tables = {name: data[name].astype(float) for name in groups if data[name].ndim == 2}
         with np.errstate(over="ignore", invalid="ignore"):  # damaged numbers may be huge or NaN
-            found, guessed = signals_of_groups({name: [name] for name in tables}, tables, time)
-        if guessed and not possibly_speed(found["target"]):
+            found, guessed = meanings.signals_of_groups({n: [n] for n in tables}, tables, time)
+        if guessed and not meanings.possibly_speed(found["target"]):
             advice = f". {'; '.join(guessed.values())}: signals may be {found}".replace("'", "")
             del found["target"]
         chosen = found | chosen
@@ -109,7 +103,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
         message = f"{len(time)} times for {rows} angles; save one row of joints for each time"
         raise RecordingError(message, file=file, array=clock)
     width = {rows.shape[1] for rows in signals.values()}
-    stated = (tuple(one) for name, one in words.items() if is_names(name) and {len(one)} == width)
+    stated = (tuple(w) for n, w in words.items() if meanings.is_names(n) and {len(w)} == width)
     units = {"time_unit": "s" * (second != ""), "angle_unit": "rad" * all(units.values())}
     log = JointLog(time, signals, {}, next(stated, ()), **units)
     return increasing(log, lambda row: {"file": file, "array": clock, "row": row})
@@ -150,8 +144,6 @@ def _numeric(value: object) -> np.ndarray:
 
 def _mat(file: Path) -> Arrays:
     """Return the matrices of a MATLAB file; ``rec.q`` is the matrix ``q`` in the struct ``rec``."""
-    from scipy.io import loadmat  # here, since few logs are MATLAB files
-
     arrays = dict(_flatten("", loadmat(file, simplify_cells=True)))
     # MATLAB stores a vector as a matrix with one row or one column
     return {name: one.ravel() if 1 in one.shape else one for name, one in arrays.items()}

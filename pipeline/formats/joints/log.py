@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.core.angles import unwrap
 from pipeline.core.errors import RecordingError
+from pipeline.formats import rosbag
 from pipeline.formats.delimited import UNITS, spelled
 from pipeline.formats.format import Format, Head, Kind, is_bag
 from pipeline.formats.joints.names import is_names, match_joints, named_like, states_joints
@@ -204,9 +205,7 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
 
 def _topics(file: Path, options: LogOptions) -> dict[str, str]:
     """Return signal → topic by the options, else by the topics' names; always with ``actual``."""
-    from pipeline.formats.rosbag import topics  # here, since most logs are no bags
-
-    present = sorted(name for name, kind in topics(file).items() if kind == JOINT_STATE)
+    present = sorted(name for name, kind in rosbag.topics(file).items() if kind == JOINT_STATE)
     chosen = {}
     for signal, columns in {"actual": None, **(options.signals or {"target": None})}.items():
         fits = [*columns] if columns else named_like(signal, present) if signal in ANGLES else []
@@ -223,19 +222,15 @@ def _topics(file: Path, options: LogOptions) -> dict[str, str]:
 
 def _sample(message: object, name: str) -> tuple[float, dict[str, float]]:
     """Return the time in s and joint → value in the field ``name``, NaN for a missing value."""
-    from pipeline.formats.rosbag import seconds
-
     values = np.asarray(getattr(message, name)).tolist()
     present = dict(zip(message.name, values, strict=False))
-    return seconds(message), dict.fromkeys(message.name, np.nan) | present
+    return rosbag.seconds(message), dict.fromkeys(message.name, np.nan) | present
 
 
 def _read_topic(file: Path, topic: str, signal: str, joints: tuple[str, ...]) -> JointLog:
     """Return the ``signal`` of the ``joints`` (default the joints of the longest message)."""
-    from pipeline.formats.rosbag import messages
-
     name, where = FIELDS.get(signal, "effort"), {"file": file, "topic": topic}
-    samples = [*messages(file, topic, partial(_sample, name=name))]
+    samples = [*rosbag.messages(file, topic, partial(_sample, name=name))]
     joints = joints or tuple(max((values for _, values in samples), key=len, default=()))
     numbers = [n for n, (_, values) in enumerate(samples) if {*joints} & {*values}]
     if not numbers:
@@ -256,10 +251,8 @@ def _read_topic(file: Path, topic: str, signal: str, joints: tuple[str, ...]) ->
 def _begins(head: Head) -> bool:
     if not is_bag(head.file):
         return False
-    from pipeline.formats.rosbag import topics
-
     try:
-        return JOINT_STATE in topics(head.file).values()
+        return JOINT_STATE in rosbag.topics(head.file).values()
     except RecordingError:
         return False  # the error of the bag reader tells the reason
 

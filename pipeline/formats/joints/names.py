@@ -4,9 +4,9 @@ names of its arrays and columns, and by their values where the words are ambiguo
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,8 +28,7 @@ for _mark in (word for word in WORDS["measured"] | WORDS["commanded"] if len(wor
         SHORT |= dict.fromkeys(_joined, f"{_mark} {_quantity}")
 
 
-@dataclass(frozen=True)
-class Meaning:
+class Meaning(NamedTuple):
     """Role and quantity in the name of an array or a column."""
 
     role: str  # actual, target, or empty

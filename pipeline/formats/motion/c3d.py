@@ -157,11 +157,8 @@ def read_contents(file: str, header: C3dHeader | None = None, frames: int = 0) -
     """
     if header is None:
         # open by descriptor, since the library refuses names that are not UTF-8
-        descriptor = os.open(file, os.O_RDONLY)
-        try:
-            return _contents(descriptor)
-        finally:
-            os.close(descriptor)
+        with Path(file).open("rb") as stream:
+            return _contents(stream.fileno())
     content, parts = Path(file).read_bytes(), []
     for first in range(0, frames, LONGEST - 1):
         count, above = min(LONGEST - 1, frames - first), bytearray(content[: header.start])

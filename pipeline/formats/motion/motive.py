@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pipeline.core.bounds import require
 from pipeline.core.errors import RecordingError
@@ -196,8 +197,6 @@ def _rows(text: Text, header: Header, file: Path) -> tuple[list[str], list[int],
 
 def _quaternion(rotation: dict[str, np.ndarray], order: str, file: Path) -> np.ndarray:
     """Return quaternions (N, 4) x, y, z, w from quaternions or Euler angles (°) in ``order``."""
-    from scipy.spatial.transform import Rotation
-
     if {*rotation} == {*"XYZW"}:
         return np.stack([rotation[axis] for axis in "XYZW"], axis=-1)
     if {*rotation} != {*"XYZ"} or sorted(order) != ["X", "Y", "Z"]:

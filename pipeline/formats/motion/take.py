@@ -171,8 +171,7 @@ def checked_take(
 
     markers = {name: check_position(position, name) for name, position in raw.markers.items()}
     seen = np.vstack([np.empty((0, 3)), *markers.values()])
-    seen = seen[np.isfinite(seen).all(axis=1)]
-    extent = float(np.ptp(seen, axis=0).max()) if len(seen) else 0.0
+    extent = np.ptp(seen[np.isfinite(seen).all(axis=1)], axis=0).max() if np.any(seen > 0) else 0
     if len(markers) > 1 and 0 < extent < NEAREST:
         message = (
             f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than the size"

@@ -15,6 +15,7 @@ from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, bare, spelled
 from pipeline.formats.depth.image import dropped_frames
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
+from pipeline.formats.joints import names as meanings
 from pipeline.formats.joints.log import (
     BAG,
     OPTION,
@@ -24,34 +25,9 @@ from pipeline.formats.joints.log import (
     names_in_cells,
     read_joint_table,
 )
-from pipeline.formats.joints.names import (
-    COUNTERS,
-    clocks_of,
-    joint_parts,
-    meaning,
-    named_like,
-    other_content,
-    signals_of,
-    states_joints,
-    words_of,
-)
 from pipeline.formats.number_sheet import Sheet
-from pipeline.recordings.commands import (
-    find_pairing,
-    require_pair,
-    standing_joints,
-    suspects,
-    tracking_errors,
-)
+from pipeline.recordings import commands, movement
 from pipeline.recordings.lags import lag
-from pipeline.recordings.movement import (
-    CLOCK_TOLERANCE,
-    UNWRAPPED,
-    require_fresh,
-    require_plausible,
-    smoothness_by_rows,
-    without_damage,
-)
 from pipeline.recordings.repetitions import excursions
 from pipeline.tools.inspect.finding import Finding
 
@@ -78,8 +54,8 @@ def add_joint_log(finding: Finding, form: Format) -> None:
     time = record.time
     finding.timed(time)
     steps = np.diff(time)
-    if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > CLOCK_TOLERANCE).any():
-        smoother = smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
+    if len(steps) > 3 and (np.abs(steps * finding.rate - 1) > movement.CLOCK_TOLERANCE).any():
+        smoother = movement.smoothness_by_rows(time, np.hstack([*signals.values()]), finding.rate)
         likely, jitter = "rows" if smoother > 1 else "times", 1e3 * float(steps.std())
         finding.ask("clock", likely, jitter=jitter, smoother=smoother)
     if {*ANGLES} <= {*signals}:
@@ -110,8 +86,8 @@ def add_table(finding: Finding, form: Format) -> None:
     clocks = [n for n, step in steps.items() if later(step, 0).all() and step.any()]
     facts["timed"] = 0 in clocks
     columns = {labels[n]: column for n, column in values.items()} if labels else {}
-    named = [labels.index(name) for name in clocks_of(columns)]
-    counted = bool(labels) and not COUNTERS.isdisjoint(words_of(labels[0]))
+    named = [labels.index(name) for name in meanings.clocks_of(columns)]
+    counted = bool(labels) and not meanings.COUNTERS.isdisjoint(meanings.words_of(labels[0]))
     clocks = [n for n in named if n in clocks] or [0] * (facts["timed"] and not counted)
     clock = next(iter(clocks or named), None)
     if clocks:
@@ -123,13 +99,13 @@ def add_table(finding: Finding, form: Format) -> None:
     signals: dict[str, list[str]] = {}
     if len(columns) == len(values):  # labels are unique
         time = values[clock] if clocks else None
-        signals, guesses = signals_of([*columns], time, columns.__getitem__)
+        signals, guesses = meanings.signals_of([*columns], time, columns.__getitem__)
         if certain := {name: own for name, own in signals.items() if name not in guesses}:
             facts["signals"] = certain
         if guesses:
             each = ", ".join(f"{name}: [{', '.join(own)}]" for name, own in signals.items())
             finding.ask("signals", f"{{{each}}}", reasons="; ".join(guesses.values()))
-    other = other_content(labels, [sheet.unit(n) for n in range(len(labels))])
+    other = meanings.other_content(labels, [sheet.unit(n) for n in range(len(labels))])
     if other and not signals:
         finding.version = f"of {other}"
     elif sheet.width == 1:
@@ -146,7 +122,8 @@ def _add_signals(
     """Add units, joints and tracking of the labelled ``signals``, as the stages read them, with the
     time in the column ``clock``.
     """
-    labels, first = sheet.labels, sheet.labels.index(signals["actual"][0])
+    labels, actual = sheet.labels, signals["actual"]
+    first = labels.index(actual[0])
     units = {"time_unit": clock is not None and sheet.unit(clock, "time")}
     units["angle_unit"] = sheet.unit(first, "angle")
     units = {key: spelled(unit or "") for key, unit in units.items()}
@@ -155,9 +132,9 @@ def _add_signals(
     stated = {"time_unit": clock, "angle_unit": first}
     own = {bare(labels[stated[key]]): unit for key, unit in known.items()}
     finding.units = own | finding.units
-    names = joint_parts(signals["actual"]) if states_joints(signals["actual"]) else []
+    names = meanings.joint_parts(actual) if meanings.states_joints(actual) else []
     try:
-        names = names_in_cells(sheet, len(signals["actual"])) or names
+        names = names_in_cells(sheet, len(actual)) or names
         log = log_of_sheet(sheet, LogOptions(**options, **known))
     except RecordingError as error:
         finding.refuse(error)
@@ -183,11 +160,12 @@ def compare_tables(findings: Sequence[Finding]) -> None:
             folders.setdefault(finding.file.parent, {})[finding.file.stem] = finding
     for inside in folders.values():
         tables = {name: one for name, one in inside.items() if one.facts.get("timed")}
-        named = {role: named_like(role, tables) for role in ANGLES}
+        named = {role: meanings.named_like(role, tables) for role in ANGLES}
         if [*map(len, named.values())] != [1, 1]:
             continue
-        means = {name: meaning(name) for name in tables if meaning(name).role == "target"}
-        named["speed"] = [name for name, each in means.items() if each.quantity == "velocity"]
+        means = {name: meanings.meaning(name) for name in tables}
+        speed = "target", "velocity"
+        named["speed"] = [n for n, each in means.items() if (each.role, each.quantity) == speed]
         roles = {role: tables[names[0]] for role, names in named.items() if len(names) == 1}
         for role, one in roles.items():
             one.facts["role"] = role
@@ -222,7 +200,7 @@ def _in_units(
         second = TIME_UNITS[fits[0]] if fits else 1.0
     if not angled:
         first = log.signals.get("actual", np.hstack([*log.signals.values()]))
-        greatest = float(np.abs(without_damage(first)).max())
+        greatest = float(np.abs(movement.without_damage(first)).max())
         angle = ANGLE_UNITS["deg"] if greatest > MOST_TURNS * TURN else 1.0
         if angle == 1.0 or (first % 1).any():
             finding.ask("angle_unit", "rad" if angle == 1.0 else "deg", greatest=greatest)
@@ -232,7 +210,7 @@ def _in_units(
             finding.ask("encoder_counts", counts=counts, angle=angle, **ends)
     signals = {name: values * angle for name, values in log.signals.items()}
     if "actual" in signals:
-        sound = without_damage(signals["actual"])
+        sound = movement.without_damage(signals["actual"])
         finding.facts["range"] = [sound.min(axis=0).tolist(), sound.max(axis=0).tolist()]
     return replace(log, time=log.time * second, signals=signals)
 
@@ -249,33 +227,34 @@ def _add_tracking(
     if rate > RATES[1]:  # the times are in an unknown unit
         return
     try:
-        pairing = find_pairing(*(without_damage(log.signals[name]) for name in ANGLES), rate)
+        sound = [movement.without_damage(log.signals[name]) for name in ANGLES]
+        pairing = commands.find_pairing(*sound, rate)
         for name, factor in zip(ANGLES, (1.0, abs(pairing.factor[0])), strict=True):
             where, values = {"signal": name, "lines": log.lines}, log.signals[name] * factor
             names = tuple((labels or {}).get(name, log.joints))
-            require_plausible(values, time, names, True, "rad", **where)
+            movement.require_plausible(values, time, names, True, "rad", **where)
             values, removed = unwrap(values, time, names, **where)
-            finding.count({UNWRAPPED: removed + finding.gaps.get(UNWRAPPED, 0)})
+            finding.count({movement.UNWRAPPED: removed + finding.gaps.get(movement.UNWRAPPED, 0)})
             angles.append(values / factor)
-        require_fresh(*angles, rate)
+        movement.require_fresh(*angles, rate)
     except PipelineError as error:
         finding.stops.append(str(error))
         return
     actual, target = angles
     actual = actual + TURN * whole_turns(target, actual)
-    pairing = find_pairing(actual, target, rate)
-    for quantity, option, value, without in suspects(pairing, actual, target, rate):
+    pairing = commands.find_pairing(actual, target, rate)
+    for quantity, option, value, without in commands.suspects(pairing, actual, target, rate):
         finding.ask("pairing", value, quantity=quantity, without=without, option=option)
     actual, target = pairing.apply(actual, target)
-    standing, late = standing_joints(actual, target), lag(target, actual, rate)
+    standing, late = commands.standing_joints(actual, target), lag(target, actual, rate)
     finding.count({"missing_samples": dropped_frames(time)})
     moving, joints = ~standing, names or [f"joint {n}" for n in range(1, len(standing) + 1)]
     pair = actual[:, moving], target[:, moving], rate, JointLogSection.mismatch
     try:
-        require_pair(*pair, np.array(joints)[moving])
+        commands.require_pair(*pair, np.array(joints)[moving])
     except RecordingError as error:
         finding.stops.append(error.message)
-    missing = tracking_errors(actual, target)[~standing].max(initial=0.0)
+    missing = commands.tracking_errors(actual, target)[~standing].max(initial=0.0)
     finding.facts["command"] = (
         f"tracking error {missing:.2g} of the motion (0.9 quantile), lag {1e3 * late:.2g} ms"
         if np.isfinite(late)
