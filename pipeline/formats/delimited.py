@@ -16,6 +16,7 @@ from pipeline.formats.format import decoded, file_content
 
 # alternatives begin with different characters, so that no text takes long to match
 NUMBER = re.compile(r"\s*[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?\s*")
+QUOTED_DECIMAL = re.compile(r'"[+-]?(\d+,(\d{1,2}|\d{4,})|0+,\d+)"')  # "1,250" may be a thousand
 GREATEST = 1e20  # greatest measured number: above any time in ns, and its square is finite
 # blank cell, and words of C runtimes, Python, MATLAB and spreadsheets for a missing number
 MISSING = ("", "NaN", "nan", "NAN", "-nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "None", "none")
@@ -131,13 +132,9 @@ def split_line(line: str, mark: str) -> list[str]:
 
 
 def has_quoted_decimals(lines: list[str]) -> bool:
-    """Return whether numbers in quotes have a decimal comma, as "0,25", and no number a point;
-    "1,250" may be a thousand.
-    """
+    """Return whether numbers in quotes have a decimal comma, and no number a point."""
     text = "\n".join(lines)
-    quoted = re.findall(r'(?<=")[+-]?\d+,\d+(?=")', text)
-    decimal = any(not re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", cell) for cell in quoted)
-    return decimal and not re.search(r";|\d\.\d", text)
+    return bool(QUOTED_DECIMAL.search(text)) and not re.search(r";|\d\.\d", text)
 
 
 def is_number(cell: str) -> bool:

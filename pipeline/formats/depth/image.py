@@ -9,8 +9,8 @@ bytes.
 import io
 import re
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -37,16 +37,14 @@ PARAMETERS += (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-@dataclass(frozen=True)
-class RawDepth:
+class RawDepth(NamedTuple):
     """Image (H, W) uint16 or float32 of the sensor's software; ``description`` of a TIFF."""
 
     pixels: np.ndarray
     description: str = ""
 
 
-@dataclass(frozen=True)
-class Encoding:
+class Encoding(NamedTuple):
     """Conversion of stored values to m (section ``dataset.depth``).
 
     ``kind`` is ``plain`` (the value is the depth), ``rotated_bits`` (depth, its bits rotated left
@@ -163,8 +161,7 @@ def write_depth(file: Path, raw: np.ndarray) -> None:
     Path(file).write_bytes(cv2.imencode(".png", raw, PARAMETERS)[1].tobytes())
 
 
-@dataclass(frozen=True)
-class DepthIndex:
+class DepthIndex(NamedTuple):
     """N frames: increasing ``time`` (N,) in s by the sensor, and ``files`` in the take's folder."""
 
     time: np.ndarray

@@ -116,9 +116,8 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
             raise RecordingError(message, **where)
         if quantity in checked and unit in known:
             stated[kind][unit] = quantity
-        # metres of a linear joint
-        length = UNITS["length"].get(unit, 1.0) if kind == "angle" else 1.0
-        factors.append(known[unit if unit in known else given] * length)
+        lengths = UNITS["length"] if kind == "angle" else {}  # of linear joints
+        factors.append(known.get(unit) or known[given] * lengths.get(unit, 1.0))
     for kind, units in stated.items():  # columns of several units need no single one
         if units and (given := getattr(options, f"{kind}_unit")) not in units:
             unit, quantity = next(iter(units.items()))

@@ -27,7 +27,7 @@ from pipeline.core.bounds import MIB, require
 from pipeline.core.errors import RecordingError
 from pipeline.formats.delimited import MISSING, NUMBER, Text, cells_of
 from pipeline.formats.motion import take as capture
-from pipeline.formats.motion.take import MotionTake, RigidBody
+from pipeline.formats.motion.take import STRAY, MotionTake, RigidBody
 
 BODY_ROWS = ("rigidbody", "trackable")
 ROW_TYPES = ("comment", "info", "righthanded", "lefthanded", "frame", *BODY_ROWS)
@@ -65,11 +65,6 @@ def _blocks(cells: list[str], *widths: int) -> Iterator[list[list[str]]]:
         raise ValueError("the row has more cells than its counts state")
 
 
-def stray(name: str) -> bool:
-    """Return whether a marker of this ``name`` has no name of its own."""
-    return capture.STRAY.fullmatch(name) is not None
-
-
 def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     """Return the take in ``text`` of version 1.0 or 1.1; see :func:`..motive.read_motive`."""
     infos, bodies, defined, previous = {"version": "1.0"}, {}, [], None  # bodies: ID → name
@@ -98,7 +93,7 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
                 poses += [(k, bodies[int(one[0])], *_numbers(one[1:])[:7]) for one in tracked]
                 seen += [(k, one[3], one[-1], *_numbers(one[:3])) for one in markers]
                 names = [bodies[int(one[0])] for one in tracked]
-                names += [f"{MARKER}{one[-1]}" for one in markers if not stray(one[-1])]
+                names += [f"{MARKER}{one[-1]}" for one in markers if not STRAY.fullmatch(one[-1])]
                 if twice := next((name for name in names if names.count(name) > 1), ""):
                     raise ValueError(f"two assets are named {twice.removeprefix(MARKER)!r}")
             elif kind in BODY_ROWS and not times:
@@ -122,7 +117,7 @@ def read_rows(text: Text, file: Path, unit: str | None) -> MotionTake:
     counts |= capture.compare_frames(infos.get("framecount", ""), len(frame))
     poses = pd.DataFrame(poses, columns=["k", "name", *POSE])
     seen = pd.DataFrame(seen, columns=["k", "id", "name", *"xyz"])
-    lost = seen["name"].map(stray).astype(bool)
+    lost = seen["name"].str.fullmatch(STRAY).astype(bool)
     more = {"stray_ids": seen["id"][lost].nunique(), "stray_samples": int(lost.sum())}
     order = seen[lost].groupby("k").cumcount() + 1
     seen.loc[lost, "name"] = [f"Unlabeled {n}" for n in order]

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +27,7 @@ BEFORE = ("solved_replaced", "solved_only", "unlabelled_points")  # counts liste
 FROM_TIMES = "the printed times: the file states no rate"
 
 
-@dataclass(frozen=True)
-class RigidBody:
+class RigidBody(NamedTuple):
     """Pose of a rigid body's pivot in the world frame, NaN where the body was lost."""
 
     position: np.ndarray  # (N, 3) m
