@@ -220,12 +220,7 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
     try:
         text, refuse = file.read_text("utf-8"), partial(_require, False, "numbers", "finite")
         record = _require_valid(json.loads(text, parse_constant=refuse))
-        kind = record["parameters"]["kind"]
-        try:
-            law = build_model(record["parameters"])
-        except (ContractError, KeyError):
-            message = f"parameters are not the parameters of a model of kind {kind!r}"
-            raise ContractError(message) from None
+        law = build_model(record["parameters"])
         if law.traits.memory:
             model: Exported = ExportedErrors(law, record)
         else:

@@ -88,7 +88,7 @@ def build_model(parameters: Any) -> MotionModel:
             return import_module(f"pipeline.models.{kind}.law").build(parameters)
         except (KeyError, TypeError, ValueError) as error:
             why = f" ({error!r})"
-    raise ContractError(f"not the parameters of a motion model{why}")
+    raise ContractError(f"not the parameters of a motion model of kind {kind!r}{why}")
 
 
 def fitted_model(folder: Path) -> MotionModel:

@@ -150,8 +150,8 @@ class MotionModel(ABC):
 
     ``q`` (..., n) are joint angles in rad, ``v`` (m,), (..., m) or (..., m + n) is a command. All
     methods raise SingularJacobianError at a singular pose, ModelDomainError for a missing moment.
-    A law sees the command of one step alone, and if ``traits.memory`` s numbers beside each pose,
-    such as the last errors and the commanded pose.
+    A law sees the command of one step alone. If ``traits.memory`` it also sees numbers beside each
+    pose, which its methods ``first_memory`` and ``advance`` return (:mod:`.joint_error.law`).
     """
 
     traits: ClassVar[Traits]
@@ -195,17 +195,3 @@ class MotionModel(ABC):
             _ = principal_axes(measurement)  # raises if it is no covariance
             covariance = covariance + measurement
         return normal_log_density(q_next - self.mean(chain, q, v), covariance)
-
-    def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
-        """(P, s) memory of first poses ``q`` (P, n) where ``commanded`` (n,) is the commanded pose
-        in rad. The filter passes the mean of the training takes' first poses.
-        """
-        raise NotImplementedError
-
-    def advance(
-        self, chain: Chain, q: ndarray, v: ndarray, memory: ndarray, rng: Generator
-    ) -> tuple[ndarray, ndarray]:
-        """Return (P, n) draws of the next poses in rad, and (P, s) their memory, after ``q`` (P, n)
-        and ``memory`` (P, s) under the commands ``v`` (m,) or (P, m).
-        """
-        raise NotImplementedError

@@ -17,7 +17,6 @@ PATH_TOLERANCE = 1e-9  # m, greatest displacement from the path of a pose on it
 TOLERANCE = PATH_TOLERANCE / 100  # m, displacement at which Newton's method ends
 TURN_TOLERANCE = 1e-9  # m and rad, greatest change of the tip by a whole turn of a joint
 LONGEST_STEP = 0.5  # rad, longest step of Newton's method
-OBJECTIVES = ("trace", "log_det")
 BATCH_POSES = 1024  # poses whose matrices fit the processor's cache
 ZERO_VARIANCE = 1e-12  # variance/greatest variance below which a variance counts as zero
 TURN = 2 * np.pi

@@ -271,8 +271,9 @@ class JointErrorModel(MotionModel):
         return noise
 
     def first_memory(self, q: ndarray, commanded: ndarray, rng: Generator) -> ndarray:
-        """(P, 8n) memory of first poses ``q`` (P, n) in rad at rest at ``commanded`` (n,):
-        commanded pose, its speed, the two means of the sign, m, previous r and z, and u.
+        """(P, 8n) memory of first poses ``q`` (P, n) in rad at rest at ``commanded`` (n,), in a
+        filter the mean of the training takes' first poses: commanded pose, its speed, the two means
+        of the sign, m, previous r and z, and u.
         """
         still, offset = np.zeros_like(q), np.zeros_like(q) + self.mean_gain[:, 0]
         r, command = q - commanded - offset, np.zeros_like(q) + commanded
