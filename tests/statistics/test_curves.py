@@ -181,6 +181,8 @@ def test_the_interval_of_a_paired_difference_is_that_of_the_paired_t_test():
     expected = ttest_rel(a, b).confidence_interval(0.95)
     differences = paired_difference(a, b)
     assert differences[:3] == pytest.approx(((a - b).mean(), expected.low, expected.high))
+    for few in (3, 4, 12):  # the jackknife of a mean is the same
+        assert jackknife((a - b)[:few]) == pytest.approx(paired_difference(a[:few], b[:few]))
     # control: unpaired, the takes' own spread would hide the difference
     assert differences.low > 0 > paired_difference(a, b[::-1]).low
 

@@ -91,6 +91,8 @@ def _values(
         if found.get("joint_log.joints") is None:
             found["joint_log.joints"] = [f"joint_{n}" for n in range(1, count + 1)]
         if found == values:
+            if isinstance(found.get("joint_log.signals"), str):  # advice, not a value
+                raise ConfigError("; ".join(map(str, take.finding.open)), file=take.path)
             return values, taken
         values = found
 
