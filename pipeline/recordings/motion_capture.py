@@ -117,18 +117,16 @@ def _tracks(
         raise ConfigError(message, key="dataset.mocap.bodies")
 
     def find(kind: str, names: Iterable[str], recorded: Iterable[str], key: str) -> dict[str, str]:
-        found = {n: [r for r in recorded if n in (r, r.rpartition(":")[2])] for n in names}
-        found = {n: [n] if n in fits else fits for n, fits in found.items()}
-        if wrong := {n: fits for n, fits in found.items() if len(fits) != 1}:
-            missing = ", ".join(name for name, fits in wrong.items() if not fits)
-            several = (
-                f"{n!r} may be {' or '.join(f)}: write the full name" for n, f in wrong.items()
-            )
-            message = f"no {kind} named {missing} in the take; it has "
-            message += ", ".join(sorted(recorded)) or "none"
-            message = message if missing else "; ".join(several)
-            raise RecordingError(message, file=file, key=f"dataset.mocap.{key}")
-        return {name: fits[0] for name, fits in found.items()}
+        fits = {n: [r for r in recorded if n in (r, r.rpartition(":")[2])] for n in names}
+        fits = {n: [n] if n in own else own for n, own in fits.items()}
+        several = (f"{n!r} may be {' or '.join(own)}" for n, own in fits.items() if len(own) > 1)
+        fault = "; ".join(f"{words}: write the full name" for words in several)
+        if missing := [name for name, own in fits.items() if not own]:
+            there = ", ".join(sorted(recorded)) or "none"
+            fault = f"no {kind} named {', '.join(missing)} in the take; it has {there}"
+        if fault:
+            raise RecordingError(fault, file=file, key=f"dataset.mocap.{key}")
+        return {name: own for name, (own,) in fits.items()}
 
     free = [at for link, at in mocap.markers.items() if link not in mocap.bodies]
     marker = find("marker", [name for at in free for name in at], take.markers, "markers")

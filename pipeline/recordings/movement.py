@@ -167,9 +167,8 @@ def require_plausible(
         message += f"plausible: check that the angle_unit is {unit}"
         raise RecordingError(message, **where, key=f"{OPTION}.angle_unit")
     where |= {"line": lines[row]} if len(lines) else {}
-    raise RecordingError(
-        f"{message}plausible and no angle: correct the cell, or leave the row out", **where
-    )
+    message += "plausible and no angle: correct the cell, or leave the row out"
+    raise RecordingError(message, **where)
 
 
 def require_fresh(actual: np.ndarray, target: np.ndarray, rate: float, **where: object) -> None:
