@@ -70,8 +70,12 @@ def joint_runs(
                 reason = f"its command moves by {by[column]:.3g} rad, it moves by"
                 unused[joint] = f"{reason} {moved[column]:.2g} rad"
     moving = [joint for joint in joints if joint not in unused]
+    first: dict[bytes, str] = {}  # measured angles → recording
     for name, read in movements.items() if moving else ():
         chosen = read.of(moving)
+        if (known := first.setdefault(chosen.actual.tobytes(), name)) != name:
+            unused[name] = f"a copy: its measured angles are equal to the angles of {known}"
+            continue
         if not chosen.motions:
             unused[name] = f"the command never moves by more than {REACH:g} rad"
             continue

@@ -87,7 +87,7 @@ def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[s
             found = f"predicted σ of {joint} at {horizon} is {row['ratio']:.2g} times the measured"
             faults.append(f"{found} (required: {1 / factor:.2g} to {factor:g})")
         if row["two_sigma"] < COVERED:
-            found = f"{row['two_sigma']:.2g} of the errors of {joint} at {horizon} are within 2σ"
+            found = f"{row['two_sigma']:.3g} of the errors of {joint} at {horizon} are within 2σ"
             faults.append(f"{found} (required: {COVERED:g})")
     return faults
 

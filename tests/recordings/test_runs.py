@@ -89,6 +89,9 @@ def test_disturbed_runs_standing_joints_and_logs_at_rest_are_named():
     assert "it moves by 0 rad" in unused["joint_3"] and runs[0].joints == ("joint_1", "joint_2")
     with pytest.raises(RecordingError, match=r"still: the command never moves"):
         joint_runs({"still": logs["still"]}, RATE)
+    # a file that was copied is no second recording
+    runs, unused = joint_runs({"a": stops(2, 1), "b": stops(2, 1), "c": stops(2, 2)}, RATE)
+    assert len(runs) == 4 and [*unused] == ["b"] and unused["b"].startswith("a copy:")
 
 
 @pytest.mark.parametrize("pushed", [None, 3])
