@@ -88,8 +88,7 @@ def particle_filter(
         raise DegenerateFilterError(message, **where)
     record.outside[0] = rejected
     left_out = len(measurements.t) - len(frames.share)
-    evidence = float(particles.totals[1])
-    return Posterior(*record, np.diff(frames.first) > 0, left_out, evidence)
+    return Posterior(*record, np.diff(frames.first) > 0, left_out, float(particles.totals[1]))
 
 
 def _filter_by_draws(model, chain, commands, memory, setting, q, particles, record, rng) -> int:

@@ -110,8 +110,7 @@ def lagged_noise(shape: tuple[int, ...], steps_per_lag: float, rng: Generator) -
     from scipy.signal import lfilter
 
     denominator = np.poly(np.full(LAGS, np.exp(-1.0 / steps_per_lag)))
-    impulse = np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0]
-    response = lfilter([1.0], denominator, impulse)
+    response = lfilter([1.0], denominator, np.eye(1, int(np.ceil(SETTLED * steps_per_lag)))[0])
     noise = rng.standard_normal((*shape[:-1], len(response) + shape[-1]))
     passed_on = lfilter([1.0], denominator, noise, axis=-1)[..., len(response) :]
     return passed_on / np.linalg.norm(response)

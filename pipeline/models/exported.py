@@ -24,11 +24,12 @@ FORMAT = "motion model 2"
 UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in the file
 # a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
 MARGIN, SLACK = 0.05, 1e-3
+SCORED = 0.5  # s, longest horizon at which a joint error law is fitted and scored
 SAME_PERIOD = 1e-6  # greatest relative difference of two periods
 
 
 class OutsideRanges(UserWarning):
-    """Warns of a pose or a command outside the ranges that the model was fitted to."""
+    """Warns of a pose, a command or a horizon outside the ranges that the model was fitted to."""
 
 
 @dataclass(frozen=True)
@@ -191,6 +192,11 @@ class ExportedErrors(Exported):
             message = f"errors and commands must be (K, {n}) and (K + steps, {n}), got shapes"
             raise ModelDomainError(f"{message} {errors.shape} and {commands.shape}")
         self._warn("joint speed", self.record["rate_per_s"] * np.diff(commands, axis=0))
+        ahead = (len(commands) - len(errors)) / self.record["rate_per_s"]
+        if ahead > SCORED + 1 / self.record["rate_per_s"] and "ahead" not in self._warned:
+            self._warned.add("ahead")
+            message = f"{ahead:.3g} s ahead is beyond {SCORED:g} s, the longest horizon of the fit"
+            warnings.warn(message, OutsideRanges, stacklevel=3)
         return errors, commands
 
 

@@ -103,9 +103,9 @@ def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:
     if moving.empty:
         return None, "no joint was commanded to move"
     longest = moving[moving["horizon"] == LONGEST].groupby(["model", "joint"])["count"].sum()
-    if not (longest >= FEW).any():
-        found = f"{longest.max() if len(longest) else 0} commanded samples of a joint at most"
-        return None, f"{found} are predicted {LONGEST} ahead (required: {FEW}); record for longer"
+    if (most := max(longest, default=0)) < FEW:
+        found = f"at most {most} commanded samples of a joint are predicted {LONGEST} ahead"
+        return None, f"{found} (required: {FEW}); record for longer"
     best, why, refused, calibrated = None, "", [], False
     for model in dict.fromkeys(moving["model"]):
         if faults := faults_of(moving, model):

@@ -119,7 +119,7 @@ def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
     assert chosen_law(pd.DataFrame(rows))[0] == expected
     rare = pd.DataFrame(rows).assign(count=2)  # 16 samples
     model, why = chosen_law(rare)
-    assert model is None and "16 commanded samples of a joint at most are predicted 0.5 s" in why
+    assert model is None and "at most 16 commanded samples of a joint are predicted 0.5 s" in why
 
 
 @pytest.mark.slow

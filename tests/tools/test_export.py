@@ -20,6 +20,8 @@ from source_code import ROOT
 from pipeline.configuration import config
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import load
+from pipeline.models.exported import SCORED, OutsideRanges
+from pipeline.models.joint_error.samples import HORIZONS
 from pipeline.tools.export import command
 from pipeline.tools.export.command import READER_NAME, reader_source
 
@@ -122,6 +124,9 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     again = copied.predict(off[0, :154], commanded, 6)
     for one, other in zip(again, (mean, covariance), strict=True):
         np.testing.assert_array_equal(one, other)
+    with pytest.warns(OutsideRanges, match=r"0\.6 s ahead is beyond 0\.5 s, the longest"):
+        model.predict(off[0, :100], commanded, 60)
+    assert SCORED == max(HORIZONS)
     for call, words in (
         (lambda: model.predict(off[0, :154], commanded, 3), "a row for each of the 154 errors"),
         (lambda: model.predict(off[0, 0], commanded, 6), "errors and commands must be"),
