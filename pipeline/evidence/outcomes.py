@@ -16,9 +16,9 @@ from pipeline.core.errors import (
     SingularJacobianError,
     SolverError,
 )
-from pipeline.evidence.camera import camera_evidence
 from pipeline.evidence.case import KINDS, Choices, Recordings, Takes
 from pipeline.evidence.filters import filter_evidence
+from pipeline.evidence.instruments import camera_evidence
 from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
 from pipeline.filtering.linear import autocorrelated_filter
 from pipeline.filtering.measurement import Measurements
@@ -35,7 +35,7 @@ Loop = tuple[MotionModel, Commands]  # a fitted model and its commands
 # number of the take, its part of the case, the loop, the take's measurements
 Trial = tuple[int, Choices, Loop, Measurements]
 Run = Callable[[Callable, Sequence], Iterable]  # like the built-in map, with results in order
-PAPER = "{}_paper"  # names of the estimates of the paper's estimator
+PAPERS_ESTIMATE = "{}_paper"  # names of the estimates of the paper's estimator
 
 
 def evaluate(
@@ -132,13 +132,13 @@ def outcome(case: Choices, recordings: Recordings) -> Outcome:
 
 def _papers_estimates(case: Choices, recorded: Recorded, fit: Estimate) -> dict[str, float]:
     """Return the paper's estimates, for comparison with the published parameters."""
-    if (requested := kinds.estimator_options(case.options).get(PAPER)) is None:
+    if (requested := kinds.estimator_options(case.options).get(PAPERS_ESTIMATE)) is None:
         return {}
     try:
         papers = fit if requested == case.options else kinds.estimate(recorded, requested)
     except (ModelDomainError, SolverError):
         return {}
-    estimates = {PAPER.format(name): value for name, value in papers.determined.items()}
+    estimates = {PAPERS_ESTIMATE.format(name): value for name, value in papers.determined.items()}
     unbounded = papers.diagnostics.get("u_unbounded")  # 1 where û is at the end of its search
     return estimates if unbounded is None else estimates | {"u_paper_unbounded": unbounded}
 

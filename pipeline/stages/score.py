@@ -11,12 +11,11 @@ from pipeline.core import contracts, rng
 from pipeline.core.columns import matrices, members, spread, values
 from pipeline.core.errors import ModelDomainError
 from pipeline.core.filters import closed
-from pipeline.evidence.camera import camera_evidence
 from pipeline.evidence.case import Takes, recorded_takes
 from pipeline.evidence.filters import filter_evidence
+from pipeline.evidence.instruments import camera_evidence, wrench_evidence
 from pipeline.evidence.motion import Outcome, motion_evidence, noise_tests
 from pipeline.evidence.outcomes import all_filters, pose_covariances
-from pipeline.evidence.wrench import wrench_evidence
 from pipeline.filtering.measurement import measured_takes
 from pipeline.models.closed_loop import FOLDER
 from pipeline.models.kinds import fitted_model

@@ -1,7 +1,7 @@
 """Claims of the paper and of the project in ``claims.yaml``."""
 
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from difflib import get_close_matches
 from itertools import product
 from pathlib import Path
@@ -23,10 +23,10 @@ PAPER, PROJECT = "paper", "project"
 COMPARED = ("value", "than", "difference", "low", "high", "threshold", "power", "control")
 REFERENCES = ("value", "than", "difference", "threshold", "power", "control")
 STATED = (*REFERENCES, "published", "limit", "tolerance", "margin", "standard_error")
-OPTIONAL = {"limit", "margin", "tolerance", "threshold", "power"}  # keys of some rules alone
+OPTIONAL = {*STATED} - {"value", "published", "control"}  # keys of some rules alone
 YARDSTICK = "yardstick"  # need of a rule: ``published`` or ``limit``
 EVERY = "every"  # value of ``each`` for all joints of a dataset's arm
-Values = Annotated[list, Field(min_length=1)]  # of a name in ``each``
+Distance = Annotated[float, Field(strict=True, ge=0)]
 ENDS = {"low", "high"}  # of the difference, else of the value
 ORDERS = ("less", "greater")  # rules that need an interval of the difference
 
@@ -48,8 +48,8 @@ class Claim:
     - ``each``: lists of values by name, or ``joint: every``; each combination is a case, whose
       values replace the names in references;
     - ``published``: one number for all cases or one per case; ``parameter``: its name in the paper;
-    - ``difference``: the difference of an order, whose interval decides; ``margin``: the least
-      relevant difference, in its unit;
+    - ``difference``: the row of ``value`` whose rival is the model or joint of ``than``; its
+      interval decides an order; ``margin``: the least relevant difference, in its unit;
     - ``control``: the same number of a control without the claimed effect: where it passes too, the
       rule has no power;
     - ``standard_error``: one reference, or several that add in squares;
@@ -76,9 +76,9 @@ class Claim:
     )
     published: Number | list[Number] | None = None
     parameter: str = ""
-    tolerance: Number | None = None
+    tolerance: Distance | None = None
     limit: Number | None = None
-    margin: Number | None = None
+    margin: Distance | None = None
     than: Reference | None = None
     difference: Reference | None = None
     threshold: Reference | None = None
@@ -108,6 +108,14 @@ class Claim:
         if wrong := unused or missing:
             what = "does not use this key; remove it" if unused else "needs this key; add it"
             raise ConfigError(f"the rule {self.rule} {what}", key=wrong[0])
+        if own := self.difference:
+            rivals = {self.than.model, self.than.joint}
+            if replace(own, rival="") != self.value or own.rival not in rivals:
+                message = "must have the keys of value, and the model or joint of than as rival"
+                raise ConfigError(message, key="difference")
+        if bool(self.where) != (self.source == PAPER):
+            message = "the paper's claim needs the place in the paper, the project's has none"
+            raise ConfigError(message, key="where")
         known = dict.fromkeys([*self.each, "joint 1", "joint 2", "joint 3"], "")
         for reference, key in product(self.references, KEYS):
             if "{" in (text := filled(getattr(reference, key), known)):

@@ -171,7 +171,7 @@ def _numbers(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> Case
     r = r._replace(standard_error=error, **stated)
     if claim.difference is None and claim.rule in ORDERS:  # of other rules, ``than`` is theirs
         r = r._replace(difference=r.value - r.than)
-    if claim.difference is None and claim.rule == "equivalent":
+    if claim.rule == "equivalent":
         r = r._replace(difference=r.value)
     yardstick = np.where(np.isnan(r.published), r.limit, r.published)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -130,6 +130,7 @@ JUDGES: dict[str, Judge] = {
     "below": lambda r: beyond(r.yardstick - r.value, r, 1),
     "greatest_below": _greatest_below,
     "above": lambda r: beyond(r.value - r.yardstick, r, -1),
+    "detected": lambda r: _sure(r.value > r.yardstick, np.zeros(len(r.value))),
     "varies": lambda r: _sure(r.value > r.threshold, r.value < r.than),
     "follows": lambda r: _sure(
         (r.power >= POWER) & (r.value >= r.threshold), (r.power >= POWER) & (r.value < r.threshold)

@@ -6,10 +6,9 @@ import pytest
 
 from pipeline.core.columns import spread, triangle
 from pipeline.core.filters import MEMORY, NONE, closed
-from pipeline.evidence.camera import camera_evidence
 from pipeline.evidence.filters import filter_evidence
+from pipeline.evidence.instruments import camera_evidence, wrench_evidence
 from pipeline.evidence.table import KEYS, depends_on, evidence_row, evidence_table
-from pipeline.evidence.wrench import wrench_evidence
 from pipeline.statistics.scores import FOLLOWS, Filtered
 
 JOINTS = ("hip", "knee")
@@ -100,7 +99,8 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     errors = pd.DataFrame({"agents": [3, 3, 20], "error": [0.1, 0.3, 0.05]})
     maxima = [0.2, 0.25, 0.4, 0.05, 0.06, 0.1]
     repeats = pd.DataFrame({"agents": [3] * 3 + [20] * 3, "maximum": maxima})
-    evidence = wrench_evidence({"wrench_errors": errors, "wrench_spread": repeats})
+    tables = {"wrench_errors": errors, "wrench_spread": repeats}
+    evidence = wrench_evidence(tables)
     values = by(evidence, "quantity", "configuration")
     assert values["mean_error_of_variances", "3"] == pytest.approx(0.2)
     assert values["greatest_error_of_variances", "3"] == 0.3
@@ -109,7 +109,6 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
     assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(evidence) == 8
     force = {"configuration": "C1", "source": ["measured", "modelled"], "fx": [3.1, 3], "fy": 5}
-    tables = {"wrench_errors": errors, "wrench_spread": repeats}
     tables["force_moments"] = pd.DataFrame(force)
     names = ["expectation", "expectation_error", "mean", "expected_standard_error"]
     numbers = dict(zip(names, (0.5, 0.1, 0.6, 0.2), strict=True))

@@ -19,11 +19,10 @@ def motions(exponent: float, swing: float, rng: np.random.Generator, tails: floa
     for number in range(MOTIONS):
         t = np.linspace(0, 2 * np.pi, STEPS)
         dq = 1e-3 * np.stack([np.sin(t + number), np.sin(2 * t) + 1.2, np.zeros(STEPS)], axis=1)
-        x = np.exp(swing * np.sin(3 * t + 0.7 * number))
+        x = np.exp(swing * np.sin(3 * t + 0.7 * number))[:, None] * np.ones(3)
         unit = rng.standard_normal((STEPS, 3))
         if np.isfinite(tails):
             unit = rng.standard_t(tails, (STEPS, 3))
-        x = np.repeat(x[:, None], 3, axis=1)
         listed.append((0.05 * np.abs(dq) * x**exponent * unit, dq, x))
     return listed
 

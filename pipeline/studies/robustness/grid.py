@@ -13,9 +13,9 @@ from pipeline.core import rng
 from pipeline.core.errors import ModelDomainError, RecordingError, SingularJacobianError
 from pipeline.core.options.analysis import Wrench
 from pipeline.evidence.case import Camera, Choices, Recordings, camera_of, readings
+from pipeline.evidence.instruments import wrench_evidence as evidence_of
 from pipeline.evidence.outcomes import evaluate
 from pipeline.evidence.table import evidence_table
-from pipeline.evidence.wrench import wrench_evidence as evidence_of
 from pipeline.filtering.sampling import SCHEMES
 from pipeline.studies.simulated import Laboratory, observe
 from pipeline.verdicts.claims import Claim
