@@ -26,9 +26,8 @@ SPACE = " "  # separator that stands for any number of blanks
 
 _STATED = read_yaml(Path(__file__).with_suffix(".yaml"))
 FOREIGN: dict[str, list[str]] = _STATED.pop("foreign")  # name → pattern of the beginning, remedy
-SPELLINGS = {
-    word: unit for unit, words in _STATED.pop("spellings").items() for word in words.split()
-}
+_WORDS = _STATED.pop("spellings").items()
+SPELLINGS = {word: unit for unit, words in _WORDS for word in words.split()}
 # quantity → unit → factor to N, N·m, s or rad
 UNITS: dict[str, dict[str, float]] = _STATED
 TIME_UNITS, ANGLE_UNITS = UNITS["time"], UNITS["angle"]

@@ -186,10 +186,8 @@ def begins(*marks: bytes) -> Callable[[Head], bool]:
 
 def is_xml(*names: str) -> Callable[[Head], bool]:
     """Return a recogniser of XML with an element of one of the ``names``."""
-    element = re.compile(rf"<({'|'.join(names)})[\s>]")
-    return lambda head: (
-        (head.text or "").lstrip().startswith("<") and element.search(head.text) is not None
-    )
+    element = re.compile(rf"\s*<(?:.*?<)?(?:{'|'.join(names)})[\s>]", re.DOTALL)
+    return lambda head: element.match(head.text or "") is not None
 
 
 def is_bag(path: Path) -> bool:

@@ -38,9 +38,8 @@ from pipeline.formats.format import (
 )
 
 MARKS = (b"#ROSBAG V", b"\x89MCAP0")
-IMAGE, CLOUD, CAMERA_INFO = (
-    f"sensor_msgs/msg/{name}" for name in ("Image", "PointCloud2", "CameraInfo")
-)
+IMAGE, CLOUD = "sensor_msgs/msg/Image", "sensor_msgs/msg/PointCloud2"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 PIXELS = dict.fromkeys(("16UC1", "mono16"), np.dtype(np.uint16))
 PIXELS["32FC1"] = np.dtype(np.float32)
 DATATYPES = {7: np.dtype(np.float32), 8: np.dtype(np.float64)}  # datatype of a PointField
@@ -218,10 +217,8 @@ def camera_info(message: object, *, width: int, height: int, **evidence: object)
     RecordingError (with ``evidence``) for another size, a zero K and another distortion model.
     """
     # ROS 1 writes K and D, ROS 2 k and d
-    matrix, distortion = (
-        np.array(getattr(message, name, getattr(message, name.lower(), None)), dtype=float)
-        for name in "KD"
-    )
+    stated = [getattr(message, n, getattr(message, n.lower(), None)) for n in "KD"]
+    matrix, distortion = (np.array(each, dtype=float) for each in stated)
     own = {"stated": (message.width, message.height)}
     own |= {"model": message.distortion_model or "of no name"}
     distortion = distortion if distortion.any() else np.zeros(0)

@@ -109,10 +109,8 @@ def find_offset(
     freedom = len(residual) - regressors.shape[1] - 1 / residual.shape[1]
     variance = (residual**2).sum(axis=0) / freedom
     information = [(each**2).sum(axis=0) for each in (late, drifting)]
-    errors = [
-        float(np.sqrt((1 + lag) / (1 - lag) * (variance * each).sum()) / each.sum())
-        for each in information
-    ]
+    more = (1 + lag) / (1 - lag)
+    errors = [float(np.sqrt(more * (variance * i).sum()) / i.sum()) for i in information]
     # without the frames in a gap of b, which the spline bridges
     size = float(np.quantile(np.linalg.norm(residual, axis=1), WITHOUT_GAPS))
     return Offset(tau, errors[0], correlation, drift, errors[1], size)

@@ -123,6 +123,7 @@ def other_files(evidence: pd.DataFrame | None, inventory: Path) -> str:
 def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
     """Return part → rows of a :func:`listing`: files of the part (KEYS), and files of no part."""
     raw, claimed = raw_folder(dataset.recordings), pd.DataFrame(index=files.index)
+    paths = [raw / name for name in files["file"]]
     for part, keys in KEYS.items():
         places = set()
         for key in keys.split():
@@ -131,7 +132,5 @@ def by_part(files: pd.DataFrame, dataset: Dataset) -> dict[str, pd.DataFrame]:
                 value = [one.file for one in value.values()]
             for pattern in [value] if isinstance(value, str) else value or ():
                 places |= {*matching(raw, pattern, key=f"dataset.{key}")}
-        claimed[part] = [
-            not places.isdisjoint([raw / name, *(raw / name).parents]) for name in files["file"]
-        ]
+        claimed[part] = [not places.isdisjoint([file, *file.parents]) for file in paths]
     return {part: files[claimed[part] | ~claimed.any(axis=1)] for part in KEYS}

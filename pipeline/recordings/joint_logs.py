@@ -130,9 +130,8 @@ def find_takes(
     rest, ends = options.rest, (options.start, options.end)
     for name, read in movements.items():
         own, steps = read.of(dataset.robot.joints), dataset.motion.steps - 2 * rest
-        runs, left_out = repetitions.find_repetitions(
-            own.target, read.motions, ends, steps, rest, own.circular
-        )
+        log = own.target, read.motions, ends, steps, rest, own.circular
+        runs, left_out = repetitions.find_repetitions(*log)
         for number, run in enumerate(runs, 1):
             take, rows = f"{name}_{number}", slice(max(run.first - rest, 0), run.last + rest + 1)
             _require_locked(read, rows, dataset, take)

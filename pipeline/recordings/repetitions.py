@@ -62,11 +62,9 @@ def excursions(
     """
     if np.ndim(speeds) == 0:
         speeds = np.diff(angles, axis=0, prepend=angles[:1]) * speeds
-    moved = [
-        (first, last)
-        for first, last in _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
-        if np.ptp(angles[max(first - 1, 0) : last + 1], axis=0).max() > REACH
-    ]
+    fast = _runs(np.any(np.abs(speeds) > rest_speed, axis=1))
+    travels = [np.ptp(angles[max(a - 1, 0) : b + 1], axis=0).max() for a, b in fast]
+    moved = [run for run, travel in zip(fast, travels, strict=True) if travel > REACH]
     pauses = np.diff([0, *(row for run in moved for row in run), len(angles)])[::2].tolist()
     return [
         Excursion(first, last, 0 < first and last < len(angles), min(pauses[i : i + 2]))

@@ -110,10 +110,8 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
         unit = spelled(sheet.unit(column, kind) or "")
         given, known = getattr(options, f"{kind}_unit"), UNITS[kind]
         if unit in UNITS[f"unread_{kind}"]:
-            message = (
-                f"the {quantity} is in {unit} by the header: convert it to {' or '.join(known)}"
-            )
-            raise RecordingError(message, **where)
+            message = f"the {quantity} is in {unit} by the header: convert it to "
+            raise RecordingError(message + " or ".join(known), **where)
         if quantity in checked and unit in known:
             stated[kind][unit] = quantity
         lengths = UNITS["length"] if kind == "angle" else {}  # of linear joints

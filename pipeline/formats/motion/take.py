@@ -95,10 +95,8 @@ def settle_rate(
         if len(time) < TELLING or np.median(off) <= 0:
             return rate, ""
     message = f"the frame rate is {stated!r} in the header and {timed or 0:.6g} by the printed "
-    message += (
-        "times (0: they do not increase); a rate > 0 that agrees with the times is required; "
-    )
-    message += "export the take again"
+    message += "times (0: they do not increase); a rate > 0 that agrees with the times is "
+    message += "required; export the take again"
     raise RecordingError(message, file=file, **where)
 
 
@@ -171,12 +169,11 @@ def checked_take(
 
     markers = {name: check_position(position, name) for name, position in raw.markers.items()}
     seen = np.vstack([np.empty((0, 3)), *markers.values()])
-    extent = np.ptp(seen[np.isfinite(seen).all(axis=1)], axis=0).max() if np.any(seen > 0) else 0
+    seen = seen[np.isfinite(seen).all(axis=1)]
+    extent = np.ptp(seen, axis=0).max() if len(seen) else 0.0
     if len(markers) > 1 and 0 < extent < NEAREST:
-        message = (
-            f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than the size"
-        )
-        message += f" of one: are lengths in {raw.unit}? Export the take again, in another unit"
+        message = f"all {len(markers)} markers lie within {1000 * extent:.3g} mm, less than one's"
+        message += f" size: are lengths in {raw.unit}? Export the take again, in another unit"
         raise RecordingError(message, file=file)
     bodies = {}
     for name, body in raw.bodies.items():
