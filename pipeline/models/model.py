@@ -13,7 +13,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.random import Generator
 
-from pipeline.arm.interface import Chain, Mechanism
+from pipeline.arm.interface import Mechanism
 from pipeline.core.errors import ModelDomainError
 
 # kinds of compiled laws (pipeline.models.kernel); the numbers have no order
@@ -42,7 +42,7 @@ class Traits(NamedTuple):
 
     noisy_at_rest: bool  # the pose is random after a step without a command
     needs_jacobian: bool  # the noise depends on J(q), not on the commanded joint step alone
-    compiled: bool = True  # it has the method ``law``; otherwise the filter calls ``sample``
+    compiled: bool = True  # its ``law(chain)`` returns a Law; otherwise the filter calls ``sample``
     memory: bool = False  # it has the methods ``first_memory`` and ``advance``
 
 
@@ -155,10 +155,6 @@ class MotionModel(ABC):
     """
 
     traits: ClassVar[Traits]
-
-    def law(self, chain: Chain) -> Law:
-        """Return the law of a compiled step of the arm ``chain``, if ``traits.compiled``."""
-        raise NotImplementedError
 
     @abstractmethod
     def covariance(self, chain: Mechanism, q: ndarray, v: ndarray) -> ndarray:

@@ -106,9 +106,8 @@ def modelled_noise(model: MotionModel, recorded: Recorded) -> ModelledNoise:
     variance; raises as :func:`pipeline.models.steps.at_recorded_level`.
     """
     model, chain, q, v = at_recorded_level(model, recorded), recorded.chain, recorded.q, recorded.v
-    covariance = model.covariance(chain, q, v)
     return ModelledNoise(
-        motion=np.diagonal(covariance, axis1=-2, axis2=-1).mean(axis=0),
+        motion=np.diagonal(model.covariance(chain, q, v), axis1=-2, axis2=-1).mean(axis=0),
         measurement=np.diagonal(recorded.measurement),
         error=model.mean(chain, q, v) - recorded.q_next,
     )
