@@ -52,7 +52,7 @@ class Claim:
       interval decides an order; ``margin``: the least relevant difference, in its unit;
     - ``control``: the same number of a control without the claimed effect: where it passes too, the
       rule has no power;
-    - ``standard_error``: one reference, or several that add in squares;
+    - ``standard_error``: references whose values add in squares;
     - ``by``: the construction of the models forces the claim (no verdict), or their total variance
       decides the claim; ``because`` has the reason;
     - ``why``: reasons for a failure of the claim, by name of the dataset.
@@ -84,7 +84,7 @@ class Claim:
     threshold: Reference | None = None
     power: Reference | None = None
     control: Reference | None = None
-    standard_error: list[Reference] | Reference | None = None
+    standard_error: list[Reference] = field(default_factory=list)
     unless: Unless | None = None
     why: dict[str, str] = field(default_factory=dict)
 
@@ -98,7 +98,7 @@ class Claim:
         needs = RULES[self.rule].needs - ENDS
         if self.rule in ORDERS and self.by != CONSTRUCTION:
             needs |= {"difference", "margin"}
-        stated = {key for key in STATED if getattr(self, key) is not None}
+        stated = {key for key in STATED if getattr(self, key) not in (None, [])}
         if YARDSTICK in needs:
             needs = needs - {YARDSTICK} | {"published", "limit"} & stated
             if len({"published", "limit"} & stated) != 1:
@@ -138,16 +138,10 @@ class Claim:
         return self.about == "specimen" or "{joint " in f"{self.each} {self.references}"
 
     @property
-    def standard_errors(self) -> list[Reference]:
-        """References whose values add in squares."""
-        stated = self.standard_error or []
-        return stated if isinstance(stated, list) else [stated]
-
-    @property
     def references(self) -> list[Reference]:
         """Every reference, with placeholders for the values of a case."""
         named = [getattr(self, key) for key in REFERENCES if getattr(self, key) is not None]
-        return [*named, *self.standard_errors, *([self.unless.value] if self.unless else [])]
+        return [*named, *self.standard_error, *([self.unless.value] if self.unless else [])]
 
 
 @options(frozen=True)

@@ -162,7 +162,7 @@ def _numbers(claim: Claim, cases: list[dict], evidence: IndexedEvidence) -> Case
     parts = {n: replace(ends, column=n) if plain else None for n in (*ENDS, "standard_error")}
     named = {key: getattr(claim, key, parts.get(key)) for key in COMPARED}
     r = Cases(**{key: numbers(reference) for key, reference in named.items()})
-    errors = [numbers(part) for part in claim.standard_errors or [parts["standard_error"]]]
+    errors = [numbers(part) for part in claim.standard_error or [parts["standard_error"]]]
     error = np.sqrt(np.sum(np.square(errors), axis=0))
     stated = {
         key: np.broadcast_to(np.array(getattr(claim, key), dtype=float), len(cases))

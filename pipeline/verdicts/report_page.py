@@ -251,7 +251,7 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
 def _errors(here: Run, claim: Claim) -> str:
     """Return the greatest of each of the errors that add in squares, if there are several."""
     rows, errors = index_evidence(here.evidence), []
-    for error in claim.standard_errors if len(claim.standard_errors) > 1 else ():
+    for error in claim.standard_error if len(claim.standard_error) > 1 else ():
         found = [error.look_up(rows, case) for case in claim.cases(here.arm)]
         errors.append(number(max(filter(None, found), default=float("nan")), 3))
     words = " (standard errors up to: sampling {}, which decides, and quadrature {})"
