@@ -48,13 +48,12 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     for own in wrench_summary(tables["wrench_errors"], tables["wrench_spread"]).itertuples():
         keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
         repeats = maxima.loc[own.agents]
+        spread = keys | {"standard_error": repeats["std"]}
         rows += [
             evidence_row("mean_error_of_variances", own.mean, **keys),
             evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
             evidence_row("median_of_greatest_errors", repeats["median"], **keys),
-            evidence_row(
-                "greatest_error_of_a_repeat", repeats["mean"], standard_error=repeats["std"], **keys
-            ),
+            evidence_row("greatest_error_of_a_repeat", repeats["mean"], **spread),
         ]
     for own in _records(tables, "sigma_s"):
         published = own["system_class"] != "study" and own["form"] == "diagonal"

@@ -166,11 +166,8 @@ def _noise_rows(outcomes: Mapping[str, Outcome], training: Recorded) -> Rows:
 def _score_rows(outcomes: Mapping[str, Outcome]) -> Rows:
     """Yield the log scores of held-out steps, and their differences to the first model's."""
     for steps in ("all", "moving"):
-        scored = {
-            name: {"log_score": each.log_score[steps]}
-            for name, each in outcomes.items()
-            if steps in each.log_score
-        }
+        known = {name: own.log_score for name, own in outcomes.items() if steps in own.log_score}
+        scored = {name: {"log_score": own[steps]} for name, own in known.items()}
         rival = next(iter(scored), "")
         for own in score_comparison(scored, rival).itertuples():
             keys = {"model": own.model, "steps": steps}

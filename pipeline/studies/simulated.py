@@ -23,8 +23,6 @@ from pipeline.models.steps import Recorded, process_noise
 from pipeline.recordings.commands import commanded_steps
 
 RESTING = 40  # takes that give the arm's noise at rest, without measurement noise
-
-
 SIZES = ("sway_std", "clearance", "speed_error_std", "encoder_ripple", "encoder_offset_std")
 SIZES += ("length_std", "start_std", "jitter_std")  # of disturbances in ``DynamicsOptions``
 LAGS = ("sway_time", "clearance_time")

@@ -122,10 +122,8 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     t = run.tables
     parts = {"answer": answer(run), "filters": filter_verdict(run), "choice": _choice(run)}
     if (scores := t.get("joint_scores")) is not None:
-        parts |= {
-            "commanded": by_joint(scores, "commanded"),
-            "at_rest": by_joint(scores, "at rest"),
-        }
+        samples = ("commanded", "at rest")
+        parts |= {name.replace(" ", "_"): by_joint(scores, name) for name in samples}
         parts |= {"laws": compared_laws(scores), "matrix": t.get("other_motions", ())}
     if parts["choice"]:
         parts |= {"predictors": predictors(run), "coverage": coverage(run)}

@@ -225,10 +225,8 @@ def published_and_ours(here: Run, decided: Sequence[Decided]) -> str:
         cells = [_estimate(fitted, key, estimator, few) for estimator in estimators]
         if {*cells} != {MISSING}:
             rows.append([name, published.get(claim, MISSING), *cells])
-    levels = (
-        noise_levels(here.metrics.get("fit_gaussian", {}), published) if here.arm.numbered else {}
-    )
-    if levels:
+    fitted = here.metrics.get("fit_gaussian", {}) if here.arm.numbered else {}
+    if levels := noise_levels(fitted, published):
         rows[-1][1] = f"{number(levels['published'])} (of û and α̂)"
     for pair in zip(own.verdicts, without.verdicts, strict=True):
         claim, _, cases = next(each for each in pair if each.verdict != d.NO_RECORDING)
