@@ -14,10 +14,11 @@ from pipeline.verdicts.wording import join_names, table
 
 DATASETS = Path("reports/datasets")
 NORM = "norm of the inverse Jacobian"
-YES, NO, UNKNOWN = "yes", "no", "cannot be told"
+YES, NO, FALLS, UNKNOWN = "yes", "no", "falls", "cannot be told"
 ANSWERS = {
     YES: "the noise grows with the pose quantity beyond the joint speed",
-    NO: "the pose does not matter beyond the joint speed",
+    NO: "no growth with the pose is found, and an exponent of one half is excluded",
+    FALLS: "the noise falls with the pose quantity at equal joint speed",
     UNKNOWN: "these recordings cannot tell",
 }
 LOOKS = {
@@ -31,8 +32,8 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
     """Return the table ``pose`` of the evidence of all datasets; NoAnswerError without one.
 
     The answer is YES if the noise grows with the pose quantity: the interval of the exponent is
-    above zero; NO if it is below one, contains no value above one half and has the power to tell
-    one from zero; else UNKNOWN.
+    above zero; FALLS if it is below zero; NO if it contains zero and no value above one half, and
+    has the power to tell one from zero; else UNKNOWN.
     """
     rows = [
         run.tables["pose_effect"].assign(
@@ -45,6 +46,7 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
         raise NoAnswerError("no dataset has a task and enough steps of moving joints")
     found = concatenate(rows).assign(answer=UNKNOWN)
     found.loc[(found["power"] >= POWER) & (found["high"] < 0.5), "answer"] = NO
+    found.loc[found["high"] < 0, "answer"] = FALLS
     found.loc[found["low"] > 0, "answer"] = YES
     return {"pose": found}
 
@@ -63,7 +65,7 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
             sentence += f"; ln ‖J⁺‖ has a standard deviation of {row.spread} at equal speed, and a "
             sentence += f"motion with {row.needed} would tell"
         sentences.append(f"{sentence}.")
-    header = "dataset, quantity x, exponent, power, spread of ln x, needed, pose matters"
+    header = "dataset, quantity x, exponent, power, spread of ln x, needed, grows with x"
     cells = found[["dataset", "quantity", "exponent", *numbers, "answer"]]
     synthetic = norm.loc[norm["recordings"] == "synthetic", "dataset"]
     return {
