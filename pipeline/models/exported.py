@@ -4,7 +4,6 @@ import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from numpy.random import Generator
 
 from pipeline.arm.chain import PlanarChain
 from pipeline.arm.interface import Chain
-from pipeline.arm.serial import SerialChain
+from pipeline.arm.serial import ROWS, SerialChain
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models.joint_error.law import Outlook
 from pipeline.models.kinds import build_model
@@ -25,6 +24,9 @@ UNLIMITED = {"lower": -np.inf, "upper": np.inf, "max_speed": np.inf}  # null in 
 # a value beyond its range by more than MARGIN·width + SLACK (range's unit) causes a warning
 MARGIN, SLACK = 0.05, 1e-3
 SCORED = 0.5  # s, longest horizon at which a joint error law is fitted and scored
+MOST = 1e12  # greatest magnitude of a number in a file, far above any parameter of an arm
+# errors of a file that is not an exported model
+INVALID = OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ModelDomainError
 SAME_PERIOD = 1e-6  # greatest relative difference of two periods
 
 
@@ -210,13 +212,25 @@ def chain_record(chain: Chain) -> dict[str, Any]:
 
 
 def _chain(record: Mapping[str, Any]) -> Chain:
-    values = dict(record)
-    for name, limit in UNLIMITED.items():
-        values[name] = [limit if each is None else each for each in record[name]]
-    for name, value in values.items():
-        if isinstance(value, list):
-            values[name] = tuple(value) if name == "task" else np.array(value)
-    return {"planar": PlanarChain, "serial": SerialChain}[values.pop("kind")](**values)
+    """Return the arm of a file; ContractError for a value of another type or shape."""
+    kind, n = {"planar": PlanarChain, "serial": SerialChain}[record["kind"]], len(record["lower"])
+    values = {name: each for name, each in record.items() if name != "kind"}
+    sizes = {"origin": (2,), "links": (n, 2), "placements": (n + 1, 12)}
+    for name in [each for each in values if each not in ("task", "length")]:
+        limit, size = UNLIMITED.get(name), sizes.get(name, (n,))
+        full = [limit if each is None and limit else each for each in values[name]]
+        values[name] = np.array(full)
+        sound = values[name].shape == size and values[name].dtype.kind in "bif"
+        _require(sound, f"arm.{name}", f"numbers of shape {size}", repr(record[name]))
+    sound = bool(np.all(values["lower"] <= values["upper"]))
+    _require(sound, "arm.lower", "≤ arm.upper", repr(record["lower"]))
+    if kind is PlanarChain:
+        _require(set(values["signs"]) <= {-1, 1}, "arm.signs", "1 or -1", repr(record["signs"]))
+    else:
+        values["task"], length = tuple(values["task"]), values["length"]
+        _require({*values["task"]} <= {*ROWS}, "arm.task", f"of {', '.join(ROWS)}", record["task"])
+        _require(_is_number(length) and length > 0, "arm.length", "a number > 0", repr(length))
+    return kind(**values)
 
 
 def read_exported(file: Path, period: float | None = None) -> Exported:
@@ -224,8 +238,8 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
     with the key and value of what is not valid, and ModelDomainError for another ``period`` in s.
     """
     try:
-        text, refuse = file.read_text("utf-8"), partial(_require, False, "numbers", "finite")
-        record = _require_valid(json.loads(text, parse_constant=refuse))
+        hooks = {"parse_float": _number, "parse_constant": _number, "object_pairs_hook": _distinct}
+        record = _require_valid(json.loads(file.read_text("utf-8"), **hooks))
         law = build_model(record["parameters"])
         if law.traits.memory:
             model: Exported = ExportedErrors(law, record)
@@ -233,7 +247,7 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
             model = ExportedModel(law, record, _chain(record["arm"]))
     except ContractError as error:
         raise ContractError(error.message, file=file) from None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, ModelDomainError) as error:
+    except INVALID as error:
         found = f"no key {error}" if isinstance(error, KeyError) else f"{error}"
         message = f"not an exported model ({found}); write one by python -m pipeline export MODEL"
         raise ContractError(message, file=file) from None
@@ -246,14 +260,34 @@ def _require_valid(record: Any) -> dict[str, Any]:
     found = record.get("format") if isinstance(record, dict) else type(record).__name__
     _require(found == FORMAT, "format", repr(FORMAT), repr(found))
     rate, share = record["rate_per_s"], record["closed_loop_share"]
-    _require(isinstance(rate, int | float) and rate > 0, "rate_per_s", "a number > 0", repr(rate))
-    sound = isinstance(share, int | float) and 0 <= share <= 1
+    _require(_is_number(rate) and rate > 0, "rate_per_s", "a number > 0", repr(rate))
+    sound = _is_number(share) and 0 <= share <= 1
     _require(sound, "closed_loop_share", "a number from 0 to 1", repr(share))
+    for key, own in (("rate", "rate_per_s"), ("joints", "joints")):  # a law may state them too
+        law = record["parameters"].get(key, record.get(own))
+        _require(law == record.get(own), own, f"{law!r} as parameters.{key}", repr(record.get(own)))
     for quantity, ranges in record["ranges"].items():
         for name, ends in ranges.items():
             key, rule = f"ranges.{quantity}.{name}", "least ≤ greatest"
             _require(ends["least"] <= ends["greatest"], key, rule, repr(ends))
     return record
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    _require(abs(value) <= MOST, "numbers", f"finite and at most {MOST:g}", text)
+    return value
+
+
+def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    names = [name for name, _ in pairs]
+    for name in names:
+        _require(names.count(name) == 1, name, "stated once", f"{names.count(name)} values")
+    return dict(pairs)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _require(sound: bool, key: str, rule: str, found: str) -> None:

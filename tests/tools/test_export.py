@@ -140,10 +140,18 @@ EDITS = {  # name of the edit → text replaced, new text, and the key and value
     "rate": ('"rate_per_s": 100.0', '"rate_per_s": -5.0', r"rate_per_s .*> 0, got -5"),
     "text": ('"rate_per_s": 100.0', '"rate_per_s": "fast"', r"rate_per_s .*got 'fast'"),
     "share": ('"closed_loop_share": 0.0', '"closed_loop_share": 1e9', "share must .*got 1000"),
-    "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite, got NaN"),
+    "nan": ('"alpha": 0.05', '"alpha": NaN', "numbers must be finite .*got NaN"),
     "json": ('{"format"', '["format"', "delimiter"),
     "format": ("motion model", "motion muddle", "format must be 'motion model 2', got"),
     "cut": ('"closed_loop_share": 0.0', '"share": 0.0', "no key 'closed_loop_share'"),
+    "large": ('"alpha": 0.05', '"alpha": 1e30', "at most 1e[+]12, got 1e30"),
+    "infinite": ('"alpha": 0.05', '"alpha": 1e400', "finite and .*got 1e400"),
+    "flag": ('"rate_per_s": 100.0', '"rate_per_s": true', "rate_per_s .*got True"),
+    "twice": ('"alpha": 0.05', '"alpha": 0.1, "alpha": 0.05', "alpha must be stated once"),
+    "ranges": ('"ranges": {', '"ranges": [], "other": {', "no attribute 'items'"),
+    "shape": ('"signs": [', '"signs": [1.0, ', r"arm.signs must be numbers of shape \(3,\), got"),
+    "limits": ('"upper": [3.0,', '"upper": [-30.0,', "arm.lower must be ≤ arm.upper"),
+    "two rates": ('"u": 30.0', '"u": 30.0, "rate": 50', "rate_per_s must be 50 as .*got 100"),
     "kind": ('"kind": "gaussian"', '"kind": "laplace"', "laplace"),
 }
 
@@ -158,6 +166,18 @@ def test_an_edited_model_is_refused_with_key_and_value(edit, tmp_path, chain):
     with pytest.raises(ContractError, match=words) as caught:
         load(file)
     assert caught.value.evidence["file"] == file
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("memory", 3), ("scale", [[-1.0] * 4] * 2), ("degrees", [0.5, 9.0]), ("power", None)],
+)
+def test_an_edited_error_law_is_refused_with_its_key(errors, tmp_path, key, value):
+    record = json.loads(errors.read_text())
+    record["parameters"][key] = value
+    (tmp_path / "model.json").write_text(json.dumps(record))
+    with pytest.raises(ContractError, match=f"parameters.{key} must be .*, got"):
+        load(tmp_path / "model.json")
 
 
 def test_another_period_and_joint_steps_for_task_steps_are_errors(tmp_path, chain):

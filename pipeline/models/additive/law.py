@@ -50,4 +50,4 @@ class AdditiveModel(MotionModel):
 
 def build(parameters: dict[str, Any]) -> AdditiveModel:
     """Build the model of Eq. (InvDiffRndm) from its ``noise_covariance`` Σ_ω in rad²."""
-    return AdditiveModel(np.array(parameters["noise_covariance"]))
+    return AdditiveModel(np.array(parameters["noise_covariance"], float))

@@ -326,4 +326,15 @@ def build(parameters: dict[str, Any]) -> JointErrorModel:
     values["degrees"] = [np.inf if each is None else each for each in values["degrees"]]
     whole = {name: values.pop(name) for name in ("joints", "rate", "power")}
     arrays = {name: np.array(each, float) for name, each in values.items()}
+    n, inf = len(whole["joints"]), np.inf
+    sizes = {"memory": (n, 3), "mean_gain": (n, len(INPUTS)), "scale": (n, len(GROWTH))}
+    ends = {"memory": (-inf, inf), "mean_gain": (-inf, inf), "degrees": (2.0, inf), "drift": (0, 1)}
+    for name, array in arrays.items():
+        (low, high), size = ends.get(name, (0.0, inf)), sizes.get(name, (n,))
+        if array.shape != size or not np.all((low <= array) & (array <= high)):
+            rule = f"numbers from {low:g} to {high:g} of shape {size}, got {array.tolist()}"
+            raise ModelDomainError(f"parameters.{name} must be {rule}")
+    if (power := whole["power"]) != SATURATING and not isinstance(power, int | float):
+        message = f"parameters.power must be a number or {SATURATING!r}, got {power!r}"
+        raise ModelDomainError(message)
     return JointErrorModel(**arrays, **whole | {"joints": tuple(whole["joints"])})
