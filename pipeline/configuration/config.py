@@ -142,8 +142,7 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
 
 
 def _model_type(values: Any) -> type:
-    kind = values.get("kind") if isinstance(values, dict) else None
-    return options_type(kind)
+    return options_type(values.get("kind") if isinstance(values, dict) else None)
 
 
 @cache
@@ -173,7 +172,9 @@ def _compose(
             composed = hydra_compose("config", overrides=overrides)
         OmegaConf.set_struct(composed, False)
         option = OmegaConf.to_container(composed, resolve=False)["dataset"]
-        datasheet.require_apart(option, sheet, option_file)
+        if keys := list(datasheet.common_keys(option, sheet.values, "dataset.")):
+            message = f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
+            raise ConfigError(message, key=keys[0], file=sheet.file)
         merged = OmegaConf.merge(composed, {"dataset": sheet.values}, *changes)
         return OmegaConf.to_container(merged, resolve=True)
     except (HydraException, OmegaConfBaseException, TypeError, ValueError) as error:

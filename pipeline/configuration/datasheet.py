@@ -45,24 +45,17 @@ def read(file: Path) -> Datasheet:
     return Datasheet(file, values)
 
 
-def require_apart(option: dict[str, Any], sheet: Datasheet, option_file: Path) -> None:
-    """Raise ConfigError for a key that is in the ``option`` file and in the datasheet."""
-    if keys := list(_common(option, sheet.values, "dataset.")):
-        message = f"also in {option_file.name}: {', '.join(keys)}; keep each in one file"
-        raise ConfigError(message, key=keys[0], file=sheet.file)
-
-
 def to_fill_in(keys: list[str]) -> list[ConfigError]:
     """Return the fault of ``keys`` of the dataset whose value is ???."""
     return [ConfigError(f"fill in {', '.join(keys)}: the value is ???", key=f"dataset.{keys[0]}")]
 
 
-def _common(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Iterator[str]:
+def common_keys(option: dict[str, Any], sheet: dict[str, Any], prefix: str) -> Iterator[str]:
     """Yield the nested keys that are in both files."""
     for key in sheet:
         stated, other = sheet[key], option.get(key)
         if isinstance(stated, dict) and isinstance(other, dict):
-            yield from _common(other, stated, f"{prefix}{key}.")
+            yield from common_keys(other, stated, f"{prefix}{key}.")
         elif key in option:
             yield f"{prefix}{key}"
 

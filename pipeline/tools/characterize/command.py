@@ -197,7 +197,7 @@ def _results(
     """Return tables and metrics; of the joint error laws only, if a stage fails."""
     metrics = {}
     try:
-        for part in ("motion", "depth"):
+        for part in ["motion", "depth"] if settings.dataset.depth is not None else ["motion"]:
             _run_stage(ingest.run, part)
         _run_stage(track.run)
         for model in settings.models:
