@@ -40,7 +40,8 @@ NO_ENVIRONMENT = (
     "`. .venv/bin/activate`"
 )
 TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
-CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # but for tab and line end
+# but for tab and line end; with the marks that turn the direction of a line
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 OUT_OF_MEMORY = "free some memory and run the command again"
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
 # error number of the system → what to do

@@ -12,7 +12,8 @@ from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 
 MISSING = "–"
-CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")  # characters, other than line ends
+# characters, other than line ends, with the marks that turn the direction of a line
+CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 # start of a tag that the pages do not use themselves
 TAG = re.compile(r'<(?=[A-Za-z/!?])(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)')
 WORDS = read_yaml(Path(__file__).with_name("words.yaml"))
