@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pipeline.configuration import config
 from pipeline.core import contracts
+from pipeline.core.errors import ConfigError
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.recordings.inventory import other_files
@@ -39,6 +40,10 @@ def run() -> None:
         print(f"report: {words}")
     stated = validated(ClaimsFile, read_yaml(CLAIMS), file=CLAIMS)
     claims = require_known(parse_claims(stated.claims))
+    named = {*stated.recordings_of_the_paper}.union(*(claim.why for claim in claims))
+    if unknown := sorted(named - {*(known := config.option_names("dataset"))}):
+        message = f"no dataset {', '.join(unknown)}; there are {', '.join(known)}"
+        raise ConfigError(message, file=CLAIMS, key="why or recordings_of_the_paper")
     decided = decide_each(claims, runs, stated.recordings_of_the_paper)
     for n, run in enumerate(runs):
         if "readings" in run.tables:

@@ -137,6 +137,7 @@ def test_an_altered_number_a_dataset_of_the_paper_and_another_dataset_are_seen()
         (CLAIMS, "model: wishart", "model: wishrat", "'wishrat'; did you mean wishart"),
         (CLAIMS, "estimator: paper", "estimator: papers", "'papers'; did you mean paper"),
         (CLAIMS, 'entry: ["11"', 'entry: ["1l"', "the entry '1l'"),
+        (CLAIMS, "lwr4_lab:", "lwr4_lba:", "no dataset lwr4_lba"),
         (YOUBOT.with_name("ur5.json"), "", "{}", r"ur5\.json"),
         (YOUBOT, "youbot", "other", "edited after its stage wrote it"),
         (YOUBOT, None, "", "no evidence of the dataset youbot"),
