@@ -119,15 +119,10 @@ def _score_motion(models: list[str], takes: Takes, settings, folder: Path) -> Sc
             except ModelDomainError as error:
                 print(f"score: {model} cannot have the recorded total variance: {error}")
     grid = contracts.read("trajectory", MOTION)[["k", "t"]]
-    rows = [
-        grid.assign(
-            source=source,
-            error=off.get(source, 0.0),
-            bias=bias.get(source, 0.0),
-            **spread("s", recorded.joints, own),
-        )
-        for source, own in std.items()
-    ]
+    rows = []
+    for source, own in std.items():
+        named = {"source": source, "error": off.get(source, 0.0), "bias": bias.get(source, 0.0)}
+        rows.append(grid.assign(**named, **spread("s", recorded.joints, own)))
     contracts.write(pd.concat(rows, ignore_index=True), "deviation", folder)
     limits = variation_limits(recorded.noise, rng.stream(settings.seed, "score.variation"))
     metrics = {f"{model}_greatest_bias_rad": own.max() for model, own in bias.items()}

@@ -150,16 +150,10 @@ PUBLISHED = RELATIVE | {"tolerance": 0.1}
 UNLESS = {"unless": {"value": metric("share"), "limit": 0.5, "reason": "a lag"}}
 POWER_OF = {"rule": "follows", "limit": None}
 POWER_OF |= {key: metric(f"{{model}}_{key}") for key in ("threshold", "power")}
-BETWEEN = {
-    "value": metric("wishart"),
-    "than": metric("a"),
-    "difference": metric("wishart") | {"rival": "a"},
-    "limit": None,
-    "margin": 0.01,
-}
-AROUND_ZERO, BELOW_ZERO = (
-    {"wishart": 0.0, "a": 0.1, "low": -0.2, "high": high} for high in (0.1, -0.1)
-)
+BETWEEN = {"value": metric("wishart"), "than": metric("a"), "limit": None, "margin": 0.01}
+BETWEEN |= {"difference": metric("wishart") | {"rival": "a"}}
+WITHOUT_ENDS = {"wishart": 0.0, "a": 0.1}
+AROUND_ZERO, BELOW_ZERO = (WITHOUT_ENDS | {"low": -0.2, "high": high} for high in (0.1, -0.1))
 
 
 def powers(powers, thresholds) -> dict[str, float]:
@@ -204,7 +198,7 @@ def powers(powers, thresholds) -> dict[str, float]:
         # an order whose interval covers zero, or that has none
         ("real", BETWEEN | {"rule": "less"}, BELOW_ZERO, d.REPRODUCED),
         ("real", BETWEEN | {"rule": "less"}, AROUND_ZERO, d.NO_EVIDENCE),
-        ("real", BETWEEN | {"rule": "less"}, {"wishart": 0.0, "a": 0.1}, d.NO_EVIDENCE),
+        ("real", BETWEEN | {"rule": "less"}, WITHOUT_ENDS, d.NO_EVIDENCE),
         ("real", BETWEEN | {"rule": "greater"}, BELOW_ZERO, d.NOT_REPRODUCED),
     ],
 )
@@ -272,9 +266,8 @@ def test_runs_are_decided_by_whose_recordings_they_are_and_claims_without_record
 def test_a_number_of_a_rule_is_not_printed_as_a_value_compared_with():
     changes = {"each": {}, "value": metric("wishart") | {"rival": "a"}, "than": metric("than")}
     numbers = {"numbers": {"than": 0.2, "low": -0.2, "high": 0.1, "limit": 0.5}}
-    (case,) = verdict(
-        **changes, **numbers, rule="varies", limit=None, threshold=metric("limit")
-    ).cases
+    changes |= {"rule": "varies", "limit": None, "threshold": metric("limit")}
+    (case,) = verdict(**changes, **numbers).cases
     assert d.case_text(case) == "-0.1 ([-0.2, 0.1]) (limit 0.5) ✗"
     numbers["numbers"] |= {"wishart": -0.1, "a": 0.2}
     (case,) = verdict(**numbers, **BETWEEN, each={}, rule="less").cases
