@@ -93,9 +93,15 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     edit(option, "tool: flange", "tol: flange")
     edit(option, "rate: 100.0", "rate: fast")
     edit(option, "rest: 10", "rest: -1")
-    edit(option, "  tolerance: 1.0e-4\n", "")
-    printed = refused(capsys, 8)
-    keys = ("about.source", "key dataset.joint_log.angle_unit", "robot.tol", "walks")
+    edit(option, "  tolerance: 1.0e-4\n", "  disturbed_beyond: 0\n")
+    printed = refused(capsys, 9)
+    keys = (
+        "beyond: input",
+        "about.source",
+        "key dataset.joint_log.angle_unit",
+        "robot.tol",
+        "walks",
+    )
     for key in (*keys, "key dataset.motion.rate", "key dataset.joint_log.rest", "tolerance"):
         assert printed.count(key) == 1, key
 

@@ -130,9 +130,9 @@ class JointLogSection:
     start: list[float]  # rad, commanded angles of robot.joints before the motion
     end: list[float]  # rad, commanded angles of robot.joints after the motion
     rest: Whole  # steps at rest before and after, of motion.steps; 0: no rest
-    rest_speed: float = 1e-4  # rad/s, greatest commanded speed at rest
-    tolerance: float  # rad, greatest difference of repeated commands
-    disturbed_beyond: float = 6.0  # robust standard deviations from the median repetition
+    rest_speed: Positive = 1e-4  # rad/s, greatest commanded speed at rest
+    tolerance: Positive  # rad, greatest difference of repeated commands
+    disturbed_beyond: Positive = 6.0  # robust standard deviations from the median repetition
 
     @model_validator(mode="after")
     def _fits_the_joints(self) -> Self:
