@@ -95,13 +95,7 @@ def test_everything_that_is_wrong_is_printed_at_once(files, capsys):
     edit(option, "rest: 10", "rest: -1")
     edit(option, "  tolerance: 1.0e-4\n", "  disturbed_beyond: 0\n")
     printed = refused(capsys, 9)
-    keys = (
-        "beyond: input",
-        "about.source",
-        "key dataset.joint_log.angle_unit",
-        "robot.tol",
-        "walks",
-    )
+    keys = ("beyond:", "about.source", "key dataset.joint_log.angle_unit", "robot.tol", "walks")
     for key in (*keys, "key dataset.motion.rate", "key dataset.joint_log.rest", "tolerance"):
         assert printed.count(key) == 1, key
 
