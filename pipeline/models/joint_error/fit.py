@@ -87,7 +87,8 @@ def fit_joint_error(
     errors.
     """
     if not runs or not any(np.any(run.measured != run.command) for run in runs):
-        raise ModelDomainError("the recorded runs have no error", runs=len(runs))
+        message = "the measured angles equal the commanded ones; name the signals of each"
+        raise ModelDomainError(message, runs=len(runs))
     rate, inputs = runs[0].rate, [drive(run.command, run.rate, power) for run in runs]
     reach = np.max([np.abs(np.diff(run.command, axis=0)).max(axis=0, initial=0) for run in runs], 0)
     quantum, laws = np.max([run.quantum for run in runs], axis=0), []
