@@ -16,6 +16,7 @@ MISSING = "–"
 CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 # start of a tag that the pages do not use themselves
 TAG = re.compile(r'<(?=[A-Za-z/!?])(?!br>|/?details>|/?summary>|a id="[\w-]+">|/a>|!--)')
+IMAGE = re.compile(r"(?<=.)!\[")  # in a name: the pages' own figures begin a line
 WORDS = read_yaml(Path(__file__).with_name("words.yaml"))
 
 
@@ -52,9 +53,9 @@ def offset(row: Mapping[str, float]) -> str:
 
 def plain_page(text: str) -> str:
     """Return the Markdown ``text`` of a page, in which names come from files, without control
-    characters and with all tags escaped that the pages do not use.
+    characters and with all tags and images escaped that the pages do not use.
     """
-    return TAG.sub("&lt;", CONTROL.sub(" ", text))
+    return IMAGE.sub(r"!\\[", TAG.sub("&lt;", CONTROL.sub(" ", text)))
 
 
 def table(header: Iterable[str], rows: Iterable[Sequence[object]]) -> str:

@@ -17,6 +17,7 @@ from pipeline.verdicts.wording import plain_page, table
 
 TURNED = "a\u202eb"  # the rest of its line is shown from right to left
 NAMES = ["a|b", "<img src=x onerror=1>", "<script>x</script>", "$x^{$", "a\x1b[2Jb", "c\x9b1md"]
+NAMES.append("![i](x.png)")
 
 
 class Tags(HTMLParser):
