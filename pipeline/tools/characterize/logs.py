@@ -102,5 +102,6 @@ def _read(take: PlacedTake, values: Mapping[str, Any]) -> tuple[LoggedMovement, 
     options = validated(JointLogSection, log | {"movements": take.path.name}, "joint_log")
     rate = values.get("motion.rate")
     if not isinstance(rate, int | float):
-        raise ConfigError("the log states no times; --set motion.rate=HZ", key="motion.rate")
+        asked = "" if "joint_log.signals" in values else "; ".join(map(str, take.finding.open))
+        raise ConfigError(asked or "the log states no times; --set motion.rate=HZ")
     return read_logged_movement(take.name, take.path, options, float(rate)), float(rate)
