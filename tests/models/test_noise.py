@@ -18,6 +18,7 @@ from pipeline.models.steps import (
     mean_covariance,
     measurement_covariance,
     process_noise,
+    recorded_deviation,
 )
 from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
@@ -68,6 +69,13 @@ def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a
     # control: the noise of steps contains the white part alone
     of_steps = np.diag(measurement_covariance(np.diff(q, axis=1)[:, :9], v[:9])) / 2
     np.testing.assert_allclose(of_steps, white**2, rtol=0.2)
+
+
+def test_the_recorded_deviation_is_over_the_takes_of_steps_or_of_angles():
+    q, noise = np.random.default_rng(3).standard_normal((2, 4, 6, 3))
+    steps, angles = (recorded_deviation(q, noise[:, 1:], mode) for mode in MODES)
+    np.testing.assert_allclose(steps[1:], np.std(noise[:, 1:], axis=0) * np.sqrt(4 / 3))
+    np.testing.assert_allclose(angles, np.std(q, axis=0) * np.sqrt(4 / 3))
 
 
 def recorded(size: float = 1e-4, m: int = 3) -> Recorded:
