@@ -87,12 +87,9 @@ def main(folder: Path) -> None:
     """Measure and write."""
     shutil.rmtree(folder, ignore_errors=True)
     compiled, *cached = [answer("first_use", folder) for _ in range(4)]
-    # constants of the loops are compiled in: another folder for each
+    # constants of the loops are compiled in: another folder for each; in turn, as speeds change
     settings = {"kernel": {}, "C library": C_LIBRARY, "scalar": SCALAR}
-    runs = [
-        {name: answer("draws", folder / name, **own) for name, own in settings.items()}
-        for _ in range(3)  # in turn, as the machine's speed changes
-    ]
+    runs = [{n: answer("draws", folder / n, **s) for n, s in settings.items()} for _ in range(3)]
     measured = {
         "machine": machine(),
         "imports_seconds": min(each["imports"] for each in cached),

@@ -124,6 +124,7 @@ def test_noise_depends_on_the_jacobian_where_the_law_says_so(model, chain, step)
 
 @pytest.mark.parametrize("kind", [-1, max(LAWS) + 1, 99])
 def test_a_law_of_an_unknown_kind_is_refused(kind, chain, step, monkeypatch):
+    assert np.all(draw_steps(MATRIX["gaussian"], chain, POSE, step, RNG())[0] != POSE)
     law = MATRIX["gaussian"].law(chain)._replace(kind=kind)
     monkeypatch.setattr(GaussianModel, "law", lambda self, chain: law)
     with pytest.raises(ModelDomainError, match="no law of this kind"):

@@ -140,8 +140,7 @@ def test_predictions_of_rounded_angles_include_the_rounding():
         assert 0.85 < row["predicted_rad"] / row["measured_rad"] < 1.3, row
         assert row["two_sigma"] > 0.92, row
     error, command = (each[:10] for each in (both[1][0].measured, both[1][0].command))
-    covariance = law.predict((error - command)[:9], command, 1)[1]
-    assert np.all(np.diag(covariance) > 1e-6 / 12)
+    assert np.all(np.diag(law.predict((error - command)[:9], command, 1)[1]) > 1e-6 / 12)
 
 
 def test_samples_after_a_jump_of_the_commanded_speed_do_not_count():

@@ -114,8 +114,7 @@ def test_a_spike_of_any_size_is_no_turn_and_a_wrap_beside_noise_is_one():
         with suppress(RecordingError):
             errors.append(np.abs(unwrap(spiked, time)[0] - angles).max())
     assert len(errors) <= 4 and max(errors, default=0) < TURN_NOISE  # at most 1 % accepted
-    stepped = 0.5 * (0 * angles + time[:, None] > 1.0)  # a command may step, once too
-    assert unwrap(stepped, time, signal="target")[1] == 0
+    assert unwrap(1.0 * (0 * angles + time[:, None] > 1), time, signal="target")[1] == 0  # a step
     # control: an angle that crosses half a turn to and fro with noise of 10 mrad wraps at each row
     noisy = np.pi + rng.normal(0, 0.01, (400, 6))
     wrapped, jumps = unwrap((noisy + np.pi) % TURN - np.pi, time)

@@ -22,10 +22,11 @@ class Take:
         self.start_mean, self.start_covariance = np.array(start_mean), np.array(start_covariance)
         self.y = dict(zip(seen, np.array(y), strict=True))  # by the step that a frame falls on
         self.precision = np.linalg.inv(covariance)
-        self.rng = np.random.default_rng(1)
 
     def start(self, count: int) -> np.ndarray:
-        """(P, n) particles before the first step."""
+        """(P, n) particles before the first step; every call has the same random numbers."""
+        self.rng = np.random.default_rng(1)
+        np.random.seed(1)  # noqa: NPY002 - the libraries resample by it
         return self.rng.multivariate_normal(self.start_mean, self.start_covariance, count)
 
     def step(self, k: int, q: np.ndarray) -> np.ndarray:
