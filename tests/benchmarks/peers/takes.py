@@ -22,6 +22,7 @@ class Take:
         self.start_mean, self.start_covariance = np.array(start_mean), np.array(start_covariance)
         self.y = dict(zip(seen, np.array(y), strict=True))  # by the step that a frame falls on
         self.precision = np.linalg.inv(covariance)
+        self.rng = np.random.default_rng(1)
 
     def start(self, count: int) -> np.ndarray:
         """(P, n) particles before the first step; every call has the same random numbers."""
@@ -89,8 +90,7 @@ class PlanarTake(Take):
         """Draw B, solve J₁BJ₂q̇ = v: the paper's steps by the libraries' functions."""
         first, second = linalg.lu(self.jacobian(q), permute_l=True)
         b = stats.wishart.rvs(self.d, np.eye(3) / self.d, size=len(q), random_state=self.rng)
-        right = np.broadcast_to(v, q.shape)[..., None]
-        return q + np.linalg.solve(first @ b @ second, right)[..., 0]
+        return q + np.linalg.solve(first @ b @ second, v[:, None])[..., 0]
 
 
 def eliminated(jacobian: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
