@@ -1,5 +1,6 @@
 """Composition of the configuration with Hydra, its validation, and the sections of each stage."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import asdict, make_dataclass
 from functools import cache
@@ -210,8 +211,8 @@ def composed_config() -> Config:
 def sections(
     stage: str, dvc_file: Path = Path("dvc.yaml"), item: str | None = None
 ) -> SimpleNamespace:
-    """Return the typed sections that a stage declares, and ``compute``; ``item`` replaces
-    ``${item.model}`` in a section such as ``models.${item.model}``.
+    """Return the typed sections that a stage declares, and ``compute``; ``item`` replaces the item
+    of a matrix in a section such as ``models.${item.model}``.
 
     Raises ConfigError where a study or tool (``dvc_file`` in the pipeline's folder) declares the
     robot and the dataset has none. The paper's stages accept such a dataset.
@@ -227,7 +228,7 @@ def sections(
         message = f"the stage {stage} needs a robot, and the dataset has none; choose another "
         raise ConfigError(f"{message}dataset in params.yaml", key="dataset.robot")
     for section in declared:
-        name = section.replace("${item.model}", str(item))
+        name = re.sub(r"\$\{item\.\w+\}", str(item), section)
         *above, last = name.split(".")
         place, value = settings, vars(config)
         for key in above:

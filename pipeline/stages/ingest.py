@@ -13,7 +13,7 @@ OUT = Path("data/ingest")
 
 def run(part: str) -> None:
     """Read the files of ``part``; print a line where the dataset has none."""
-    settings = config.sections("ingest")
+    settings = config.sections("ingest", item=part)
     with contracts.replacing(OUT / part) as folder:
         quality = read_part(part, settings.dataset, settings.compute, folder)
         if quality:

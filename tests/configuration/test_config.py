@@ -220,6 +220,7 @@ def test_models_and_the_laboratory_have_their_own_types(sections):
     for item in ("student", None):
         with pytest.raises(ConfigError, match=f"there is no models.{item}"):
             sections("models.${item.model}", item=item)
+    assert vars(sections("dataset.${item.part}", item="depth").dataset).keys() == {"depth"}
 
 
 def test_a_stage_that_there_is_not_and_a_stale_configuration_are_refused(sections):
