@@ -217,7 +217,7 @@ MUTATED = SOUND | {
     "q.mat": Sound(lambda file: savemat(file, LOG), arrays),
     "q.parquet": Sound(COLUMNS.to_parquet, arrays),
 }
-COUNT = 48  # mutants of a file
+COUNT = 32  # mutants of a file
 BOUNDS = Reading(seconds=10, memory_mib=1024)
 # words of the sandbox for an end that no reader's own check has prevented
 FAILURES = ("its reader fails", "ends the process", "not read within", "of memory")
