@@ -9,7 +9,7 @@ autoregression of its ranks (a Gaussian copula): heavy tails alone move a standa
 takes up and down.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,8 +137,11 @@ def _drawn_std(
     rests = np.broadcast_to(scale, noise.shape) == 0  # without noise, as at rest by an encoder
     pool = np.where(rests, 0.0, (noise - middle) / np.where(rests, 1.0, scale)).ravel()
     ordered = np.sort(_uncentred(pool, len(noise), rng) if centred else pool)
-    ranks = (ndtr(_autoregression(noise, rng)) * len(ordered)).astype(np.intp)
-    return _std(ordered[ranks], -1, centred)
+    drawn = np.empty((noise.shape[1], REPLICATES))
+    for of_step, variates in zip(drawn, _autoregression(noise, rng), strict=True):
+        ranks = (ndtr(variates) * len(ordered)).astype(np.intp)
+        of_step[:] = _std(ordered[ranks], -1, centred)
+    return drawn
 
 
 def _uncentred(pool: ndarray, takes: int, rng: Generator) -> ndarray:
@@ -165,15 +168,16 @@ def _uncentred(pool: ndarray, takes: int, rng: Generator) -> ndarray:
     return raised(MOST_POWER if excess(MOST_POWER) > 0 else brentq(excess, 1.0, MOST_POWER))
 
 
-def _autoregression(noise: ndarray, rng: Generator) -> ndarray:
-    """Return standard normals (M, REPLICATES, takes) with the autocorrelation of ``noise``."""
-    takes, count = noise.shape
+def _autoregression(noise: ndarray, rng: Generator) -> Iterator[ndarray]:
+    """Yield standard normals (REPLICATES, takes) of each step with the autocorrelation of ``noise``
+    (takes, M); those of one step stay in the processor's cache.
+    """
     share = np.clip(lag_one_correlation(noise), -CLOSE_TO_ONE, CLOSE_TO_ONE)
-    variates = rng.standard_normal((count, REPLICATES, takes))
-    variates[1:] *= np.sqrt(1 - share**2)
-    for k in range(1, count):
-        variates[k] += share * variates[k - 1]
-    return variates
+    rest, variates = np.sqrt(1 - share**2), rng.standard_normal((REPLICATES, len(noise)))
+    yield variates
+    for _ in range(noise.shape[1] - 1):
+        variates = rest * rng.standard_normal(variates.shape) + share * variates
+        yield variates
 
 
 def _correlations(curve: ndarray, others: ndarray) -> ndarray:
