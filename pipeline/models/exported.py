@@ -30,6 +30,10 @@ INVALID = OSError, ValueError, KeyError, TypeError, AttributeError, RecursionErr
 SAME_PERIOD = 1e-6  # greatest relative difference of two periods
 
 
+class UnconfirmedBands(UserWarning):
+    """Warns of predicted standard deviations that held-out motions did not confirm."""
+
+
 class OutsideRanges(UserWarning):
     """Warns of a pose, a command or a horizon outside the ranges that the model was fitted to."""
 
@@ -187,6 +191,13 @@ class ExportedErrors(Exported):
             poses.append(pose)
         return np.stack(poses, axis=1)
 
+    def warn_of_unconfirmed(self) -> None:
+        """Warn of the standard deviations in ``not_known`` of the record."""
+        for each in self.record["not_known"][:1]:
+            first = "{parameter} is {found} (required: {required})".format(**each)
+            message = f"{first}; {len(self.record['not_known'])} such in record['not_known']"
+            warnings.warn(f"bands not confirmed: {message}", UnconfirmedBands, stacklevel=4)
+
     def _histories(self, errors: ndarray, commands: ndarray) -> tuple[ndarray, ndarray]:
         n, known = len(self.law.joints), {"errors": errors, "commands": commands}
         errors, commands = (self._array(k, each, (n,), "rad") for k, each in known.items())
@@ -243,6 +254,7 @@ def read_exported(file: Path, period: float | None = None) -> Exported:
         law = build_model(record["parameters"])
         if law.traits.memory:
             model: Exported = ExportedErrors(law, record)
+            model.warn_of_unconfirmed()
         else:
             model = ExportedModel(law, record, _chain(record["arm"]))
     except ContractError as error:

@@ -18,11 +18,7 @@ from numpy import ndarray
 from numpy.random import Generator
 from scipy.special import ndtr, ndtri
 
-from pipeline.statistics.takes import (
-    REPLICATES,
-    jackknife_counts,
-    lag_one_correlation,
-)
+from pipeline.statistics.takes import REPLICATES, jackknife_counts, lag_one_correlation
 
 RECOGNISED = 0.975  # share of draws of a true model that pass in all joints
 POWER = 0.8  # least share of draws of constant noise that a test must reject to be evidence

@@ -9,28 +9,24 @@ from pipeline.statistics.takes import Difference, jackknife_difference, paired_d
 
 WRONG = 2.0  # greatest factor by which a standard deviation may be wrong at a horizon
 RIGHT = 1.5  # greatest factor by which the standard deviation of a calibrated law is wrong
+CONFIRMED = 1.4  # greatest factor in the interval of a standard deviation that is confirmed
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
 LONGEST = "0.5 s"  # the longest horizon
 SHARES = ["one_sigma", "two_sigma"]
 NUMBERS = ["score", *SHARES, "autocorrelation"]
+SIGMAS = ["predicted_rad", "measured_rad"]
 
 
 def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Return the rows of ``scores`` (table joint_scores) joined by the columns ``by``: means and
     mean squares weighted by the number of errors, and ``ratio``, predicted over measured σ.
     """
-    weight = scores["count"].to_numpy(float)
-    parts = scores[[*by, "count"]].copy()
-    for name in NUMBERS:
-        parts[name] = scores[name].fillna(0.0) * weight
-    for name in ("predicted_rad", "measured_rad"):
-        parts[name] = scores[name] ** 2 * weight
+    values = scores[NUMBERS].fillna(0.0).join(scores[SIGMAS] ** 2)
+    parts = scores[[*by, "count"]].join(values.mul(scores["count"], axis=0))
     sums = parts.groupby([*by], sort=False).sum()
-    for name in NUMBERS:
-        sums[name] /= sums["count"]
-    for name in ("predicted_rad", "measured_rad"):
-        sums[name] = np.sqrt(sums[name] / sums["count"])
+    sums[values.columns] = sums[values.columns].div(sums["count"], axis=0)
+    sums[SIGMAS] = np.sqrt(sums[SIGMAS])
     sums["ratio"] = sums["predicted_rad"] / sums["measured_rad"].where(sums["measured_rad"] > 0)
     return sums
 
@@ -61,8 +57,8 @@ def left_out(scores: pd.DataFrame) -> pd.DataFrame:
 
 
 def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
-    """Return the number ``name`` in the first of ``parts`` (:func:`left_out`), with the interval of
-    the jackknife: of the logarithm of a ratio, and within 0 to 1 for a share.
+    """Return the ratio or share ``name`` in the first of ``parts`` (:func:`left_out`), with the
+    interval of the jackknife: of the logarithm of the ratio, and within 0 to 1 for a share.
     """
     values = parts[name].to_numpy()
     if len(values) < 3:
@@ -71,9 +67,7 @@ def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
         found = jackknife_difference(np.log(values))
         return Difference(values[0], float(np.exp(found.low)), float(np.exp(found.high)))
     found = jackknife_difference(values)
-    if name in SHARES:
-        return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
-    return found
+    return found._replace(low=max(found.low, 0.0), high=min(found.high, 1.0))
 
 
 def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[str]:
@@ -90,6 +84,22 @@ def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[s
             found = f"{row['two_sigma']:.3g} of the errors of {joint} at {horizon} are within 2σ"
             faults.append(f"{found} (required: {COVERED:g})")
     return faults
+
+
+def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
+    """Return the predicted σ of ``model`` that the commanded samples of ``scores`` do not confirm:
+    parameter (joint and horizon), found and required. A σ is confirmed if the 95 % interval of its
+    ratio to the measured σ, over held-out motions or blocks, is within a factor of CONFIRMED.
+    """
+    own = scores[(scores["model"] == model) & (scores["samples"] == "commanded")]
+    entries = []
+    for (joint, horizon), rows in own.groupby(["joint", "horizon"], sort=False):
+        ratio, low, high, _ = pooled_interval(left_out(rows), "ratio")
+        if not (1 / CONFIRMED <= low and high <= CONFIRMED):
+            found = f"{ratio:.2f} [{low:.2f}, {high:.2f}] times the measured σ"
+            entry = {"parameter": f"σ of {joint} at {horizon}", "found": found}
+            entries.append(entry | {"required": f"{1 / CONFIRMED:.2f} to {CONFIRMED:.2f}"})
+    return entries
 
 
 def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:

@@ -12,6 +12,7 @@ from pipeline.statistics.horizons import (
     margins,
     pooled,
     pooled_interval,
+    unconfirmed,
 )
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.scores import choice, coverage, filter_verdict, predictors
@@ -41,6 +42,7 @@ def answer(run: Run) -> str:
         words |= {"horizons": at_horizons(scores, model), "fastest": fastest}
         resting = faults_of(scores[scores["samples"] == "at rest"], model)
         words |= {"still": [*still.index], "resting": resting}
+        words["unconfirmed"] = unconfirmed(scores, model)
         words["law"] = pd.DataFrame(law).fillna(MISSING).to_numpy()
     unused = t["unused_recordings"][["recording", "reason"]].to_numpy()
     return render("answer.md", unused=unused, **words)

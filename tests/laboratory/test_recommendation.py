@@ -15,7 +15,7 @@ from pipeline.laboratory.options import DynamicsOptions
 from pipeline.models.joint_error.fit import fit_joint_error
 from pipeline.models.joint_error.held_out import held_out, score_runs
 from pipeline.models.joint_error.samples import JointRun
-from pipeline.statistics.horizons import chosen_law
+from pipeline.statistics.horizons import chosen_law, unconfirmed
 from pipeline.studies.simulated import Factors, disturb
 
 RATE, STEPS, REST, REPEATS = 100.0, 160, 20, 6
@@ -120,6 +120,21 @@ def test_the_rule_weighs_margin_and_calibration(gain, ratio, expected):
     rare = pd.DataFrame(rows).assign(count=2)  # 16 samples
     model, why = chosen_law(rare)
     assert model is None and "at most 16 commanded samples of a joint are predicted 0.5 s" in why
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 0, 1), (1.5, 16, 20), (0.67, 16, 20)])
+def test_ten_takes_confirm_a_right_law_and_not_a_standard_deviation_wrong_by_half(
+    factor, least, most
+):
+    sessions = 20  # most: one in twenty; least: sixteen in twenty, of ten takes of 6 s each
+    runs = runs_of_law(known_law(), np.random.default_rng(5), motions=10, repeats=sessions)
+    law, rows = known_law(scale=factor**2 * known_law().scale), []
+    for number, run in enumerate(runs):
+        place = {"model": "law", "motion": run.motion, "session": number % sessions}
+        rows += [place | row for row in score_runs(law, [run])[0]]
+    each = pd.DataFrame(rows).groupby("session")
+    assert least <= sum(bool(unconfirmed(own, "law")) for _, own in each) <= most
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from error_runs import JOINTS, MEMORY, RATE, known_law, runs_of_law, sweep
+from error_runs import MEMORY, RATE, known_law, runs_of_law, sweep
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -63,6 +63,8 @@ def test_predictions_of_a_whole_run_are_those_of_each_sample():
         np.testing.assert_allclose(outlook.variance[k], np.diag(covariance), rtol=1e-12)
     with pytest.raises(ModelDomainError, match="the 7 next samples, got 8"):
         law.predict(error[:3], run.command[:8], 7)
+    for each in (law, known_law(power=1.0)):  # a law comes back from its plain parameters
+        assert build(each.parameters()).parameters() == each.parameters()
 
 
 @pytest.mark.parametrize("degrees", [np.inf, 4.5])
@@ -101,13 +103,6 @@ def test_the_compiled_loss_is_that_of_the_laws_own_predictions(name):
             *parameters, law.keep, law.persistence, *data, np.concatenate(ends), counts, least
         )
         assert loss == pytest.approx(expected, rel=1e-9)
-
-
-def test_a_law_comes_back_from_its_plain_parameters():
-    law = LAWS["tails and drift"]
-    again = build(law.parameters())
-    assert again.parameters() == law.parameters() and again.joints == JOINTS
-    assert build(known_law(power=1.0).parameters()).power == 1.0
 
 
 def test_the_memory_of_a_known_law_is_recovered_and_predicts_fresh_runs():

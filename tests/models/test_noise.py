@@ -58,19 +58,6 @@ def test_the_measurement_noise_is_what_moves_at_rest():
         measurement_covariance(noise, np.ones((8, 3)))
 
 
-def test_what_a_take_is_off_all_through_is_in_poses_at_rest_and_in_no_noise_of_a_step():
-    rng, v = np.random.default_rng(12), np.zeros((30, 3))
-    v[10:20, 0] = 0.01
-    white, constant = np.array([1.0, 2.0, 1.0]), np.array([3.0, 1.0, 0.0])
-    q = white * rng.standard_normal((500, 31, 3)) + constant * rng.standard_normal((500, 1, 3))
-    q[:, 10:20] *= 10
-    at_rest = np.diag(measurement_covariance(q[:, :-1], v))
-    np.testing.assert_allclose(at_rest, white**2 + constant**2, rtol=0.2)
-    # control: the noise of steps contains the white part alone
-    of_steps = np.diag(measurement_covariance(np.diff(q, axis=1)[:, :9], v[:9])) / 2
-    np.testing.assert_allclose(of_steps, white**2, rtol=0.2)
-
-
 def test_the_recorded_deviation_is_over_the_takes_of_steps_or_of_angles():
     q, noise = np.random.default_rng(3).standard_normal((2, 4, 6, 3))
     steps, angles = (recorded_deviation(q, noise[:, 1:], mode) for mode in MODES)

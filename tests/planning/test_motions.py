@@ -128,15 +128,6 @@ def test_the_least_norm_motion_never_moves_in_the_null_space():
     assert planned.objective == pytest.approx(np.sum(np.diff(planned.joints, axis=0) ** 2))
 
 
-@pytest.mark.slow
-def test_an_arm_in_space_moves_with_less_uncertainty_than_it_was_driven():
-    problem = path_problem("seven", 60, smoothness=1e-4)
-    cost = law_cost("qr_transposed", problem.chain)
-    planned = least_uncertain(problem, cost, 100)
-    assert problem.failure(planned.joints) is None
-    assert planned.objective < value(problem, cost, joint_path("seven", 60))
-
-
 def test_the_least_norm_motion_names_the_step_at_which_it_leaves_the_limits():
     problem = path_problem("planar", 40)
     object.__setattr__(problem.chain, "upper", joint_path("planar", 40)[20] + [9, 9, 0])

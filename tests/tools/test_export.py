@@ -20,7 +20,7 @@ from source_code import ROOT
 from pipeline.configuration import config
 from pipeline.core.errors import ContractError, ModelDomainError
 from pipeline.models import load
-from pipeline.models.exported import SCORED, OutsideRanges
+from pipeline.models.exported import SCORED, OutsideRanges, UnconfirmedBands
 from pipeline.models.joint_error.samples import HORIZONS
 from pipeline.tools.export import command
 from pipeline.tools.export.command import READER_NAME, reader_source
@@ -124,6 +124,11 @@ def test_an_exported_error_law_predicts_what_its_draws_do(errors, monkeypatch):
     again = copied.predict(off[0, :154], commanded, 6)
     for one, other in zip(again, (mean, covariance), strict=True):
         np.testing.assert_array_equal(one, other)
+    options = config.model_options(["joint_step"])["joint_step"]
+    record = command.error_record("joint_step", options, runs_of_law(known_law(), rng), "bench")
+    command.write_export(record, white := errors.parent / "white.json")
+    with pytest.warns(UnconfirmedBands, match=r"σ of a at 0\.5 s is .* such in record"):
+        load(white)
     with pytest.warns(OutsideRanges, match=r"0\.6 s ahead is beyond 0\.5 s, the longest"):
         model.predict(off[0, :100], commanded, 60)
     assert SCORED == max(HORIZONS)

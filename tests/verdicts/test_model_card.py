@@ -110,6 +110,15 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
     assert "**Not for joints at rest:** 0.7 of the errors of a at one sample" in answer(run)
 
 
+@pytest.mark.parametrize(("predicted", "named"), [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)])
+def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed(predicted, named):
+    text = answer(logged(predicted=predicted))
+    assert text.count("times the measured σ (") == named
+    ratio = f"{predicted / 1e-4:.2f}"
+    words = f"confirm:** σ of a at one sample is {ratio} [{ratio}, {ratio}] times the measured"
+    assert (words in text) == (named > 0)
+
+
 @pytest.mark.parametrize(
     ("changes", "law"),
     [

@@ -69,9 +69,8 @@ def held_out(
         rows += [{"model": model, "motion": part} | row for row in own]
         standard.setdefault(model, []).append(z)
     for model, own in standard.items():
-        for joint, z in zip(
-            runs[0].joints, map(np.concatenate, zip(*own, strict=True)), strict=True
-        ):
+        for joint, *errors in zip(runs[0].joints, *own, strict=True):
+            z = np.concatenate(errors)
             drawn = np.quantile(z, QUANTILES) if len(z) else np.full(len(QUANTILES), np.nan)
             columns = {"model": model, "joint": joint, "normal": ndtri(QUANTILES), "noise": drawn}
             quantiles.append(pd.DataFrame(columns))

@@ -52,14 +52,10 @@ def joint_samples(
     error = np.concatenate([run.measured[:, j] - run.command[:, j] for run in runs])
     together = Drive(*(np.concatenate([each[k][:, j] for each in inputs]) for k in range(2)))
     motions = sorted({run.motion for run in runs})
-    groups = np.concatenate(  # the held-out part of each sample: its motion, or quarter of the run
-        [
-            np.full(count, motions.index(run.motion))
-            for run, count in zip(runs, lengths, strict=True)
-        ]
-        if len(motions) > 1
-        else [np.arange(count) * 4 // count for count in lengths]
-    )
+    # the held-out part of each sample: its motion, or quarter of the run
+    groups = np.repeat([motions.index(run.motion) for run in runs], lengths)
+    if len(motions) == 1:
+        groups = np.concatenate([np.arange(count) * 4 // count for count in lengths])
     for steps in horizons(runs[0].rate)[: 3 if memory else 1]:
         own = [np.flatnonzero(counted(run, steps, [j])) for run in runs]
         if sum(map(len, own)) < LEAST:  # a joint that stands still: all samples

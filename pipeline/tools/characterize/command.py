@@ -11,7 +11,6 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir, contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from jinja2 import Template
@@ -73,8 +72,8 @@ def run(
         name += "_logs" * datasheet.path_of(name).exists()
         tables, place = _tables_of_runs(logged), folder
         card = Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
-        exported = model or chosen_law(card.tables["joint_scores"])[0]
-        record = exported and _record_of_runs(exported, logged, name)
+        exported = model or chosen_law(tables["joint_scores"])[0]
+        record = exported and _record_of_runs(exported, logged, name, tables["joint_scores"])
     else:
         _write_dataset(name, folder, assigned, ask, motion)
         with _project(name, folder.resolve(), scale) as place:
@@ -86,7 +85,7 @@ def run(
             card = Run(name, scale, False, joints, task, models, metrics, tables)
             exported = model or chosen_law(tables["joint_scores"])[0]
             record = exported and (
-                _record_of_runs(exported, logged, name)
+                _record_of_runs(exported, logged, name, tables["joint_scores"])
                 if logged and exported in FAMILY
                 else export.exported_record(exported, settings)
             )
@@ -133,10 +132,11 @@ def _tables_of_runs(logged: RunsOfLogs) -> dict[str, pd.DataFrame]:
     return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
 
 
-def _record_of_runs(model: str, logged: RunsOfLogs, name: str) -> dict[str, Any]:
+def _record_of_runs(model: str, logged: RunsOfLogs, name: str, scores: pd.DataFrame) -> dict:
     if model not in FAMILY:
         raise ConfigError(f"the model {model} needs a Jacobian: give --urdf FILE", key="--model")
-    return export.error_record(model, config.model_options([model])[model], logged.runs, name)
+    options = config.model_options([model])[model]
+    return export.error_record(model, options, logged.runs, name, scores)
 
 
 def _write_dataset(

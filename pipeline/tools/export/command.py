@@ -25,12 +25,13 @@ from pipeline.models.closed_loop import FOLDER, SHARE, fit_closed_loop, mean_pat
 from pipeline.models.exported import FORMAT, chain_record
 from pipeline.models.joint_error.fit import Options as ErrorOptions
 from pipeline.models.joint_error.fit import fit_joint_error, runs_of
-from pipeline.models.joint_error.held_out import MOVING, ranges_of_runs, score_runs
+from pipeline.models.joint_error.held_out import MOVING, held_out, ranges_of_runs, score_runs
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.steps import Recorded
 from pipeline.randommatrix.wishart import largest_dispersion
 from pipeline.recordings.runs import runs_of_dataset
 from pipeline.recordings.steps import fitted_ranges, training_steps
+from pipeline.statistics.horizons import unconfirmed
 
 HERE, EXPORTS, FIT = Path(__file__).parent, Path("data/export"), Path("data/fit")
 # source files of an export, in addition to the fitted parameters
@@ -66,9 +67,17 @@ def write_export(record: dict[str, Any], file: Path) -> None:
 
 
 def error_record(
-    model: str, options: ErrorOptions, runs: Sequence[JointRun], dataset: str
+    model: str,
+    options: ErrorOptions,
+    runs: Sequence[JointRun],
+    dataset: str,
+    scores: pd.DataFrame | None = None,
 ) -> dict[str, Any]:
-    """Return the JSON record of the joint error law ``options``, fitted to all ``runs``."""
+    """Return the JSON record of the joint error law ``options``, fitted to all ``runs``; ``scores``
+    is the table joint_scores of the runs, computed if it is None.
+    """
+    if scores is None:
+        scores = held_out(runs, {model: options})["joint_scores"]
     law = fit_joint_error(runs, **options.law())
     noise = [run.pose_noise for run in runs if run.pose_noise]
     known = [
@@ -86,7 +95,7 @@ def error_record(
         "closed_loop_share": 0.0,
         "pose_noise_rad": max(noise, default=None),
         "parameters": law.parameters(),
-        "not_known": [],
+        "not_known": unconfirmed(scores, model),
         "ranges": _ranges(ranges_of_runs(runs)),
         "runs": known,
     }
