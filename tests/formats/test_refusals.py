@@ -96,12 +96,14 @@ FORMATS = {
         ("0.6", "1e400", "must be an increasing time", 2),
         (None, "a.png 0.5\n", "must be an increasing time", 1),
         (None, "# nothing\n0.5 a", "has no complete line", None),
+        (None, "0.5 a.png\n0.6 a.png\n", "a line above names this frame", 2),
         (None, "1305031102 1.png\n1305031202 2.png\n", "write the times in s", None),
     ]),
     "OpenCV's calibration": Sound(CALIBRATIONS["opencv.yaml"], camera, [
         ("525.5", "-1.", "[fx 0 cx; 0 fy cy; 0 0 1]", None),
         ("525.5", "7e4", "are of no camera", None),
-        ("319.5", "700.", "are of no camera of 640 × 480", None),
+        *((old, new, "are of no camera of 640 × 480", None) for old, new in (
+            ("319.5", "639.5"), ("319.5", "159.5"), ("525.5", "1.88"))),
         ("camera_matrix", "camera", "no camera matrix", None),
         ("distortion_coefficients", "bends", "no distortion", None),
         ("rows: 3", "rows: 4", "camera_matrix must be 12 decimal numbers", None),

@@ -39,7 +39,7 @@ class PointCloud:
     """One frame in the sensor's frame."""
 
     points: np.ndarray  # (N, 3) float64 measured points in the file's unit
-    missing: int  # number of points without a position (NaN or infinite)
+    missing: int  # number of points without a position (NaN, infinite or all 0)
     # a PCD's position (file's unit) and quaternion (w, x, y, z) of the sensor; not applied
     viewpoint: tuple[float, ...] = UNTURNED
     counts: dict[str, int] = field(default_factory=dict)  # surplus_bytes behind the points
@@ -48,8 +48,10 @@ class PointCloud:
 
     @classmethod
     def measured(cls, points: np.ndarray, *details: object) -> "PointCloud":
-        """Return the cloud of ``points`` (N, 3); points without a position are only counted."""
-        measured = np.isfinite(points).all(axis=1)
+        """Return the cloud of ``points`` (N, 3); points without a position (not finite, or at the
+        sensor) are only counted.
+        """
+        measured = np.isfinite(points).all(axis=1) & points.any(axis=1)
         return cls(points[measured], int(np.sum(~measured)), *details)
 
 

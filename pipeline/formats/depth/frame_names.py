@@ -1,12 +1,11 @@
 """Sequences of depth frames by their file names, which state a number or a time.
 
-The number is the one that differs between the names. A time is a date and a time of day, seconds
-with a fraction, or an integer since 1970 (s, ms, µs or ns by its digits).
+The number is the one that differs between the names. A time is a time of day with or without
+a date, seconds with a fraction, or an integer since 1970 (s, ms, µs or ns by its digits).
 """
 
 import re
 from collections.abc import Iterable, Sequence
-from functools import partial
 from glob import escape
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 NANO = 10**9
+DAY = 86_400 * NANO
 EPOCH = range(9 * 10**8, 41 * 10**8)  # s since 1970: 1998 to 2099
 DATE = re.compile(
     r"(?<!\d)((?:19|20)\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)[T_ -]+([012]\d)[-:._h]?([0-5]\d)"
@@ -22,6 +22,9 @@ DATE = re.compile(
 )
 SECONDS = re.compile(r"(?<!\d)(\d{9,10})([._-])(\d{1,9})(?!\d)", re.ASCII)
 DECIMAL = re.compile(r"(?<!\d)(\d{1,8})(\.)(\d{1,9})(?!\d)", re.ASCII)
+DAYTIME = re.compile(
+    r"(?<!\d)([01]\d|2[0-3])[-:.]([0-5]\d)[-:.]([0-5]\d)[.,_-](\d{1,9})(?!\d)", re.ASCII
+)
 INTEGER = re.compile(r"(?<!\d)(?:\d{10}|\d{13}|\d{16}|\d{19})(?!\d)", re.ASCII)
 
 
@@ -81,46 +84,68 @@ def _sequence(
 
 def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
     """Return the times in ns that all ``stems`` state in one way, and the numbers in them."""
-    for mark in (DATE, SECONDS, DECIMAL, INTEGER):
+    for mark in (DATE, SECONDS, DAYTIME, DECIMAL, INTEGER):
         matches = [mark.search(stem) for stem in stems]
         if None in matches:
             continue
         first, *other = {len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches}
         inside = range(first, first + len(re.findall(r"\d+", matches[0][0], re.ASCII)))
-        widths = {len(match[match.lastindex or 0]) for match in matches}
-        times = [*map(partial(_time, even=len(widths) == 1), matches)]
-        counts = mark in (DATE, DECIMAL) and _counts(matches, mark)
-        if not (other or counts or None in times or {*varying}.isdisjoint(inside)):
+        whole = [*map(_seconds, matches)]
+        counts = mark in (DATE, DAYTIME, DECIMAL) and _counts(matches, mark)
+        if not (other or counts or None in whole or {*varying}.isdisjoint(inside)):
+            times = _with_fractions(whole, matches)
+            if mark is DAYTIME:  # after the longest gap, a day goes on beyond midnight
+                ordered = sorted(times)
+                gap = int(np.argmax(np.diff([*ordered, ordered[0] + DAY])))
+                start = ordered[(gap + 1) % len(times)]
+                times = [time + DAY * (time < start) for time in times]
             return times, inside
     return [], range(0)
 
 
 def _counts(matches: list[re.Match], mark: re.Pattern) -> bool:
     """Return whether the last digits count on by one, and what precedes them is constant."""
-    fraction = mark is DECIMAL or any(match[8] for match in matches)
-    last = [match[match.lastindex] if fraction else match[0][-6:] for match in matches]
-    if not all(map(str.isdecimal, last)) or (mark is DATE and fraction):
+    last = [match[0][-6:] if mark is DATE else match[match.lastindex] for match in matches]
+    if not all(map(str.isdecimal, last)) or (mark is DATE and any(match[8] for match in matches)):
         return False
-    before = {match[1] if fraction else match[0][:-6] for match in matches}
+    before = {match[0].removesuffix(digits) for match, digits in zip(matches, last, strict=True)}
     numbers = sorted(map(int, last))
     return len(before) == 1 and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
 
 
-def _time(match: re.Match, even: bool) -> int | None:
-    """Return the time in ns, None for a date or time that cannot be. Behind a mark other than "."
-    stand whole ms, µs or ns, unless all numbers there have as many digits (``even``).
-    """
-    whole, mark, digits = match.groups()[-3:] if match.re is not INTEGER else (match[0], ".", "")
+def _seconds(match: re.Match) -> int | None:
+    """Return the whole seconds of a time, None for a date or time that cannot be."""
     if match.re is DATE:
         try:
             date = "{}-{}-{}T{}:{}:{}".format(*match.groups()[:6])
-            whole = str(np.datetime64(date).astype(int))
+            return int(np.datetime64(date).astype(int))
         except ValueError:
             return None
-    elif match.re is INTEGER:
-        whole, digits = whole[:10], whole[10:]
-    if match.re in (SECONDS, INTEGER) and int(whole) not in EPOCH:
-        return None
-    size = len(digits := digits or "")
-    unit = 10 ** (9 - size) if mark == "." or even else 10 ** (6 - 3 * min(2, (size - 1) // 3))
-    return int(whole) * NANO + int(digits or 0) * unit
+    if match.re is DAYTIME:
+        hours, minutes, seconds = map(int, match.groups()[:3])
+        return 3600 * hours + 60 * minutes + seconds
+    whole = int(match[0][:10] if match.re is INTEGER else match[1])
+    return whole if match.re is DECIMAL or whole in EPOCH else None
+
+
+def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
+    """Return the times in ns of ``whole`` seconds and fractions: decimals if all have as many
+    digits or one begins with a zero; else whole ms, µs or ns if one ends with a zero; else the
+    reading with more even steps.
+    """
+    texts = [m[0][10:] if m.re is INTEGER else m[m.re.groups] or "" for m in matches]
+    marks = {m[0].removesuffix(digits)[-1] for m, digits in zip(matches, texts, strict=True)}
+    unit = 10 ** (9 - 3 * -(-max(map(len, texts)) // 3))
+    pairs = [(s * NANO, digits) for s, digits in zip(whole, texts, strict=True)]
+    decimals = [ns + int(digits.ljust(9, "0")) for ns, digits in pairs]
+    counted = [ns + int(digits or 0) * unit for ns, digits in pairs]
+    if len({*map(len, texts)}) == 1 or any(re.match("0.", digits) for digits in texts):
+        return decimals
+    if any(re.search(".0$", digits) for digits in texts):
+        return counted
+
+    def unevenness(times: list[int]) -> float:
+        steps = np.diff(sorted(times))
+        return float(steps.max() / max(np.median(steps), 1))
+
+    return min([decimals, counted] if "." in marks else [counted, decimals], key=unevenness)

@@ -175,19 +175,20 @@ def read_index(file: Path) -> DepthIndex:
     for another form, a time that does not increase, times that cannot be in s, and no frame.
     """
     text = read_text(file)
-    time, files = [-np.inf], []
+    time, files = [-np.inf], {}
     for number, line in enumerate(map(str.strip, text.lines), start=1):
         if not line or line.startswith("#"):
             continue
         stamp, name = [*line.split(maxsplit=1), ""][:2]
         seconds = float(stamp) if NUMBER.fullmatch(stamp) else np.nan
         pairs = len(words := name.split()) > 2 and NUMBER.fullmatch(words[1])
-        if not name or pairs or not time[-1] < seconds < np.inf:
+        if not name or pairs or name in files or not time[-1] < seconds < np.inf:
             message = f"{line[:80]!r} must be an increasing time in s, a blank and the name of one "
             message += f"depth frame{'; this line pairs two images' if pairs else ''}"
+            message += "; a line above names this frame" if name in files else ""
             raise RecordingError(message, file=file, line=number)
         time.append(seconds)
-        files.append(name)
+        files[name] = None
     if not files:
         raise RecordingError("the index has no complete line with a frame", file=file)
     if len(files) > 1:

@@ -28,6 +28,8 @@ MODELS: list[str] = _STATED["models"]  # names of distortion models with OpenCV'
 DISTORTION_KEY = re.compile(r"(?i).*dist(?!ance).*|.*coeff.*|[kp]1")
 ANY_SIZE = (10**6, 10**6)  # px, stands for an unknown image size
 NARROWEST = 100  # greatest focal length over the longer side: a field of view of half a degree
+WIDEST = 10  # greatest distance of the principal point from a side over the focal length
+OFF_CENTRE = 0.24  # greatest distance of the principal point from the centre over the side
 COEFFICIENTS = (0, 4, 5, 8, 12, 14)  # possible numbers of coefficients in OpenCV's model
 # only decimal numbers: YAML 1.1 reads 0525 as 341, yes as true and 5:25 as 325
 DECIMAL = re.compile(r"[-+]?(\d+\.\d*|\.\d+|0|[1-9]\d*|\d+(?=[eE]))([eE][-+]?\d+)?")
@@ -67,6 +69,8 @@ def pinhole(
     """
     (fx, skew, cx), (low, fy, cy), bottom = matrix.tolist()
     finite, rest, message = np.isfinite(matrix).all(), (skew, low, *bottom), ""
+    sides = [at / side for at, side in zip((cx, cy), size, strict=True) if side < ANY_SIZE[0]]
+    off_centre = min(cx, cy) <= 0 or any(abs(share - 0.5) >= OFF_CENTRE for share in sides)
     if stated not in (None, size):
         message = f"calibrated at {stated[0]} × {stated[1]} pixels, not {size[0]} × {size[1]}"
     elif distortion.any() and model not in (None, "", "null", *MODELS):
@@ -76,9 +80,10 @@ def pinhole(
     elif not np.isfinite(distortion).all() or distortion.size not in COEFFICIENTS:
         message = f"{distortion.size} distortion coefficients, or one that is not finite; OpenCV's "
         message += f"model has {COEFFICIENTS}"
-    elif max(fx, fy) > NARROWEST * max(size) or not (0 < cx < size[0] and 0 < cy < size[1]):
+    elif max(fx, fy) > NARROWEST * max(size) or min(fx, fy) < max(cx, cy) / WIDEST or off_centre:
         message = f"a focal length of {max(fx, fy):.6g} px and a principal point at {cx:.1f}, "
-        message += f"{cy:.1f} px are of no camera of {size[0]} × {size[1]} pixels"
+        message += f"{cy:.1f} px are of no camera of {size[0]} × {size[1]} pixels: state them in px"
+        message += " of these images, not of another size"
     if message:
         raise RecordingError(message, **evidence)
     return Intrinsics(fx, fy, cx, cy, *size, tuple(distortion.ravel().tolist()))

@@ -17,6 +17,7 @@ FARTHEST = 100.0  # m, greatest coordinate
 NEAREST = 0.003  # m, least extent of all markers of a take: the size of one
 # names that capture programs give to markers without a name
 STRAY = re.compile(r"(Marker-|Unlabeled[: ]?|\*)\d+|")
+LEAST_FILLER = 99.0  # in any unit: three equal coordinates beyond it fill a gap
 WHOLE = re.compile(r"[0-9]{1,18}")  # a count or an ID
 TIME_ROUNDING = 0.0101  # s, greatest error of a step between times of two decimals or more
 RATE_TOLERANCE = 0.01  # relative error of a stated rate, far above any clock's drift
@@ -130,10 +131,11 @@ def checked_take(
     """Return the take in m and s, with lost samples as NaN. ``raw`` has positions in the file's
     unit and printed times (N,) s or (0,). ``counts`` are the counts of ``raw`` and ``more``,
     ``gaps`` of the frame numbers, ``skipped_frames`` in the gaps,
-    ``time_mismatches``, missing samples and poses, ``zero_samples`` (all coordinates 0) and
-    ``partial_samples`` (some coordinates missing). Raises RecordingError, with the frame or its
-    line and the column, for a coordinate beyond FARTHEST, a coordinate that is missing in all rows,
-    and a quaternion whose length is not 1.
+    ``time_mismatches``, missing samples and poses, ``zero_samples`` (all coordinates 0),
+    ``partial_samples`` (some coordinates missing), and ``filler_samples`` if there are any (all
+    coordinates equal and at least LEAST_FILLER, as 9999 in a gap). Raises RecordingError, with the
+    frame or its line and the column, for a coordinate beyond FARTHEST, a coordinate that is missing
+    in all rows, and a quaternion whose length is not 1.
     """
     frame, step = raw.frame, np.diff(raw.frame)
     time = (frame - frame[0]) / raw.rate
@@ -142,13 +144,16 @@ def checked_take(
     counts["skipped_frames"] = int(np.sum(step - 1))
     counts["time_mismatches"] = int(np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING))
     counts |= {"zero_samples": 0, "partial_samples": 0}
+    fillers: list[int] = []
 
     def fault(message: str, k: int, **evidence: int) -> RecordingError:
         place = {"frame": int(frame[k])} if lines is None else {"line": lines[k]}
         return RecordingError(message, file=file, **place, **evidence)
 
     def check_position(position: np.ndarray, name: str) -> np.ndarray:
-        position = position / UNITS_PER_METRE[raw.unit]
+        zero, filler = (position == 0).all(axis=1), (position == position[:, :1]).all(axis=1)
+        filler &= ~zero & (np.abs(position[:, 0]) >= LEAST_FILLER)
+        position = np.where(filler[:, None], np.nan, position) / UNITS_PER_METRE[raw.unit]
         missing, far = ~np.isfinite(position), np.abs(position) > FARTHEST
         sighted, lost = ~missing.all(axis=1), missing.any(axis=1)
         absent = missing.all(axis=0) & sighted[:, None]
@@ -161,8 +166,8 @@ def checked_take(
                 message += f"({FARTHEST:g} m): are lengths in {raw.unit}, and is the decimal mark "
                 message += "a point?"
             raise fault(message, k, **({"column": columns[name][axis] + 1} if columns else {}))
-        zero = (position == 0).all(axis=1)
         counts["zero_samples"] += int(zero.sum())
+        fillers.append(int(filler.sum()))
         counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
@@ -195,4 +200,5 @@ def checked_take(
     counts["missing_samples"] = int(sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values()))
     counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
     checked = {"time": time, "markers": markers, "bodies": bodies}
-    return replace(raw, counts=counts | (more or {}), **checked)
+    rare = {"filler_samples": sum(fillers)} if any(fillers) else {}
+    return replace(raw, counts=counts | rare | (more or {}), **checked)

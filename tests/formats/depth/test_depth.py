@@ -14,7 +14,7 @@ from ros_bags import camera_info as info
 from written_logs import refusal as reject
 
 from pipeline.core.errors import RecordingError
-from pipeline.formats.depth.cloud import UNTURNED, read_cloud
+from pipeline.formats.depth.cloud import UNTURNED, PointCloud, read_cloud
 from pipeline.formats.depth.image import (
     Encoding,
     RawDepth,
@@ -133,6 +133,21 @@ def test_numbered_frames_are_seen_at_the_rate_and_missing_numbers_leave_their_ti
     np.testing.assert_allclose(result.time, np.array([0, 1, 2, 4, 91]) / 30)
 
 
+EVEN = ["1700000000.{} 0 40 80 120", "1700000000.{} 56 6 64 68 72", "1700000000_{} 0 40000 80000"]
+EVEN += ["{} 1700000000.960000000 1700000001.0 1700000001.40000000 1700000001.80000000"]
+EVEN += ["{} 10-15-59.92 10-15-59.96 10-16-00.00", "d{} 23:59:59.960 00:00:00.000 00:00:00.040"]
+EVEN += ["{} 1700000000_960000000 1700000001_40000 1700000001_40040000"]
+
+
+@pytest.mark.parametrize("names", EVEN)
+def test_times_in_names_are_those_whose_steps_are_even(tmp_path, names):
+    form, *stated = names.split()
+    numbered(tmp_path, *(frames := tuple(f"{form.format(time)}.png" for time in stated)))
+    result = numbered_frames(tmp_path, "*.png", rate=1.0)
+    assert result.files == frames
+    np.testing.assert_allclose(result.time, 0.04 * np.arange(len(frames)), atol=1e-4)
+
+
 UNPLAIN = [
     "a.png b.png",
     "7.png 007.png",
@@ -217,14 +232,14 @@ def test_a_camera_info_that_ros_printed_is_read_however_often_it_is_there(tmp_pa
 
 
 def test_distortion_of_another_model_is_refused_and_none_of_it_is_overlooked(tmp_path):
-    file, camera = tmp_path / "c.json", {"K": [[500, 0, 4], [0, 501, 3], [0, 0, 1]]}
+    file, camera = tmp_path / "c.json", {"K": [[500, 0, 320], [0, 501, 240], [0, 0, 1]]}
     other, four = camera | {"distortion_model": "equidistant"}, [0.1, 0.2, 0.3, 0.4]
     assert "equidistant" in refusal(file, json.dumps(other | {"D": four}))
     for key in ("dist", "lens_distortion", "radial_coeffs", "k1"):
         assert key in refusal(file, json.dumps(camera | {key: four}))
-    realsense = {"fx": 5, "fy": 6, "ppx": 4, "ppy": 3, "coeffs": [0.1, 0, 0, 0, 0]}
+    realsense = {"fx": 500, "fy": 501, "ppx": 320, "ppy": 240, "coeffs": [0.1, 0, 0, 0, 0]}
     found = read(file, json.dumps(realsense | {"model": "distortion.brown_conrady"}))
-    assert (found.fy, found.cx, found.distortion[0]) == (6, 4, 0.1)
+    assert (found.fy, found.cx, found.distortion[0]) == (501, 320, 0.1)
     assert "not stated" in refusal(file, json.dumps(realsense))
     # the control: nothing is distorted
     assert read(file, json.dumps(other | {"D": [0] * 4})).distortion == (0, 0, 0, 0)
@@ -258,9 +273,10 @@ LAYOUTS = {
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_clouds_of_any_layout_keep_their_points(layout, big, rows):
     points = GENERATOR.normal(size=(12, 3)).astype(np.float32).astype(float)
-    points[4, 1] = np.nan
+    points[4, 1], points[5] = np.nan, 0.0
     message = cloud(points, 1.0, *LAYOUTS[layout], big=big, rows=rows).for_version("ros2")
     np.testing.assert_array_equal(cloud_points(message), points)
+    assert PointCloud.measured(points).missing == 2
 
 
 PIXELS, CLOUD = image(np.ones((5, 7), np.uint16), 1.0), cloud(np.ones((12, 3)), 1.0, [X, Y, Z], 16)

@@ -61,6 +61,7 @@ def test_labels_decide_which_column_is_which_in_which_unit(tmp_path, unit, scale
 
 
 LOST = {",,": "", "NAN,NAN,NAN": "", "0.00,0,0": "zero_samples", "1,,3": "partial_samples"}
+LOST |= dict.fromkeys(("9999,9999,9999", "-99999.0,-99999,-99999"), "filler_samples")
 
 
 @pytest.mark.parametrize("cells", LOST)
@@ -68,8 +69,8 @@ def test_lost_samples_are_nan_in_all_coordinates_and_counted(tmp_path, cells):
     result = read_motive(columns_file(tmp_path, MARKER + f"0,0,{cells}\n1,0.01,0,0,1\n"))
     np.testing.assert_array_equal(result.markers["A"], [[np.nan] * 3, [0, 0, 1]])
     assert result.counts["missing_samples"] == 1
-    for name in ("zero_samples", "partial_samples"):
-        assert result.counts[name] == (name == LOST[cells])
+    for name in ("zero_samples", "partial_samples", "filler_samples"):
+        assert result.counts.get(name, 0) == (name == LOST[cells])
 
 
 def spreadsheet(content: bytes) -> bytes:
