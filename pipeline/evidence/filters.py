@@ -7,7 +7,7 @@ import pandas as pd
 
 from pipeline.core.filters import NONE, models_of
 from pipeline.evidence.table import difference_row, evidence_row, evidence_table, following_rows
-from pipeline.statistics.curves import following_tests
+from pipeline.statistics.curves import VARYING, following_tests, variation_limits
 from pipeline.statistics.scores import (
     FOLLOWS,
     Filtered,
@@ -32,7 +32,8 @@ def filter_evidence(
 
     The bounds also have the correlation with the error over the ``steady`` steps (K − 1,) alone.
     There the speed is constant and causes no correlation. ``rng`` resamples the takes, then draws
-    for the limits of the correlation (:func:`following_tests`).
+    for the limits of the correlation (:func:`following_tests`) and of the variation over time of
+    the first model's error.
     """
     laws, refusals, rows, models = {}, [], [], models_of(filters)
     for name, each in filters.items():
@@ -56,6 +57,10 @@ def filter_evidence(
         for row in following_rows(tests, FOLLOWS, "correlation_of_bound", name):
             row["steps"] = row["steps"].removeprefix("all")
             rows += [row] if row["steps"] or row["quantity"] != FOLLOWS else []
+    limits = variation_limits(filters[models[0]].error, rng, centred=False)
+    for joint, ends in zip(joints, limits, strict=True):
+        keys = {"model": models[0], "joint": joint}
+        rows.append(evidence_row("error_variation_limits", VARYING, *ends, **keys))
     scores = {"log_score": ("filter_log_score", "")}
     scores |= {f"rms_error_{joint}_rad": ("rms_error_of_a_take", joint) for joint in joints}
     every = scores | {f"coverage_of_one_sigma_{joint}": ("coverage", joint) for joint in joints}

@@ -93,10 +93,11 @@ def following_tests(
     return pd.DataFrame(rows, columns=["joint", "steps", "correlation", "limit", "power"])
 
 
-def variation_limits(noise: ndarray, rng: Generator) -> ndarray:
+def variation_limits(noise: ndarray, rng: Generator, centred: bool = True) -> ndarray:
     """Return limits (n, 2) of the variation over time of the standard deviation over the takes, if
     the true variation is VARYING: it is below the first, in any of the joints, and above the second
-    in a joint, with a probability of 1 − RECOGNISED or less. ``noise`` (takes, M, n) is in rad.
+    in a joint, with a probability of 1 − RECOGNISED or less. ``noise`` (takes, M, n) is in rad; its
+    standard deviation is about its mean if ``centred``, else about zero.
 
     Draws are a sine over the motion times the pooled noise of all steps, for the first limit over
     its running standard deviation. Variation over time makes the tails of the pool heavier: the
@@ -108,10 +109,11 @@ def variation_limits(noise: ndarray, rng: Generator) -> ndarray:
     phases = 2 * np.pi * np.arange(noise.shape[1]) / noise.shape[1]
     course, limits = 1 + 2**0.5 * VARYING * np.sin(phases)[:, None], []
     for of_joint in np.moveaxis(noise, -1, 0):
-        running = uniform_filter1d(of_joint.var(axis=0), max(len(phases) // WINDOWS, 1))
+        squares = of_joint.var(axis=0) if centred else np.mean(of_joint**2, axis=0)
+        running = uniform_filter1d(squares, max(len(phases) // WINDOWS, 1))
         running = np.maximum(running, 0.0)  # a running sum rounds to less at rest
         for scale, end in zip((np.sqrt(running), 1.0), ends, strict=True):
-            drawn = _drawn_std(of_joint, scale, rng) * course
+            drawn = _drawn_std(of_joint, scale, rng, centred) * course
             with np.errstate(divide="ignore", invalid="ignore"):  # no noise at all: no limits
                 variations = np.log(drawn.std(axis=0) / drawn.mean(axis=0))
             limits.append(np.exp(variations.mean() + end * variations.std(ddof=1)))

@@ -296,10 +296,9 @@ def recordings_page(run: Run) -> str:
         lost = {n: v for n, v in values.items() if v and LOST.search(n) and float(v).is_integer()}
         if lost and stem != "recordings":
             totals[stem.replace("_", " of ", 1)] = lost
-    words = {
-        name: (f"{n.replace('_', ' ')} {number(total)}" for n, total in own.items())
+    lost = [
+        (name, ", ".join(f"{n.replace('_', ' ')} {number(total)}" for n, total in own.items()))
         for name, own in totals.items()
-    }
-    lost = [(name, ", ".join(own)) for name, own in words.items()]
+    ]
     kept = kept.astype(object).fillna("").astype(str).to_numpy().tolist()
     return render("recordings.md", run=run, kept=kept, lost=lost)

@@ -13,15 +13,14 @@ from scipy.stats import multivariate_normal
 
 from pipeline.configuration import config
 from pipeline.core.columns import PLANE, spread, triangle
-from pipeline.core.filters import MEMORY, NONE
+from pipeline.core.filters import NONE, closed
 from pipeline.evidence.case import KINDS, Camera, Choices, Recordings, Takes, readings
-from pipeline.evidence.filters import filter_evidence
-from pipeline.evidence.outcomes import case_evidence, outcome
+from pipeline.evidence.motion import motion_evidence
+from pipeline.evidence.outcomes import all_filters, case_evidence, outcome, pose_covariances
 from pipeline.evidence.table import evidence_row, evidence_table
 from pipeline.filtering.particle_filter import Posterior
 from pipeline.models.kinds import options_type
 from pipeline.models.steps import Recorded, mean_covariance, process_noise
-from pipeline.statistics.scores import FOLLOWS, Filtered, training_mean
 from pipeline.verdicts.claims import parse_claims
 from pipeline.verdicts.decision import decide, reading_verdicts
 from pipeline.verdicts.run import ArmNames, Run
@@ -114,50 +113,50 @@ def test_there_is_evidence_on_every_claim_about_motion_camera_and_filter(base, t
     assert without <= {"u", "alpha"}  # an unbounded û and its α̂ have no number
 
 
-def test_filters_are_compared_with_the_training_takes_and_hold_the_noise_of_a_pose(takes):
-    # with noise, as at the first step the fixture's takes do not differ
-    rng = np.random.default_rng(6)
-    noisy, truth = (
-        poses + 1e-3 * rng.standard_normal(poses.shape)
-        for poses in (takes.poses, np.stack(list(takes.test.values())))
-    )
-    takes = replace(takes, poses=noisy)
-    middle = takes.poses.mean(axis=0)
-    covariance = np.array([np.cov(step.T) for step in takes.poses.swapaxes(0, 1)])
-    known, off, beside = (middle - truth, middle + 0.05 - truth, np.full(truth.shape, 0.02))
-    errors = {"additive": off, "gaussian": known, "gaussian_closed": known, "wishart": beside}
-    steady = np.arange(STEPS) % 2 == 0
+def test_a_filter_has_the_noise_of_a_pose_by_its_loop_and_the_training_mean_its_own(takes):
+    truth, training = np.stack(list(takes.test.values())), takes.training
+    law = (truth + 0.02, np.zeros((*truth.shape, 3)))
+    posteriors = {"additive": law, closed("additive"): law}
+    filters = all_filters(takes, truth, posteriors, None, 100.0, factor=2.0)
+    noise = pose_covariances(training, takes.poses)
+    for name, expected in zip((*posteriors, NONE), (*2 * noise, np.zeros((3, 3))), strict=True):
+        np.testing.assert_array_equal(filters[name].measurement, expected)
+    np.testing.assert_allclose(filters["additive"].error, 0.02)
+    # an open loop has half the noise of ω at rest, which is of two poses
+    np.testing.assert_allclose(2 * noise[0], training.measurement)
+    assert not np.allclose(*noise)
+    known = replace(training, known_measurement=np.eye(3))
+    np.testing.assert_array_equal(pose_covariances(known, takes.poses), [np.eye(3) / 2] * 2)
+    np.testing.assert_allclose(takes.start.covariance, np.cov(takes.poses[:, 0].T))
 
-    def against(noise: np.ndarray) -> pd.DataFrame:
-        filters = {NONE: training_mean(takes.poses, truth)}
-        filters[MEMORY] = filters[NONE]
-        for name, error in errors.items():
-            law = np.broadcast_to(covariance, (*truth.shape, 3))
-            filters[name] = Filtered(error, law, noise[1 if name.endswith("closed") else 0])
-        stream = np.random.default_rng(7)
-        evidence, table, refusals = filter_evidence(filters, JOINTS, steady, stream)
-        assert refusals == []
-        rows = evidence.query("model == 'wishart' and joint == 'b' and rival == ''")
-        values = rows.set_index(["quantity", "steps"])["value"]
-        assert values["rms_error_rad", ""] == pytest.approx(0.02)
-        assert {(FOLLOWS, steps) for steps in ("", "constant_speed")} < {*values.index}
-        # the differences to the training mean are the table's
-        difference = evidence.query("model == 'additive' and quantity == 'filter_log_score'")
-        ends = difference.set_index("rival").loc[NONE, ["value", "low", "high"]].tolist()
-        table = table.set_index(["model", "score"])
-        names = ["difference", "low", "high"]
-        assert ends == table.loc[("additive", "log_score"), names].tolist()
-        return table
 
-    rows = against(np.zeros((2, 3, 3)))
-    for model in ("gaussian", "gaussian_closed", MEMORY):
-        np.testing.assert_allclose(rows.loc[model, "difference"].dropna(), 0.0, atol=1e-9)
-    assert rows.loc[("additive", "rms_error_b_rad"), "low"] > 0.02
-    assert rows.loc[("additive", "log_score"), "high"] < -1
-    # the noise of a measured pose is another to a closed loop
-    rows = against(np.stack([np.zeros((3, 3)), np.eye(3)]))
-    assert rows.loc[("gaussian", "log_score"), "difference"] == pytest.approx(0.0)
-    assert rows.loc[("gaussian_closed", "log_score"), "high"] < -1
+def test_a_row_is_the_number_of_its_outcome_and_a_difference_its_rows_value_minus_the_rivals(
+    base, takes, posteriors
+):
+    outcomes = {kind: outcome_of(base, kind, takes) for kind in base.models}
+    recordings = recordings_of(takes, Camera(None, {}))
+    evidence, _ = case_evidence(base, recordings, outcomes, posteriors)
+    rows = evidence["rival"] == ""
+    values = evidence[rows].set_index(["quantity", "model", "joint", "steps"])["value"]
+    for own in evidence[~rows].itertuples():
+        other = (own.model, own.rival) if own.rival in JOINTS else (own.rival, own.joint)
+        rival = values[own.quantity, *other, own.steps]
+        mine = values[own.quantity, own.model, own.joint, own.steps]
+        assert own.value == pytest.approx(mine - rival, abs=1e-12), own
+        assert own.low <= own.value <= own.high
+    training, poses = takes.training, takes.poses
+    nominal = training.chain.nominal_step(training.q, training.v)
+    ranges = np.ptp(np.cumsum(nominal.mean(axis=0), axis=0), axis=0)
+    np.testing.assert_allclose(values["commanded_range", "recorded"], ranges)
+    means = {"additive": outcomes["additive"].mean[1:]}
+    means["no_noise"] = (training.q + nominal).mean(axis=0)
+    for name, mean in means.items():
+        greatest = np.linalg.norm(mean - poses[:, 1:].mean(axis=0), axis=1).max()
+        assert values["greatest_mean_error", name].item() == pytest.approx(greatest)
+    free = outcome_of(replace(base, mode="free_running"), "additive", takes)
+    table = motion_evidence({"additive": free}, takes, "free_running", None)
+    std = table.query("quantity == 'std' and model == 'additive'")["value"]
+    np.testing.assert_allclose(std, np.sqrt(np.mean(free.deviation[1:] ** 2, axis=0)))
 
 
 def test_a_model_or_filter_without_outcome_leaves_the_others_theirs_and_says_why(

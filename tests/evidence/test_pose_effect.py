@@ -2,11 +2,14 @@
 that cannot tell says so.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pipeline.evidence.pose import pose_table
 from pipeline.models.joint_error.samples import JointRun
+from pipeline.models.model import frobenius
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.pose_effect import pose_effect, windows_of
 
@@ -59,8 +62,22 @@ def test_blocks_stand_for_motions_where_there_is_one_and_too_few_windows_tell_no
     assert pose_effect(windows_of([(noise[:50], dq[:50], x[:50])]), rng) is None
 
 
-def test_too_few_windows_give_a_table_of_numbers_without_rows(chain):
-    poses = np.array([0.3, 1.5, -0.4]) + 1e-3 * np.arange(30)[:, None]
-    run = JointRun("take", 100.0, poses, poses + 1e-5, tuple("abc"), *[np.zeros(3)] * 2, None, "1")
-    table = pose_table([run], chain, {}, np.random.default_rng(1))
+def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_singular_poses(chain):
+    rng, t, runs = np.random.default_rng(5), np.linspace(0, 2 * np.pi, 801), []
+    for number in range(4):
+        phase = number * np.pi / 4  # the elbow is straight where its sine is −1
+        moves = [0.5 * np.sin(t + phase), 1.5 * np.sin(3 * t + phase), 0.4 * np.sin(2 * t + phase)]
+        command = np.array([0.3, 1.5, -0.4]) + np.transpose(moves)
+        dq, q = np.diff(command, axis=0), np.where(chain.singular(command)[:, None], 1.5, command)
+        size = 1e-4 * np.abs(dq) * frobenius(chain.inverse_jacobian(q[:-1]))[:, None]
+        drift = np.cumsum(size * rng.standard_normal(dq.shape), axis=0)
+        measured = command + np.vstack([np.zeros(3), drift])
+        still = [np.zeros(3)] * 2
+        runs.append(
+            JointRun("r", 100.0, command, measured, tuple("abc"), *still, None, f"{number}")
+        )
+    (row,) = pose_table(runs, chain, {}, rng).itertuples()
+    assert row.groups == 4 and 0.5 < row.low < 1 < row.high
+    start = replace(runs[0], command=command[:30], measured=measured[:30])
+    table = pose_table([start], chain, {}, rng)  # too few windows: numbers without rows
     assert table.empty and set(table.dtypes[1:].astype(str)) == {"float64", "int64"}

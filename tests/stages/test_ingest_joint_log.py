@@ -6,6 +6,7 @@ clock than the measured angles never becomes a result, nor do locked joints that
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from joint_files import read_joint_log, read_movement
 from joint_logs import AWAY, FILES, HOME, quality, write_movement
@@ -97,19 +98,15 @@ def test_options_that_contradict_each_other_are_refused(log_project, tmp_path, c
 
 
 def write_table(folder: Path, source: Path, *, speed: bool) -> None:
-    """The logs of a movement as one table: degrees, milliseconds, semicolons and decimal commas
-    under labels.
-    """
-    angles = read_movement(source, FILES)[0]
+    """The logs of a movement as one table in degrees under labels."""
+    signals = np.hstack(read_movement(source, FILES)[0][: 3 if speed else 2])
     names = [f"{what}_{j}" for what in ("ist", "soll", "v") for j in range(1, 7)]
-    lines = [";".join(["Zeit", *names[: 18 if speed else 12]])]
-    for row, cells in enumerate(np.rad2deg(np.hstack(angles[: 3 if speed else 2])).tolist()):
-        lines.append(";".join([str(8 * row), *(f"{cell:.8f}" for cell in cells)]).replace(".", ","))
+    table = pd.DataFrame(np.rad2deg(signals), columns=names[: signals.shape[1]])
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{source.name}.txt").write_text("\n".join([*lines, ""]))
+    table.round(8).to_csv(folder / f"{source.name}.txt", index_label="Zeit")
 
 
-TABLES = {"movements": "*.txt", "time": "Zeit", "angle_unit": "deg", "time_unit": "ms"}
+TABLES = {"movements": "*.txt", "time": None, "angle_unit": "deg"}
 TABLES |= dict.fromkeys(("actual", "target", "speed"))
 LABELS = {"actual": "ist", "target": "soll", "speed": "v"}
 SIGNALS = {signal: [f"{label}_{j}" for j in range(1, 7)] for signal, label in LABELS.items()}

@@ -141,6 +141,5 @@ def test_the_logs_of_seven_joints_go_from_raw_files_to_process_noise(lwr4, log_p
     assert resampled == [0, 1101, 0, 1101]
     track.run()
     _, w = contracts.stacked(contracts.read("process_noise", Path("data/track")), "w")
-    varying = (w - w.mean(axis=0)) * np.sqrt(4 / 3)
-    spread = np.sqrt(np.mean(varying**2, axis=(0, 1)))
+    spread = spread_of(w)
     assert np.all(spread > 3e-6) and np.all(spread < 15e-6)

@@ -145,20 +145,3 @@ def test_a_known_law_has_the_recorded_variance_and_the_names_of_the_estimates(re
     mean = law.covariance(recorded.chain, recorded.q, recorded.v).mean(axis=(0, 1))
     np.testing.assert_allclose(np.trace(mean), np.trace(mean_covariance(recorded.noise)), rtol=1e-6)
     assert set(case.truth.values) == set(estimate(recorded, case.estimators["–"]).estimates)
-
-
-def test_the_papers_covariance_is_off_by_the_measurement_noise_and_the_shrunk_one_is_not(recorded):
-    options = options_of("recovery", estimators={"additive": ["paper", "shrinkage"]})
-    part = replace(recorded, known_measurement=recorded.measurement)
-    (case,) = stage.known_laws(part, options)
-    pairs = [stage.recover((case, i), part, 7) for i in range(40)]
-    for j in range(3):
-        name = f"sigma_omega_{j + 1}{j + 1}_rad2"
-        paper, shrunk = (
-            recovery_row(name, case.truth.values[name], [pair[each] for pair in pairs])
-            for each in ("paper", "shrinkage")
-        )
-        bias = paper["mean"] - paper["truth"]
-        half = paper["mean_high"] - paper["mean"]
-        assert abs(bias - part.measurement[j, j]) < 2.5 * half
-        assert bias > half and abs(shrunk["mean"] - shrunk["truth"]) < bias

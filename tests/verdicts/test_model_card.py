@@ -40,7 +40,7 @@ def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dic
     known = [("joint_error", j, 2e-6, 8e-5, 0.05, 0.01, 4.5, 1.0, True) for j in "ab"]
     columns = "model joint innovation_at_rest_rad innovation_at_greatest_speed_rad decay_s"
     columns += " drift_share degrees greatest_speed has_mean"
-    seen = [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", -1.0, 1.0)]
+    seen = [("pose", "a", "rad", -1.25, 2.5), ("joint speed", "a", "rad/s", -1.0, 0.5)]
     seen.append(("joint speed", "b", "rad/s", 0.0, 0.001))
     matrix = [("wishart", "1", np.nan, "the Jacobian is singular at 3 measured pose(s)")]
     return {

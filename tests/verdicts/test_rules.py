@@ -121,11 +121,34 @@ def test_a_difference_below_the_margin_and_a_wide_interval_decide_nothing():
     assert decided("less", sharp | {"margin": 1e-6}) == [None]
     wide = {"low": -0.5, "high": 0.6, "difference": 0.05, "value": 0.05, "than": 1.0}
     assert decided("equivalent", wide | {"tolerance": 0.2}) == [None]
-    pair = ({"value": value, "yardstick": 2.0} for value in (1.9, 2.1))
-    assert decided("detected", *pair) == [None, True]
-    # a greatest value whose interval, which is skew, straddles the limit
-    assert decided("below", {"value": 0.21, "low": 0.20, "high": 0.26, "yardstick": 0.25}) == [None]
-    assert decided("below", {"value": 0.21, "low": 0.20, "high": 0.23, "yardstick": 0.25}) == [True]
+
+
+REPEATED = {"than": 0.2, "standard_error": 0.01}  # P(greatest ≥ 0.2242) = 2.5 % by Gumbel's law
+ABOUT_A_QUARTER = {"published": 0.25, "tolerance": 0.02}
+
+
+@pytest.mark.parametrize(
+    ("rule", "case", "expected"),
+    [
+        ("detected", {"yardstick": 0.31}, None),
+        ("detected", {"yardstick": 0.29}, True),
+        # a greatest value whose interval, which is skew, straddles the limit
+        ("below", {"low": 0.29, "high": 0.36, "yardstick": 0.34}, None),
+        ("below", {"low": 0.29, "high": 0.32, "yardstick": 0.34}, True),
+        ("greatest_below", REPEATED | {"yardstick": 0.222}, None),
+        ("greatest_below", REPEATED | {"yardstick": 0.226}, True),
+        (
+            "equivalent",
+            {"difference": 0.3, "low": 0.28, "high": 0.32, "than": 2.0, "tolerance": 0.2},
+            True,
+        ),
+        ("interval_contains", {"low": 0.26, "high": 0.4} | ABOUT_A_QUARTER, True),
+        ("interval_contains", {"low": 0.2, "high": 0.24} | ABOUT_A_QUARTER, True),
+        ("varies", {"than": 0.25, "threshold": 0.35}, None),
+    ],
+)
+def test_the_limit_of_a_rule_is_where_its_words_put_it(rule, case, expected):
+    assert decided(rule, {"value": 0.3} | case) == [expected]
 
 
 def test_a_limit_that_a_control_without_the_effect_passes_confirms_nothing_and_still_refutes():
