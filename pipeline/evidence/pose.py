@@ -10,9 +10,8 @@ from pipeline.arm.interface import Chain
 from pipeline.core.errors import ModelDomainError
 from pipeline.models.joint_error.samples import JointRun
 from pipeline.models.model import MotionModel, frobenius
-from pipeline.statistics.pose_effect import pose_effect, windows_of
+from pipeline.statistics.pose_effect import NORM, pose_effect, windows_of
 
-NORM = "norm of the inverse Jacobian"
 NUMBERS = dict.fromkeys(["exponent", "low", "high", "power"], float)
 NUMBERS |= {"windows": int, "groups": int, "spread": float, "needed": float}
 

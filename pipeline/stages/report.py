@@ -44,6 +44,8 @@ def run() -> None:
     if unknown := sorted(named - {*(known := config.option_names("dataset"))}):
         message = f"no dataset {', '.join(unknown)}; there are {', '.join(known)}"
         raise ConfigError(message, file=CLAIMS, key="why or recordings_of_the_paper")
+    table = verdict_table(decide_each(claims, runs, stated.recordings_of_the_paper))
+    runs = [pages.with_plain_names(run) for run in runs]
     decided = decide_each(claims, runs, stated.recordings_of_the_paper)
     for n, run in enumerate(runs):
         if "readings" in run.tables:
@@ -55,7 +57,7 @@ def run() -> None:
     sources = paper.citations(PACKAGE, items, BEYOND)
     captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
     written = {
-        reports / "claims.csv": verdict_table(decided).to_csv(index=False),
+        reports / "claims.csv": table.to_csv(index=False),
         reports / "report.md": pages.report_page(
             here, runs, decided, captions, items, sources, errata
         ),

@@ -19,6 +19,7 @@ from scipy.special import ndtri
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.takes import Difference, jackknife_counts, jackknife_difference
 
+NORM = "norm of the inverse Jacobian"  # name of a pose quantity in the table pose_effect
 WINDOW = 10  # steps
 BLOCKS = 8  # of a single motion
 MOVING = 0.05  # share of the joint's greatest speed below which a step does not count

@@ -44,8 +44,9 @@ def answer(run: Run) -> str:
         words |= {"still": [*still.index], "resting": resting}
         words["unconfirmed"] = unconfirmed(scores, model)
         words["law"] = pd.DataFrame(law).fillna(MISSING).to_numpy()
-    unused = t["unused_recordings"][["recording", "reason"]].to_numpy()
-    return render("answer.md", unused=unused, **words)
+    words["unused"] = t["unused_recordings"][["recording", "reason"]].to_numpy()
+    words["tested"] = "takes" in t and t["takes"]["part"].eq("test").any()
+    return render("answer.md", **words)
 
 
 def first_line(run: Run) -> str:

@@ -3,6 +3,7 @@
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import pandas as pd
 
@@ -14,7 +15,16 @@ from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
 from pipeline.verdicts.run import Run, index_evidence
-from pipeline.verdicts.wording import MISSING, WORDS, interval, number, render, say, table
+from pipeline.verdicts.wording import (
+    MISSING,
+    WORDS,
+    escape_markup,
+    interval,
+    number,
+    render,
+    say,
+    table,
+)
 
 ROBOTS: dict[str, str] = WORDS["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
@@ -27,6 +37,20 @@ SUMMARY = {"sigma_b": ("wishart", "sigma_b"), "noise_level": ("gaussian", "noise
 # names of counts of losses
 LOST = re.compile(r"lost|clipped|without|outside|_on_the_bound|end_of_its_interval")
 BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL)
+
+
+def with_plain_names(run: Run) -> Run:
+    """Return ``run`` for its pages: Markdown shows all names and texts from files as they are."""
+    metrics = {
+        stem: {escape_markup(name): value for name, value in own.items()}
+        for stem, own in run.metrics.items()
+    }
+    tables = {
+        stem: rows.map(lambda cell: escape_markup(cell) if isinstance(cell, str) else cell)
+        for stem, rows in run.tables.items()
+    }
+    joints = [escape_markup(joint) for joint in run.joints]
+    return replace(run, joints=joints, metrics=metrics, tables=tables)
 
 
 def report_page(

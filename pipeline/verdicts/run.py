@@ -77,13 +77,13 @@ class Reference:
         return None if value is None or pd.isna(value) else float(value)
 
 
-def index_evidence(table: pd.DataFrame) -> IndexedEvidence:
-    """Return the rows of the table ``evidence`` by their keys; raises ContractError for two rows
-    with equal keys.
+def index_evidence(table: pd.DataFrame, **place: object) -> IndexedEvidence:
+    """Return the rows of the table ``evidence`` by their keys; raises ContractError with the
+    ``place`` for two rows with equal keys.
     """
     for twice in table.loc[table.duplicated([*KEYS]), [*KEYS]].to_numpy():
-        message = f"two rows of the evidence have equal keys: {', '.join(filter(None, twice))}"
-        raise ContractError(message)
+        message = f"two rows of the evidence have equal keys: {', '.join(filter(None, twice))};"
+        raise ContractError(f"{message} run the stage score again", **place)
     return table.set_index([*KEYS]).to_dict("index")
 
 
@@ -173,7 +173,9 @@ def read_run(file: Path) -> Run:
             text = dict.fromkeys(KEYS, str) if stem in EVIDENCE_TABLES else {}
             table = pd.read_csv(io.StringIO("\n".join(lines)), dtype=text)
             values["tables"][stem] = table.fillna(dict.fromkeys(text, ""))
-        return Run(**values)
+        run = Run(**values)
+        index_evidence(run.evidence, file=file)
+        return run
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         message = f"cannot read the evidence of a run ({error}); run the stage score again"
         raise ContractError(message, file=file) from None

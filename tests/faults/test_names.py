@@ -1,6 +1,7 @@
 """Names from files are plain text wherever they are printed: terminal, pages, HTML and figures."""
 
 import sys
+from html import unescape
 from html.parser import HTMLParser
 
 import numpy as np
@@ -13,6 +14,8 @@ from pipeline.core.errors import RecordingError
 from pipeline.figures import style, wrench
 from pipeline.tools.inspect import command
 from pipeline.tools.page.command import page as html_page
+from pipeline.verdicts.report_page import with_plain_names
+from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import plain_page, table
 
 TURNED = "a\u202eb"  # the rest of its line is shown from right to left
@@ -43,6 +46,19 @@ def test_a_name_in_prose_and_cells_of_a_page_adds_no_tag_column_or_control_chara
         return Tags(html_page("Results", [tmp_path / "report.md"], tmp_path)).names
 
     assert tags(name) == tags("plain") and tags("plain").count("td") == 2
+
+
+@pytest.mark.parametrize("name", ["[l](http://x.org)", "**a**", "`a`", "a"])
+def test_the_names_of_a_run_are_no_markup_on_its_pages(name, tmp_path):
+    table_of = {"t": pd.DataFrame({"joint": [name], "value": [1.0]})}
+    run = Run("lab", "paper", True, [name], ["x"], {}, {"fit": {f"std_{name}": 1}}, table_of)
+    run = with_plain_names(with_plain_names(run))
+    rows = table(["joint", *run.metrics["fit"]], run.tables["t"].to_numpy())
+    (tmp_path / "report.md").write_text(f"# R\n\nJoint {run.joints[0]} moves.\n\n## Rows\n{rows}\n")
+    html = html_page("Results", [tmp_path / "report.md"], tmp_path)
+    assert Tags(html).names.count("a") == 2  # of the contents
+    assert not {"strong", "code"} & {*Tags(html).names}
+    assert unescape(html).count(name) >= 3
 
 
 @pytest.mark.parametrize("name", NAMES)

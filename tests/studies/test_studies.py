@@ -22,8 +22,10 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.recordings.steps import training_steps
 from pipeline.studies.frame import run
+from pipeline.studies.pose import stage as pose
 from pipeline.studies.recovery import stage
 from pipeline.studies.recovery.stage import draw_data, recovery_row
+from pipeline.verdicts.run import Run
 
 QUICK = ("outlook", "recovery")  # the others take longer than ten seconds
 WORKERS = ("recovery",)  # run with two workers too: all studies run their trials alike
@@ -64,6 +66,31 @@ def test_the_page_states_why_a_dataset_gives_no_answer(project, capsys):
     text = Path("reports/studies/recovery.md").read_text()
     assert "No answer for this dataset: " in text and reason in text
     assert reason in capsys.readouterr().out and set(written()) == {"reports/studies/recovery.md"}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "answer"),
+    [
+        ((1.0, 0.6, 1.4, 0.1), pose.YES),
+        ((-1.0, -1.4, -0.6, 0.9), pose.FALLS),
+        ((0.1, -0.2, 0.4, 0.9), pose.NO),
+        ((0.1, -0.2, 0.6, 0.9), pose.UNKNOWN),
+        ((0.1, -0.2, 0.4, 0.7), pose.UNKNOWN),
+    ],
+)
+def test_the_answer_on_the_pose_follows_from_interval_and_power(
+    numbers, answer, tmp_path, monkeypatch
+):
+    table = pd.DataFrame(
+        [(pose.NORM, *numbers)], columns="quantity exponent low high power".split()
+    )
+    table = table.assign(windows=40, groups=8, spread=0.1, needed=0.2)
+    run = Run("ur5", "paper", False, ["a"], ["x"], {}, {}, {"pose_effect": table})
+    (tmp_path / "ur5.json").write_text(run.to_json())
+    monkeypatch.setattr(pose, "DATASETS", tmp_path)
+    tables = pose.evaluate(None, None)
+    assert tables["pose"]["answer"].tolist() == [answer]
+    assert f"motions or blocks: {pose.ANSWERS[answer]}" in pose.facts(tables, None)["sentences"]
 
 
 def test_a_study_leaves_the_tables_and_page_of_an_earlier_run_where_a_part_of_it_fails(

@@ -129,7 +129,8 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
     assert [run.dataset for run in read_runs(tmp_path, first="c")] == ["c", "a", "b"]
     with pytest.raises(ContractError, match="no evidence of the dataset d"):
         read_runs(tmp_path, first="d")
-    for text in ("", "[]", '{"tables": 3}', RUN.to_json().replace("scale", "size")):
+    twice = replace(RUN, tables={"evidence": pd.concat([EVIDENT] * 2)}).to_json()
+    for text in (twice, "", "[]", '{"tables": 3}', RUN.to_json().replace("scale", "size")):
         (tmp_path / "lab.json").write_text(text, encoding="utf-8")
         with pytest.raises(ContractError, match=r"lab\.json"):
             read_run(tmp_path / "lab.json")

@@ -14,7 +14,7 @@ import pytest
 from pipeline.configuration import config
 from pipeline.core.errors import ConfigError
 from pipeline.core.validation import validated
-from pipeline.verdicts import paper
+from pipeline.verdicts import paper, scores
 from pipeline.verdicts.claims import ClaimsFile, parse_claims
 from pipeline.verdicts.decision import decide, decide_each
 from pipeline.verdicts.report_page import speeds
@@ -211,6 +211,8 @@ def test_every_claim_has_evidence_that_a_stage_writes_and_reasons_that_exist(err
         if case.value is None
     ]
     assert {*missing} <= {"u: ", "alpha: "}  # a û without a bound and its α̂ have no number
+    unless = [each.unless for each in CLAIMS if each.unless]
+    assert {u.limit for u in unless if u.value.quantity == scores.BETWEEN} == {scores.LIMIT}
     datasets = {file.stem for file in (ROOT / "pipeline/conf/dataset").glob("*.yaml")}
     assert {name for claim in CLAIMS for name in claim.why} <= datasets
     reasons = "\n".join(reason for claim in CLAIMS for reason in claim.why.values())

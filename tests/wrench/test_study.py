@@ -20,12 +20,14 @@ from pipeline.wrench.models import (
     draw_systems,
     nominal_system,
     unbounded_sigma_s,
+    wrench_covariance,
 )
 from pipeline.wrench.study import (
     averaged_sigma_s,
     expected_sigma_s,
     expected_unbounded_sigma_s,
     run_study,
+    variance_errors,
 )
 
 RANGES = {"tension": (3.0, 5.0), "direction": (np.pi / 4, np.pi)}
@@ -182,6 +184,12 @@ def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_f
 
 @pytest.mark.slow
 def test_the_error_falls_with_the_number_of_cables_in_every_repeat():
-    _, _, spread = run_study(study_options([3, 5, 10, 15, 20], 5), np.random.default_rng(14))
-    means = spread.pivot(index="repeat", columns="agents", values="mean")
-    assert (np.diff(means.to_numpy(), axis=1) < 0).all()
+    rng, agents = np.random.default_rng(14), np.array([3, 5, 10, 15, 20])
+    _, _, spread = run_study(study_options(agents.tolist(), 5), rng)
+    means = spread.pivot(index="repeat", columns="agents", values="mean").to_numpy()
+    assert (np.diff(means, axis=1) < 0).all()
+    # and with the root of their number, as the error of one covariance for every system does
+    both = [[wrench_covariance(draw_systems(STUDY, 2000, m, rng)) for _ in "ab"] for m in agents]
+    alike = [variance_errors(other.mean(axis=0), own).mean() for own, other in both]
+    for errors in (means.mean(axis=0), np.array(alike)):
+        assert np.ptp(errors * np.sqrt(agents)) < 0.1 * np.mean(errors * np.sqrt(agents))

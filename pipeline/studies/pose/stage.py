@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 
 from pipeline.figures import style
 from pipeline.statistics.curves import POWER
+from pipeline.statistics.pose_effect import NORM
 from pipeline.studies.frame import MISSING, NoAnswerError, Tables, concatenate, interval, number
 from pipeline.verdicts.run import read_run
 from pipeline.verdicts.wording import join_names, table
 
 DATASETS = Path("reports/datasets")
-NORM = "norm of the inverse Jacobian"
 YES, NO, FALLS, UNKNOWN = "yes", "no", "falls", "cannot be told"
 ANSWERS = {
     YES: "the noise grows with the pose quantity beyond the joint speed",

@@ -36,6 +36,7 @@ from pipeline.tools.export import command as export
 from pipeline.tools.new_dataset.command import assigned_values, dataset_files, open_draft
 from pipeline.tools.new_dataset.values import KEYS
 from pipeline.verdicts.model_card import answer, model_card
+from pipeline.verdicts.report_page import with_plain_names
 from pipeline.verdicts.run import Run
 
 WORK, REPORTS, LOG = Path("data/characterize"), Path("reports"), Path("stages.log")
@@ -92,7 +93,7 @@ def run(
     report = REPORTS / name
     report.mkdir(parents=True, exist_ok=True)
     save(noise_quantiles(card.tables["noise_quantiles"]), report, "noise_quantiles")
-    text = model_card(card, []).replace(HEADING, f"{HEADING}\n{PICTURE}\n", 1)
+    text = model_card(with_plain_names(card), []).replace(HEADING, f"{HEADING}\n{PICTURE}\n", 1)
     # drop the card's export command, which would export a model of params.yaml's dataset
     contracts.write_text(TO_EXPORT.sub("", text), report / "model_card.md")
     print(f"\n{TO_EXPORT.sub('', answer(card)).rstrip()}\n")
