@@ -63,9 +63,8 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
                 ("sigma_s", "expectation", "expectation_error"),
                 ("mean_of_sigma_s", "mean", "expected_standard_error"),
             ):
-                number = own[value]
                 keys = place | {"estimator": own["form"], "standard_error": own[error]}
-                rows.append(evidence_row(name, number, **keys))
+                rows.append(evidence_row(name, own[value], **keys))
     for own in _records(tables, "force_moments"):
         if own["source"] == "measured":
             place = {"configuration": own["configuration"]}

@@ -236,8 +236,7 @@ def pose_covariances(training: Recorded, poses: np.ndarray) -> np.ndarray:
     try:
         if training.known_measurement is not None:
             return np.stack([training.known_measurement / 2] * 2)
-        return np.stack(
-            [training.measurement / 2, measurement_covariance(poses[:, :-1], training.v)]
-        )
+        at_rest = measurement_covariance(poses[:, :-1], training.v)
+        return np.stack([training.measurement / 2, at_rest])
     except ModelDomainError:
         return np.zeros((2, *(poses.shape[-1],) * 2))

@@ -29,9 +29,8 @@ def pose_table(
         regular = ~chain.singular(q)
         q, dq = q[regular], dq[regular]
         noise = np.diff(run.measured, axis=0)[regular] - dq
-        jacobian = chain.jacobian(q)
         shapes = {NORM: np.repeat(frobenius(chain.inverse_jacobian(q))[:, None], q.shape[1], 1)}
-        v = np.matvec(jacobian, dq)
+        v = np.matvec(chain.jacobian(q), dq)
         for name, model in models.items():
             try:
                 covariance = model.covariance(chain, q, v)

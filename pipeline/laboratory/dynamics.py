@@ -192,10 +192,8 @@ def swing(
     inverse = chain.inverse_jacobian(servo, what="time of the laboratory")
     q = servo + offset + ripple + np.einsum("...ij,...j->...i", inverse, sway)
     play, joint = 2 * ndtr(chance.play) - 1, options.play_joint - 1
-    filled = np.minimum(
-        1.0, np.abs(speed[:, joint] / options.rattle_speed) ** options.speed_exponent
-    )
-    q[..., joint] += options.clearance * play * filled
+    filled = np.abs(speed[:, joint] / options.rattle_speed) ** options.speed_exponent
+    q[..., joint] += options.clearance * play * np.minimum(1.0, filled)
     return Swing(t, q, servo)
 
 

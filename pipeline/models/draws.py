@@ -49,12 +49,10 @@ def draw_steps(
     if np.any(lost):
         chain.require_regular(q)  # a serial chain's step from a singular pose is NaN
         index = tuple(int(i) for i in np.argwhere(lost)[0])
-        raise ModelDomainError(
-            f"the model has no finite next step at {int(lost.sum())} pose(s); check the command "
-            "and the parameters of the model",
-            index=index,
-            q=np.asarray(q, dtype=float)[index].round(4).tolist(),
-        )
+        message = f"the model has no finite next step at {int(lost.sum())} pose(s); check the "
+        message += "command and the parameters of the model"
+        pose = np.asarray(q, dtype=float)[index].round(4).tolist()
+        raise ModelDomainError(message, index=index, q=pose)
     return drawn, clipped
 
 
@@ -105,11 +103,8 @@ def realized_moments(
     """
     surviving = np.isfinite(realized[..., 0]).sum(axis=0)
     if surviving.min() < 2:
-        raise ModelDomainError(
-            "fewer than two realisations avoid singular poses: no standard deviation exists",
-            step=int(np.argmax(surviving < 2)),
-            key="simulation",
-        )
+        message = "fewer than two realisations avoid singular poses: no standard deviation exists"
+        raise ModelDomainError(message, step=int(np.argmax(surviving < 2)), key="simulation")
     noise = realized
     if mode == "one_step":
         nominal = q[:, :-1] + chain.nominal_step(q[:, :-1], v)

@@ -64,10 +64,8 @@ class Exported:
         """Return ``values`` as an array; ModelDomainError for another last axis than ``sizes``."""
         array = np.asarray(values, dtype=float)
         if array.ndim == 0 or array.shape[-1] not in sizes:
-            raise ModelDomainError(
-                f"{name} must have {' or '.join(map(str, sizes))} numbers in its last axis "
-                f"({unit}), got shape {array.shape}"
-            )
+            message = f"{name} must have {' or '.join(map(str, sizes))} numbers in its last axis"
+            raise ModelDomainError(f"{message} ({unit}), got shape {array.shape}")
         return array
 
     def _warn(self, what: str, values: ndarray) -> None:

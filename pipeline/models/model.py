@@ -135,12 +135,10 @@ def axis_log_density(squared: ndarray, variances: ndarray) -> ndarray:
     """
     singular = ~(variances[..., 0] > TOLERANCE * variances[..., -1])
     if np.any(singular):
-        raise ModelDomainError(
-            f"the covariance is singular at {int(np.count_nonzero(singular))} of {singular.size} "
-            "step(s), where the law has no density: "
-            "give the covariance of the measurement noise",
-            least_variance=float(variances.min()),
-        )
+        message = f"the covariance is singular at {int(np.count_nonzero(singular))} of "
+        message += f"{singular.size} step(s), where the law has no density: give the covariance of "
+        message += "the measurement noise"
+        raise ModelDomainError(message, least_variance=float(variances.min()))
     return -0.5 * (np.log(2 * np.pi * variances) + squared / variances).sum(axis=-1)
 
 

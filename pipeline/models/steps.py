@@ -170,12 +170,10 @@ def take_variances(recorded: Recorded) -> Callable[[ndarray], tuple[ndarray, flo
         measured = float(traces[still].mean() if known is None else np.trace(known))
         mean = float(traces.mean())
         if not mean > measured:
-            raise ModelDomainError(
-                "the recorded process noise does not exceed the measurement noise in variance "
-                "(sums over the joints); record faster motions or more takes",
-                recorded_trace_rad2=mean,
-                measurement_trace_rad2=measured,
-            )
+            message = "the recorded process noise does not exceed the measurement noise in variance"
+            message += " (sums over the joints); record faster motions or more takes"
+            traces = {"recorded_trace_rad2": mean, "measurement_trace_rad2": measured}
+            raise ModelDomainError(message, **traces)
         return traces, measured
 
     return of_takes

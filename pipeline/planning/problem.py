@@ -57,9 +57,8 @@ class Problem:
     def objective(self, costs: ndarray, joints: ndarray) -> float:
         """Σ cost + smoothness·Σ‖w_k‖² of ``joints`` (M+1, n), w_k a step's null-space part."""
         nominal = np.matvec(self.chain.inverse_jacobian(joints[:-1]), self.steps)
-        return float(
-            costs.sum() + self.smoothness * np.sum((np.diff(joints, axis=0) - nominal) ** 2)
-        )
+        w = np.diff(joints, axis=0) - nominal
+        return float(costs.sum() + self.smoothness * np.sum(w**2))
 
     @property
     def reach(self) -> ndarray:

@@ -13,6 +13,7 @@ CONFIRMED = 1.4  # greatest factor in the interval of a standard deviation that 
 COVERED = 0.8  # least share of the errors within two standard deviations
 FEW = 20  # least number of commanded samples of a joint that moves
 LONGEST = "0.5 s"  # the longest horizon
+QUARTER = "quarter"  # in the name of a held-out part of a single motion
 SHARES = ["one_sigma", "two_sigma"]
 NUMBERS = ["score", *SHARES, "autocorrelation"]
 SIGMAS = ["predicted_rad", "measured_rad"]
@@ -90,9 +91,13 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
     """Return the predicted σ of ``model`` that the commanded samples of ``scores`` do not confirm:
     parameter (joint and horizon), found and required. A σ is confirmed if the 95 % interval of its
     ratio to the measured σ, over held-out motions or blocks, is within a factor of CONFIRMED.
+    Quarters of a single motion confirm no σ on another motion.
     """
     own = scores[(scores["model"] == model) & (scores["samples"] == "commanded")]
     entries = []
+    if own["motion"].astype(str).str.startswith(QUARTER).any():
+        entry = {"parameter": "σ on another motion", "found": "unknown: one motion was recorded"}
+        entries.append(entry | {"required": "2 motions"})
     for (joint, horizon), rows in own.groupby(["joint", "horizon"], sort=False):
         ratio, low, high, _ = pooled_interval(left_out(rows), "ratio")
         if not (1 / CONFIRMED <= low and high <= CONFIRMED):

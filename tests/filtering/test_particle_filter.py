@@ -142,9 +142,8 @@ def test_the_compiled_filter_is_the_plain_one_for_every_scheme(scheme, threshold
     compiled, plain = both(MODELS["wishart pivoted_lu"], ARM, options)
     assert greatest_difference(compiled, plain) < 1e-12
     due = (plain.ess < threshold * PARTICLES) & (scheme != "none")
-    assert np.array_equal(plain.resampled, due) and due.any() == (
-        scheme != "none" and threshold > 0
-    )
+    assert np.array_equal(plain.resampled, due)
+    assert due.any() == (scheme != "none" and threshold > 0)
 
 
 @pytest.mark.parametrize("particles", [1, 2, WIDTH - 1, WIDTH, WIDTH + 1])
@@ -158,10 +157,8 @@ def test_a_deviation_of_a_billionth_and_another_resampling_and_loop_are_noticed(
     compiled, plain = both(MODELS["additive"], ARM, filter_options(PARTICLES))
     off, _ = both(AdditiveModel((1 + 1e-9) * COVARIANCE), ARM, filter_options(PARTICLES))
     assert greatest_difference(off, plain) > 1e-12 > greatest_difference(compiled, plain)
-    for options, share in (
-        (filter_options(PARTICLES, threshold=0.6), 0.0),
-        (filter_options(), 0.4),
-    ):
+    others = (filter_options(PARTICLES, threshold=0.6), 0.0), (filter_options(), 0.4)
+    for options, share in others:
         other, _ = both(MODELS["additive"], ARM, options, share)
         assert greatest_difference(other, plain) > 1e-3
 

@@ -100,9 +100,8 @@ def test_noise_that_is_the_measurements_alone_gives_no_model_and_says_why(
     chain, poses, step, options
 ):
     data = recorded(chain, poses, step, GaussianModel(0.0, 30.0))
-    quiet = replace(
-        data, noise=np.concatenate([data.noise[:, :REST], 0.9 * data.noise[:, REST:]], 1)
-    )
+    noise = np.concatenate([data.noise[:, :REST], 0.9 * data.noise[:, REST:]], 1)
+    quiet = replace(data, noise=noise)
     with pytest.raises(ModelDomainError, match="does not exceed the measurement noise"):
         estimate(quiet, options)
     with pytest.raises(ModelDomainError, match="measured too well"):

@@ -33,12 +33,9 @@ def noise_scale(norm: ndarray, alpha: float, u: float, n: int, m: int) -> ndarra
     """
     norm = np.asarray(norm, dtype=float)
     if np.any(norm > u):
-        raise ModelDomainError(
-            "the bound u must be at least the norm of the mean matrix; it is below the norm at "
-            f"{int((norm > u).sum())} of {norm.size} poses",
-            u=u,
-            largest_norm=float(norm.max()),
-        )
+        message = "the bound u must be at least the norm of the mean matrix; it is below the norm"
+        message = f"{message} at {int((norm > u).sum())} of {norm.size} poses"
+        raise ModelDomainError(message, u=u, largest_norm=float(norm.max()))
     return alpha**2 * (u**2 - norm**2) / (n * m)
 
 

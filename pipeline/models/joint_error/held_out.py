@@ -17,6 +17,7 @@ from pipeline.models.joint_error.fit import Options, fit_joint_error
 from pipeline.models.joint_error.law import JointErrorModel, drive
 from pipeline.models.joint_error.samples import HORIZONS, JointRun, counted, horizons
 from pipeline.models.joint_error.search import LEAST
+from pipeline.statistics.horizons import QUARTER
 
 QUARTERS = 4  # parts of the runs of a single motion
 ENOUGH, BLOCKS = 6, 4  # held-out parts that show their variation; else blocks of each, by time
@@ -38,7 +39,7 @@ def parts_of(runs: Sequence[JointRun]) -> dict[str, tuple[list[JointRun], list[J
                 if cut.start == cut.stop:
                     continue
                 own = {"command": run.command[cut], "measured": run.measured[cut]}
-                quarters.append(replace(run, **own, motion=f"quarter {number}"))
+                quarters.append(replace(run, **own, motion=f"{QUARTER} {number}"))
         runs = quarters
     parts = {}
     for name in dict.fromkeys(run.motion for run in runs):

@@ -82,8 +82,7 @@ def estimator_options(options: Options) -> dict[str, Options]:
     """Options of every estimator, for the decomposition of ``options`` and for the control."""
     cases = {"": options}
     if options.decomposition != CONTROL.name:
-        control = replace(options, decomposition=CONTROL.name, left=None)
-        cases[f"control_{CONTROL.name}_"] = control
+        cases[f"control_{CONTROL.name}_"] = replace(options, decomposition=CONTROL.name, left=None)
     return {
         f"{prefix}{{}}_{estimator}": replace(each, estimator=estimator)
         for prefix, each in cases.items()

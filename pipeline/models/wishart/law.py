@@ -122,10 +122,8 @@ class WishartModel(MotionModel):
             where = f"on a plane ({n} joints and {m} task rows)"
             if n == m:
                 where = f"at rest, as at {int(np.sum(~moving))} of {moving.size} step(s)"
-            raise ModelDomainError(
-                f"a step of the matrix model has no density {where}; "
-                "give the covariance of the measurement noise"
-            )
+            message = f"a step of the matrix model has no density {where}; give the covariance of "
+            raise ModelDomainError(message + "the measurement noise")
         return action_log_density(np.matvec(np.linalg.inv(back), step), a, d) + log_determinant
 
 

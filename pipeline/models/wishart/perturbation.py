@@ -47,11 +47,8 @@ def objective_weights(rest_noise: float, m: int, factor: float = 1.0) -> tuple[f
     ‖I_m‖_F: α₂/α₁ = ``factor``·rest_noise/‖I_m‖_F. ModelDomainError if either is ≤ 0.
     """
     if not (0 < rest_noise < np.inf and 0 < factor < np.inf):
-        raise ModelDomainError(
-            "the noise at rest and the factor on alpha2/alpha1 must be positive and finite",
-            rest_noise=rest_noise,
-            factor=factor,
-        )
+        message = "the noise at rest and the factor on alpha2/alpha1 must be positive and finite"
+        raise ModelDomainError(message, rest_noise=rest_noise, factor=factor)
     ratio = factor * rest_noise / np.sqrt(m)
     return 1 / (1 + ratio), ratio / (1 + ratio)
 
@@ -68,11 +65,8 @@ def fit_perturbations(
     """
     finite = np.all(np.isfinite(noise), axis=-1)
     if not np.all(finite):
-        raise ModelDomainError(
-            "the process noise must be finite at every step",
-            index=int(finite.argmin()),
-            not_finite=int((~finite).sum()),
-        )
+        where = {"index": int(finite.argmin()), "not_finite": int((~finite).sum())}
+        raise ModelDomainError("the process noise must be finite at every step", **where)
     ratio, delta = weights[1] / weights[0], 1 - floor
     r, size = np.sqrt(np.vecdot(a, a)), np.vecdot(noise, noise)
     s, left, norms = np.zeros((*a.shape, a.shape[-1])), np.sqrt(size), np.zeros(len(a))
@@ -91,13 +85,8 @@ def fit_perturbations(
     y, c, left[k], solved = find_optima(pull[k], e, gram, rest, ratio, delta, STEPS)
     if not solved.all():
         index = int(k[solved.argmin()])
-        raise SolverError(
-            "the perturbation of a step was not solved to optimality",
-            index=index,
-            noise=noise[index].tolist(),
-            ratio=ratio,
-            floor=floor,
-        )
+        problem = {"index": index, "noise": noise[index].tolist(), "ratio": ratio, "floor": floor}
+        raise SolverError("the perturbation of a step was not solved to optimality", **problem)
     x = np.vecdot(e, y)
     d = y - x[:, None] * e
     across = np.vecdot(d, d)
