@@ -8,7 +8,7 @@ A study is a folder of ``pipeline/studies``, which ``python -m pipeline NAME`` r
 - ``params.yaml``: the options of each scale, with equal names and kinds in all scales;
 - ``dvc.yaml``: dependencies, and the sections of the configuration that the study reads;
 - ``tables.yaml``: the columns of the tables, in the notation of pipeline/tables.yaml;
-- ``page.md``: the page with the figure's caption; options and facts are fields in braces.
+- ``page.md``: the page with the figure's caption, a Jinja template of the options and facts.
 
 The study NAME writes the checked tables to ``data/studies/NAME``, figure and tables as CSV to
 ``reports/studies/NAME``, and the page ``reports/studies/NAME.md``: all outputs or none.
@@ -33,7 +33,7 @@ from pipeline.core.typed_yaml import read_yaml
 from pipeline.core.validation import validated
 from pipeline.figures.style import save
 from pipeline.verdicts import wording
-from pipeline.verdicts.wording import MISSING, plain_page
+from pipeline.verdicts.wording import MISSING, filled_in, plain_page
 
 DATA, REPORTS = Path("data/studies"), Path("reports/studies")
 CSV_DIGITS = "%.6g"
@@ -67,7 +67,7 @@ def run(name: str) -> None:
         if tables:
             shown = {table: tables[table] for table in signature(study.draw).parameters}
             save(study.draw(**shown), report, name)
-            page = page.format(**vars(options) | study.facts(tables, options))
+            page = filled_in(page, **vars(options) | study.facts(tables, options))
     contracts.write_text(plain_page(page), REPORTS / f"{name}.md")
 
 

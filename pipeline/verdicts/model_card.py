@@ -100,19 +100,6 @@ def compared_laws(scores: pd.DataFrame) -> str:
     return table(header, rows)
 
 
-def by_joint(scores: pd.DataFrame, samples: str) -> str:
-    """Return σ, coverage and score of the richest law by joint and horizon, of ``samples``."""
-    model = chosen_law(scores)[0] or scores["model"].iloc[-1]
-    own = scores[(scores["model"] == model) & (scores["samples"] == samples)]
-    rows = [
-        [joint, horizon, *(f"{1e6 * row[name]:.3g}" for name in ("predicted_rad", "measured_rad"))]
-        + [f"{row[name]:.2f}" for name in ("one_sigma", "two_sigma", "score")]
-        for (joint, horizon), row in pooled(own, ["joint", "horizon"]).iterrows()
-    ]
-    header = ["joint", "ahead", "σ predicted, µrad", "measured", "±1σ", "±2σ", "log score (nats)"]
-    return f"Law: {plain_name(model)}.\n\n{table(header, rows)}"
-
-
 def few_takes(run: Run) -> bool:
     """Return True if ``run`` has too few takes for an interval from resampled takes."""
     return run.recorded("takes", FEW_TAKES) < FEW_TAKES
@@ -125,9 +112,10 @@ def model_card(run: Run, others: Sequence[Run]) -> str:
     t = run.tables
     parts = {"answer": answer(run), "filters": filter_verdict(run), "choice": _choice(run)}
     if (scores := t.get("joint_scores")) is not None:
-        samples = ("commanded", "at rest")
-        parts |= {name.replace(" ", "_"): by_joint(scores, name) for name in samples}
-        parts |= {"laws": compared_laws(scores), "matrix": t.get("other_motions", ())}
+        shown = chosen_law(scores)[0] or scores["model"].iloc[-1]
+        rows = pooled(scores[scores["model"] == shown], ["samples", "joint", "horizon"])
+        parts |= {"shown": shown, "rows": rows, "laws": compared_laws(scores)}
+        parts["matrix"] = t.get("other_motions", ())
     if parts["choice"]:
         parts |= {"predictors": predictors(run), "coverage": coverage(run)}
     seen = pd.concat([t[name] for name in ("motion_ranges", "ranges") if name in t])

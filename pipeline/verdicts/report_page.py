@@ -154,10 +154,8 @@ def failures(columns: Sequence[Decided]) -> list[str]:
     for row in zip(*(whose.verdicts for whose in columns), strict=True):
         for whose, (claim, verdict, cases) in zip(columns, row, strict=True):
             if verdict == d.NOT_REPRODUCED:
-                first, *others = [case for case in cases if case.holds is False]
-                text = d.case_text(first).removesuffix(" ✗")
-                words = {"claim": claim, "dataset": whose.dataset, "text": text}
-                lines.append(say("failure", others=len(others), **words))
+                failing = [d.case_text(case) for case in cases if case.holds is False]
+                lines.append(say("failure", claim=claim, dataset=whose.dataset, failing=failing))
     return lines
 
 
@@ -301,13 +299,7 @@ def datasets_page(decided: Sequence[Decided], unfit: Sequence[str] = ()) -> str:
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     verdicts = zip(*(whose.verdicts for whose in decided), strict=True)
     rows = [[row[0].claim.id, *map(verdict_cell, row)] for row in verdicts]
-    tally = []
-    for whose in decided:
-        forced = sum(verdict.verdict == d.FORCED for verdict in whose.verdicts)
-        counts = " / ".join(map(str, whose.counts))
-        tally.append([whose.dataset, WORDS["whose"][whose.recordings], counts, forced])
-    names = [whose.dataset for whose in decided]
-    return render("datasets.md", tally=tally, datasets=names, rows=rows, unfit=unfit)
+    return render("datasets.md", decided=decided, forced=d.FORCED, rows=rows, unfit=unfit)
 
 
 def recordings_page(run: Run) -> str:

@@ -65,18 +65,19 @@ def plain_page(text: str) -> str:
     return IMAGE.sub(r"!\\[", TAG.sub("&lt;", CONTROL.sub(" ", text)))
 
 
-def table(header: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; :func:`number` writes the cells that are numbers. Names from
-    recordings in other cells are plain text: no columns, no tags but line ends.
+def cell(value: object) -> str:
+    """Return a cell of a Markdown table: numbers by :func:`number`; other values, in which names
+    come from files, are plain text: no columns, no tags but line ends.
     """
+    if isinstance(value, int | float | np.number):
+        return number(value)
+    plain = " ".join(plain_page(str(value)).split())
+    return re.sub(r"<(?!br>)", "&lt;", plain).replace("|", r"\|")
 
-    def text(cell: object) -> str:
-        if isinstance(cell, int | float | np.number):
-            return number(cell)
-        plain = " ".join(plain_page(str(cell)).split())
-        return re.sub(r"<(?!br>)", "&lt;", plain).replace("|", r"\|")
 
-    lines = [[*map(text, row)] for row in (header, *rows)]
+def table(header: Iterable[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a Markdown table of the :func:`cell` of each value."""
+    lines = [[*map(cell, row)] for row in (header, *rows)]
     lines.insert(1, ["---"] * len(lines[0]))
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
@@ -94,19 +95,34 @@ def _templates():
     loader = FileSystemLoader(Path(__file__).with_name("templates"))
     blocks = {"trim_blocks": True, "lstrip_blocks": True, "undefined": StrictUndefined}
     made = Environment(loader=loader, **blocks)
-    for function in (number, interval, difference, offset, table, plain_name, join_names, say):
+    for function in (
+        number,
+        interval,
+        difference,
+        offset,
+        cell,
+        table,
+        plain_name,
+        join_names,
+        say,
+    ):
         made.globals[function.__name__] = function
     return made
 
 
 def worded(template: str, **values: object) -> str:
+    """Return the text of a Jinja ``template`` with ``values`` in one line, as :func:`filled_in`."""
+    return " ".join(filled_in(template, **values).split())
+
+
+def filled_in(template: str, **values: object) -> str:
     """Return the text of a Jinja ``template`` with ``values``; raises ConfigError where it is none
     or lacks a value.
     """
     from jinja2 import TemplateError
 
     try:
-        return " ".join(_templates().from_string(template).render(values).split())
+        return _templates().from_string(template).render(values) + "\n"
     except TemplateError as error:
         raise ConfigError(f"not a template with these values: {error}") from None
 

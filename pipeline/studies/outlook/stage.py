@@ -22,7 +22,6 @@ from pipeline.models.wishart.decomposition import Decomposition
 from pipeline.models.wishart.law import WishartModel
 from pipeline.statistics.takes import paired_difference
 from pipeline.studies.frame import Tables, concatenate, interval, number
-from pipeline.verdicts.wording import table
 from pipeline.wrench import models as cables
 from pipeline.wrench.study import averaged_sigma_s, covariance_errors, variance_errors
 
@@ -207,13 +206,12 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         ]
         for row in tables["towing_slopes"].itertuples()
     ]
-    header = ["error of the matrix model (%)", f"m = {number(few)}", f"m = {number(many)}", "slope"]
     return (ends["last"] / ends["first"]).to_dict() | {
         "least": motion["least_singular_value"].iloc[[0, -1]].tolist(),
         "few": few,
         "many": many,
         "repeats": errors["repeat"].nunique(),
-        "table": table(header, cells),
+        "cells": cells,
     }
 
 

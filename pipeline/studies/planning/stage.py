@@ -29,7 +29,7 @@ from pipeline.recordings.commands import commanded_steps
 from pipeline.statistics.takes import drawn_takes, percentile_interval
 from pipeline.studies.frame import Tables, concatenate, dataset_option, interval, number, trials
 from pipeline.studies.simulated import disturb
-from pipeline.verdicts.wording import MISSING, join_names, table
+from pipeline.verdicts.wording import MISSING, join_names
 
 FIXED = RECORDED, MINIMUM, BEST = "recorded", "minimum_norm", "best_conditioned"
 SURE = 0.975  # least share of the resamplings of a reliable result
@@ -248,17 +248,14 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     shown = least.merge(best, "left", KEYS, suffixes=("", " of plan"))
     shown["label"] += [f" ({share:.0%})" for share in shown["least"]]
     cells = shown[[*KEYS, "label", "text", "label of plan", "text of plan"]].fillna(MISSING)
-    header = ["arm", "physics", "least sum (share)", "over minimum norm", "best plan", "over it"]
     sure = (least["plan"] & (least["least"] >= SURE)).sum()
     medians = taus.groupby("model", sort=False).median().map(number)
-    few = " These plans do not reliably reduce the uncertainty."
     return {
         "sure": sure,
         "pairs": len(least),
         "share": SURE,
         "medians": join_names([f"{x} ({n})" for n, x in medians.items()] or ["undefined"]),
-        "verdict": few if sure < SURE * len(least) else "",
-        "table": table(header, cells.to_numpy()),
+        "cells": cells.to_numpy(),
     }
 
 

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from pipeline.figures import style
 from pipeline.statistics.curves import POWER
 from pipeline.statistics.pose_effect import NORM
-from pipeline.studies.frame import MISSING, NoAnswerError, Tables, concatenate, interval, number
+from pipeline.studies.frame import NoAnswerError, Tables, concatenate, interval, number
 from pipeline.verdicts.run import read_run
-from pipeline.verdicts.wording import join_names, table
 
 DATASETS = Path("reports/datasets")
 YES, NO, FALLS, UNKNOWN = "yes", "no", "falls", "cannot be told"
@@ -52,27 +51,13 @@ def evaluate(settings: SimpleNamespace, options: SimpleNamespace) -> Tables:
 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
-    """Return a sentence on each real dataset, and the table."""
-    found = tables["pose"]
+    """Return the rows on the norm, the answers in words, and the cells of the table."""
+    found, shown = tables["pose"], ["power", "spread", "needed"]
     text = map(interval, found["exponent"], found["low"], found["high"])
-    numbers = found[["power", "spread", "needed"]].map(number)
-    found = found.assign(exponent=[*text], **numbers)
-    norm, sentences = found[found["quantity"] == NORM], []
-    for row in norm[norm["recordings"] == "real"].itertuples():
-        sentence = f"On {row.dataset} the exponent of ‖J⁺‖ is {row.exponent} over {row.groups} "
-        sentence += f"motions or blocks: {ANSWERS[row.answer]}"
-        if row.answer == UNKNOWN and row.needed != MISSING:
-            sentence += f"; ln ‖J⁺‖ has a standard deviation of {row.spread} at equal speed, and a "
-            sentence += f"motion with {row.needed} would tell"
-        sentences.append(f"{sentence}.")
-    header = "dataset, quantity x, exponent, power, spread of ln x, needed, grows with x"
-    cells = found[["dataset", "quantity", "exponent", *numbers, "answer"]]
-    synthetic = norm.loc[norm["recordings"] == "synthetic", "dataset"]
-    return {
-        "sentences": "\n".join(sentences),
-        "table": table(header.split(", "), cells.to_numpy()),
-        "synthetic": join_names(list(synthetic) or ["none"]),
-    }
+    found = found.assign(exponent=[*text], **found[shown].map(number))
+    norm = [*found[found["quantity"] == NORM].itertuples()]
+    cells = found[["dataset", "quantity", "exponent", *shown, "answer"]].to_numpy()
+    return {"norm": norm, "answers": ANSWERS, "cells": cells}
 
 
 def draw(pose: pd.DataFrame) -> Figure:

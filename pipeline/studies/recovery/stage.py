@@ -22,7 +22,6 @@ from pipeline.models.steps import Recorded, Truth
 from pipeline.recordings.steps import training_steps
 from pipeline.statistics.takes import NORMAL_QUANTILE, percentile_interval
 from pipeline.studies.frame import NoAnswerError, Tables, number, trials
-from pipeline.verdicts.wording import join_names, table
 
 LOOKS = {  # estimators of σ_B
     "moments": {"label": "moments", "color": style.BLUE, "marker": "o"},
@@ -132,32 +131,27 @@ def recovery_row(parameter: str, truth: float, pairs: Sequence[Pair | None]) -> 
 
 def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page: bias in percent and coverage of each estimator of σ_B."""
-    rows, sentences = tables["recovery"], []
+    rows = tables["recovery"]
+    ends = [100 * (rows[end] / rows["truth"] - 1) for end in ("mean_low", "mean_high")]
+    rows = rows.assign(
+        label=rows["estimator"].map(lambda name: LOOKS.get(name, {}).get("label")),
+        bias=[*map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, rows["truth"])],
+    )
     wishart, others = rows[rows["parameter"] == "sigma_b"], rows[rows["parameter"] != "sigma_b"]
-    for estimator, part in wishart.groupby("estimator", sort=False):
-        part, sentence = part.dropna(subset="mean"), "no estimate."
-        if len(part):
-            ends = (100 * (part[end] / part["truth"] - 1) for end in ("mean_low", "mean_high"))
-            biases = join_names(map("{:+.2g} to {:+.2g} % at {:g}".format, *ends, part["truth"]))
-            low, high = (100 * part["coverage"]).agg(["min", "max"])
-            sentence = f"bias {biases} (95 %); the 95 % intervals contain σ_B in {low:.0f} to "
-            sentence += f"{high:.0f} % of the data sets."
-        sentences.append(f"- **{LOOKS[estimator]['label']}**: {sentence}")
-    header = "estimator, σ_B, mean σ̂_B (95 %), std, bootstrap s.e., coverage, lost"
     columns = ["truth", "mean", "mean_low", "mean_high", "standard_deviation"]
     columns += ["bootstrap_standard_error", "coverage", "lost"]
     cells = [
-        (LOOKS[name]["label"], truth, f"{mean} ({low} to {high})", *further)
+        (name, truth, f"{mean} ({low} to {high})", *further)
         for name, truth, mean, low, high, *further in (
-            wishart.set_index("estimator")[columns].map(number).itertuples()
+            wishart.set_index("label")[columns].map(number).itertuples()
         )
     ]
     others = others.dropna(subset="mean")
-    unbiased = others["truth"].between(others["mean_low"], others["mean_high"])
+    parts = wishart.groupby("label", sort=False)
     return {
-        "sentences": "\n".join(sentences),
-        "table": table(header.split(", "), cells),
-        "unbiased": unbiased.sum(),
+        "estimators": {name: part.dropna(subset="mean") for name, part in parts},
+        "cells": cells,
+        "unbiased": others["truth"].between(others["mean_low"], others["mean_high"]).sum(),
         "others": len(others),
     }
 

@@ -21,7 +21,6 @@ from pipeline.studies.simulated import FACTORS, Laboratory, require_factors
 from pipeline.verdicts.claims import Claim, read_claims
 from pipeline.verdicts.decision import FAILS, HOLDS, UNKNOWN, claim_verdicts
 from pipeline.verdicts.run import ArmNames
-from pipeline.verdicts.wording import table
 
 HERE = Path(__file__).parent
 TRACK, ARTICULATE = Path("data/track"), Path("data/articulate")
@@ -133,16 +132,15 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
         varied = (rows.loc[part[rows.index] == name, "changed"] for name in PARTS)
         of = [f"{some.sum()} of {len(some)}" if len(some) else MISSING for some in varied]
         cells.append([claim + " †" * (claim in lucky), ", ".join(rows["base"].unique()), *of])
-    decision = "The decision that changes most is “{}”: {} claims. "
     return {
         "claims": claims.nunique(),
         "steady": len(steady),
         "decisions": counts["decisions"],
         "physical": counts["laboratory"],
         "lucky": counts[grid.CHANCE],
-        "most": decision.format(most.index[0], most.iloc[0]) if len(most) else "",
+        "most": most.head(1),
         "seeds": len(options.seeds),
-        "table": table(["claim", "base", *PARTS], cells),
+        "cells": cells,
         "names": ", ".join(steady) or "none",
     }
 
