@@ -4,6 +4,7 @@ import csv
 import io
 import re
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -176,6 +177,19 @@ def separator_of(line: str) -> str:
     # a blank may also be between a date and a time
     numbers = 2 * count_numbers(pieces) >= len(pieces) or "," not in line
     return SPACE if spaced and numbers and '"' not in line else ","
+
+
+def with_nanoseconds(rows: list[str], labels: list[str], mark: str, sign: str) -> list[str]:
+    """Return the ``rows`` with whole nanoseconds, of a column right of whole seconds by the
+    ``labels``, as fraction of the seconds also: secs and nsecs, or sec and nanosec.
+    """
+    parts = [re.fullmatch(r"(.*?)(n|nano|)sec(?:ond)?s?", label.lower()) for label in labels]
+    for n, (one, other) in enumerate(pairwise(parts)):
+        if one and other and one[1] == other[1] and not one[2] and other[2]:
+            before, behind = rf"(?:[^{mark}]*{mark}){{{n}}}\s*\d+", rf"{mark}\s*(\d{{1,9}})(?!\d)"
+            cells = re.compile(rf"^({before})(?={behind})")
+            return [cells.sub(lambda cell: f"{cell[1]}{sign}{cell[2]:0>9}", row) for row in rows]
+    return rows
 
 
 def plain_unit(unit: str) -> str:

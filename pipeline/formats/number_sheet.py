@@ -245,6 +245,7 @@ def _sheet(
         message = "the commas may separate whole numbers or be decimal commas: set separator and "
         message += "decimal, or save it with semicolons"
         raise RecordingError(message, file=file, line=places[0], key=key)
+    lines = delimited.with_nanoseconds(lines, labels, mark, sign or ".")
     return Sheet(file, *above, lines, places, mark, sign or ".", numeric, counts)
 
 

@@ -1,6 +1,6 @@
 """Tables of motion-capture takes and the commanded trajectory, in SI units at the motion's rate."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,10 @@ from pipeline.formats.trajectory import read_trajectory
 from pipeline.recordings.commands import require_velocities
 from pipeline.recordings.identity import own_name
 from pipeline.recordings.inventory import named_takes
+from pipeline.recordings.movement import require_speeds
 from pipeline.recordings.quality import quality_row
+
+ANOTHER_UNIT = 1.5  # least factor of distances between markers that is of a wrong unit
 
 
 def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
@@ -41,7 +44,9 @@ def trajectory_rows(file: Path, dataset: Dataset) -> pd.DataFrame:
         message += f" {', '.join(task) or 'none'}; the arm has the joints {', '.join(joints)} and"
         message += f" the task {', '.join(chain.task)}: export t and one q:JOINT per joint"
         raise RecordingError(message, file=file, key="dataset.robot.joints")
-    return trajectory_table(chain, table[columns("q", joints)].to_numpy(), motion.rate, joints)
+    q = table[columns("q", joints)].to_numpy()
+    require_speeds(table["t"].to_numpy(), {"target": q}, joints, dataset.robot.urdf, file=file)
+    return trajectory_table(chain, q, motion.rate, joints)
 
 
 def find_takes(raw: Path, mocap: Mocap) -> list[tuple[str, Path, str]]:
@@ -85,6 +90,7 @@ def marker_rows(
         message += f" {motion.steps + 1} at {motion.rate} Hz (dataset.motion): export all frames"
         raise RecordingError(message, file=file)
     tracks, stray = _tracks(take, mocap, file)
+    _require_size(tracks, mocap, take.unit, file)
     positions = np.stack([*tracks.values(), *stray], axis=1)
     known = positions[:, : len(tracks)]
     gone = np.isnan(known)
@@ -142,6 +148,27 @@ def _tracks(
     used = {*marker.values()}
     others = [name for name in take.markers if name not in used and not mocap.bodies]
     return tracks, [take.markers[name] for name in others]
+
+
+def _require_size(
+    tracks: Mapping[tuple[int, int], np.ndarray], mocap: Mocap, unit: str, file: Path
+) -> None:
+    """Raise RecordingError where the markers of a link are ANOTHER_UNIT times as far apart as in
+    the template, or as near, in the median over pairs and rows; ``tracks`` (N, 3) in m.
+    """
+    ratios = [np.zeros(0)]
+    for number, (link, places) in enumerate(mocap.markers.items(), 1):
+        if link not in mocap.bodies:
+            stated, (i, j) = np.array([*places.values()]), np.triu_indices(len(places), 1)
+            seen = np.stack([tracks[number, n] for n in range(1, len(places) + 1)])
+            apart, wanted = (np.linalg.norm(at[i] - at[j], axis=-1) for at in (seen, stated))
+            ratios.append((apart / np.where(wanted, wanted, np.nan)[:, None]).ravel())
+    known = np.concatenate(ratios)
+    size = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 1.0
+    if not 1 / ANOTHER_UNIT < size < ANOTHER_UNIT:
+        message = f"the markers of a link are {size:.3g} times as far apart as in the template: are"
+        message += f" lengths in {unit}, and the template's in m? Export in the right unit"
+        raise RecordingError(message, file=file, key="dataset.mocap.markers")
 
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:

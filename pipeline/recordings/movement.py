@@ -200,8 +200,8 @@ def require_speeds(
             at, step = round(float(time[row + 1] - time[0]), 6), steps[row, column]
             message = f"{names[column]} ({signal}) steps by {step:.4g} {unit} at {at:g} s from the"
             message += f" start: {step / seconds[row, 0]:.4g} {unit}/s, where the robot's URDF"
-            message += f" allows {limits[column]:.4g} {unit}/s; leave this part of the log out, or"
-            message += " correct the velocity limit in the URDF"
+            message += f" allows {limits[column]:.4g} {unit}/s; check the unit of this joint, leave"
+            message += " this part of the log out, or correct the velocity limit in the URDF"
             raise RecordingError(message, **where, joint=names[column], time=at)
 
 

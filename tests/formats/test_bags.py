@@ -192,8 +192,12 @@ def test_what_does_not_fit_is_refused(tmp_path, recorded, options, words):
 
 def test_inspect_takes_a_bag_for_a_joint_log_where_nothing_else_in_it_is_analysed(tmp_path):
     recorded = {"/joint_states": states(), "/joint_commands": states()}
+    for _, message in recorded["/joint_states"]:  # of a mobile robot
+        message.fields["name"] = [*message.fields["name"], "wheel"]
+        message.fields["position"] = np.append(message.fields["position"], np.nan)
     (finding,) = inspect(write_bag(tmp_path, "ros1", recorded))
     assert (finding.kind, finding.facts["joint_names"]) == ("joints", ["a", "b"])
+    assert finding.gaps["joints_without_values"] == 1
     recorded |= {"/depth": [(1.0, image(np.full((2, 2), 900, np.uint16), 1.0))]}
     (finding,) = inspect(write_bag(tmp_path, "sqlite3", recorded))
     assert finding.kind == "bag"

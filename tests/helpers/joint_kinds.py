@@ -240,7 +240,12 @@ KINDS = [
         ("elapsed_ms", lambda t, *q: (1e3 * t, *q), False, TRACKED),
         ("t [s]", lambda *all: (np.delete(each, range(200, 230), axis=0) for each in all), False,
         "30 missing samples"),
-        ("t [s]", lambda t, q, target: (t, q + 0.3 * np.eye(6)[2], target), True, "_2 misses"))),
+        ("t [s]", lambda t, q, target: (t, q + 0.3 * np.eye(6)[2], target), True, "_2 misses"),
+        ("sec,nanosec", lambda t, *q: (t // 1, np.rint(t % 1 * 1e9), *q), False, "125 Hz", TRACKED),
+        ("recv_time [s],stamp_time [s]", lambda t, *q: (t + 3e-3 * (np.arange(400) % 7 > 4), t, *q),
+        False, "125 Hz", TRACKED, "lag 8 ms"),
+        ("t [s]", lambda t, *q: (t + 3600 * (t > 2), *q), False, "450000 missing", "lag 8 ms"),
+        ("timestamp", lambda t, *q: (dates(1e7 * t, "1334766{:011.0f}"), *q), False, "in none"))),
     *(kind("text", lambda folder, old=old, new=new: (log()(folder), (file := folder / "log.csv")
         .write_text(file.read_text().replace(old, new) + "\0" * 99 * (old == ""))), TRACKED, words)
         for old, new, words in (("", "", "1 cut rows"), (",", ",\u00a0", "rows 400"))),

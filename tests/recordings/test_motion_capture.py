@@ -137,6 +137,9 @@ def test_takes_of_another_rate_or_length_are_refused(tmp_path):
     markers = markers_of()
     with pytest.raises(RecordingError, match="at 120"):
         read(written(tmp_path, markers, rate=120.0))
+    for size in (100, 0.01, 1 / 2.54):  # cm for m, m for cm, inches for cm
+        with pytest.raises(RecordingError, match=f"{size:.3g} times as far apart as in the"):
+            read(written(tmp_path, {name: size * xyz for name, xyz in markers.items()}))
     file = written(tmp_path, markers)
     file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
     with pytest.raises(RecordingError, match=r"spans 40 frames .* the motion has 41"):
@@ -177,6 +180,13 @@ def file(tmp_path):
     table = pd.DataFrame({"t": TIME} | spread("q", UR5.joints, motion(GRID + 1)))
     write_trajectory(tmp_path / "t.csv", table)
     return tmp_path / "t.csv"
+
+
+def test_angles_in_degrees_are_beyond_the_speed_of_the_arm(file):
+    degrees = spread("q", UR5.joints, np.degrees(motion(GRID + 1)) / 9)
+    write_trajectory(file, pd.DataFrame({"t": TIME} | degrees))
+    with pytest.raises(RecordingError, match="check the unit of this joint"):
+        trajectory_rows(file, commanded())
 
 
 def commanded(robot=UR5, rate: float = 100.0) -> Dataset:

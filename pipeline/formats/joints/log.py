@@ -67,9 +67,12 @@ def increasing(log: JointLog, place: Callable[[int], dict[str, object]]) -> Join
     values = np.hstack([log.time[:, None], *log.signals.values()])
     doubled = (values[1:] == values[:-1]).all(axis=1)
     if (backward := (np.diff(log.time) <= 0) & ~doubled).any():
-        message = "the time does not increase: choose another column of times; if the file holds "
-        message += "several recordings, write each to a file of its own"
-        raise RecordingError(message, **place(int(np.argmax(backward)) + 1))
+        row = int(np.argmax(backward)) + 1
+        before, after = log.time[row - 1 : row + 1].tolist()
+        message = f"the time does not increase (from {before:.16g} to {after:.16g} s): choose "
+        message += "another column of times, or print its fraction with all its digits; if the file"
+        message += " holds several recordings, write each to a file of its own"
+        raise RecordingError(message, **place(row))
     keep = np.append(True, ~doubled)
     signals = {name: rows[keep] for name, rows in log.signals.items()}
     counts = log.counts | {"doubled_rows": int(doubled.sum())}
@@ -172,8 +175,9 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
 
     Commands are interpolated at the times of measured angles. ``counts``: ``interpolated_rows``;
     ``rows_without_command`` (before the first or after the last command, left out);
-    ``messages_of_other_joints`` (skipped); ``doubled_rows`` (left out); ``unwrapped_jumps`` of
-    circular joints. Raises RecordingError for an unreadable bag, and for no topic or several; with
+    ``messages_of_other_joints`` (skipped); ``joints_without_values`` in any message (left out, if
+    ``names`` does not name them); ``doubled_rows`` (left out); ``unwrapped_jumps`` of circular
+    joints. Raises RecordingError for an unreadable bag, and for no topic or several; with
     the message's number (from 0), where a joint has no value or the time does not increase.
     """
     joints, counts, logs = tuple(options.names), Counter(), {}
@@ -193,7 +197,9 @@ def read_joint_bag(file: Path, options: LogOptions) -> JointLog:
         interpolated |= ~np.isin(time, stamps)
         signals[signal] = np.column_stack([np.interp(time, stamps, joint) for joint in values.T])
     if not keep.any():
-        raise RecordingError("no measured angle is within the times of the commands", file=file)
+        message = f"no measured angle, from {time[0]:.10g} to {time[-1]:.10g} s by the headers, is "
+        message += "within the times of the commands: record both by one clock"
+        raise RecordingError(message, file=file)
     repaired = {"interpolated_rows": int((interpolated & keep).sum())}
     repaired["rows_without_command"] = int((~keep).sum())
     signals = {signal: rows[keep] for signal, rows in ({"actual": measured} | signals).items()}
@@ -228,7 +234,10 @@ def _read_topic(file: Path, topic: str, signal: str, joints: tuple[str, ...]) ->
     """Return the ``signal`` of the ``joints`` (default the joints of the longest message)."""
     name, where = FIELDS.get(signal, "effort"), {"file": file, "topic": topic}
     samples = [*rosbag.messages(file, topic, partial(_sample, name=name))]
-    joints = joints or tuple(max((values for _, values in samples), key=len, default=()))
+    longest = joints or tuple(max((values for _, values in samples), key=len, default=()))
+    # without names, wheels that have no position in any message are no joints of the arm
+    measured = {joint for _, values in samples for joint in values if np.isfinite(values[joint])}
+    joints = joints or tuple(joint for joint in longest if joint in measured)
     numbers = [n for n, (_, values) in enumerate(samples) if {*joints} & {*values}]
     if not numbers:
         others = ", ".join(sorted({joint for _, values in samples for joint in values})) or "none"
@@ -238,9 +247,10 @@ def _read_topic(file: Path, topic: str, signal: str, joints: tuple[str, ...]) ->
     if not (finite := np.isfinite(rows)).all():
         row = int(finite.all(axis=1).argmin())
         missing = ", ".join(np.array(joints)[~finite[row]])
-        message = f"the message has no {name} of {missing} ({signal})"
-        raise RecordingError(message, number=numbers[row], **where)
+        message = f"the message has no {name} of {missing} ({signal}): name the arm's joints alone"
+        raise RecordingError(message, number=numbers[row], key=f"{OPTION}.joints", **where)
     counts = {"messages_of_other_joints": len(samples) - len(numbers)}
+    counts["joints_without_values"] = len(longest) - len(joints)
     log = JointLog(np.array([samples[n][0] for n in numbers]), {signal: rows}, counts, joints)
     return increasing(log, lambda row: {"number": numbers[row], **where})
 

@@ -98,7 +98,8 @@ def words_of(name: str) -> list[str]:
 
 def clocks_of(columns: Mapping[str, np.ndarray]) -> list[str]:
     """Return the names of the ``columns`` (N,) of times: with a name of a time, else with a word of
-    time in the name and values that increase and count no rows. Equal times have one name.
+    time in the name and values that increase and count no rows. Equal times have one name; others
+    are in the order of their evenness, since times of reception are less even.
     """
     words = {name: {*words_of(name.rpartition(".")[2])} for name in columns}
     worded = [name for name in columns if TIME & words[name] and not COUNTERS & words[name]]
@@ -107,7 +108,12 @@ def clocks_of(columns: Mapping[str, np.ndarray]) -> list[str]:
     named = named_like("time", columns) or [name for name in worded if name not in counted]
     times = [columns[name] for name in named]
     alike = [len(one) == len(times[0]) and np.allclose(one, times[0]) for one in times]
-    return named[:1] if all(alike) else named
+
+    def unevenness(name: str) -> float:
+        steps = np.diff(columns[name].astype(float))
+        return float(np.std(steps) / mean) if len(steps) and (mean := abs(steps.mean())) else np.inf
+
+    return named[:1] if all(alike) else sorted(named, key=unevenness)
 
 
 def is_names(name: str) -> bool:

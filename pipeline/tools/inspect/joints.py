@@ -12,6 +12,7 @@ from pipeline.core.angles import MOST_TURNS, TURN, unwrap, whole_turns
 from pipeline.core.errors import PipelineError, RecordingError
 from pipeline.core.options.dataset import JointLogSection
 from pipeline.formats.delimited import ANGLE_UNITS, TIME_UNITS, bare, spelled
+from pipeline.formats.depth.frame_names import EPOCH
 from pipeline.formats.depth.image import dropped_frames
 from pipeline.formats.force.record import repeats
 from pipeline.formats.format import Format, Kind
@@ -195,6 +196,7 @@ def _in_units(
     if not timed:
         step = float(np.median(np.diff(log.time)))
         fits = [n for n, s in TIME_UNITS.items() if RATES[0] <= 1 / (step * s) <= RATES[1]]
+        fits = [n for n in fits if log.time[-1] * TIME_UNITS[n] < EPOCH.stop]
         odd = f"{step:g}, at a rate from {RATES[0]:g} to {RATES[1]:g} Hz in none of the units"
         finding.ask("time_unit", fits[0] if fits else None, step=f"{step:g}" if fits else odd)
         second = TIME_UNITS[fits[0]] if fits else 1.0
@@ -223,8 +225,9 @@ def _add_tracking(
     signal stand in errors for the names of the joints.
     """
     time, angles = log.time - log.time[0], []
-    rate = float(f"{(len(time) - 1) / time[-1]:.4g}")  # nominal rate
-    if rate > RATES[1]:  # the times are in an unknown unit
+    steps = np.diff(time)
+    rate = float(f"{1 / steps[steps < 2 * np.median(steps)].mean():.4g}")  # nominal, without gaps
+    if not RATES[0] / 100 < rate <= RATES[1]:  # the times are in an unknown unit
         return
     try:
         sound = [movement.without_damage(log.signals[name]) for name in ANGLES]
