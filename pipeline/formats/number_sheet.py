@@ -227,8 +227,8 @@ def _sheet(
     again = text.lines[label_line - 1] if labels else None
     rows = [n for n in range(top, end) if text.lines[places[n] - 1] != again]
     rows = [n for n in rows if text.lines[places[n] - 1][0] not in "#%"]
-    counts = {"blank_rows": len(text.lines) - len(places) - repeated}
-    counts["cut_rows"] = (text.cut is not None) + len(lines) - end
+    cut = (text.cut is not None) + len(lines) - end
+    counts = {"blank_rows": len(text.lines) - len(places) - repeated, "cut_rows": cut}
     if remarks := end - top - len(rows) + repeated:  # remarks and repeated headers
         counts["remark_rows"] = remarks
     above = lines[:top], labels, units, label_line
@@ -303,7 +303,6 @@ def _header(
     lines: list[str], places: list[int], mark: str, last: list[str], numeric: list[int], file: Path
 ) -> tuple[list[str], list[str], int]:
     """Return labels, units and the labels' line; RecordingError for a damaged row above rows."""
-
     for line, place in zip(lines, places, strict=False):
         for other in SEPARATORS:
             cells = line.split() if other == delimited.SPACE else split_line(line, other)
