@@ -9,22 +9,13 @@ import pandas as pd
 
 from pipeline.core.errors import ContractError
 from pipeline.verdicts import decision as d
-from pipeline.verdicts import scores
+from pipeline.verdicts import scores, wording
 from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
 from pipeline.verdicts.run import Run, index_evidence
-from pipeline.verdicts.wording import (
-    MISSING,
-    WORDS,
-    escape_markup,
-    interval,
-    number,
-    render,
-    say,
-    table,
-)
+from pipeline.verdicts.wording import MISSING, WORDS, interval, number, render, say, table
 
 ROBOTS: dict[str, str] = WORDS["robots"]
 SMOKE = "smoke"  # the scale of a trial run, whose numbers decide nothing
@@ -41,16 +32,10 @@ BLOCK = re.compile(r"(?<=<!-- results -->\n).*?(?=<!-- /results -->)", re.DOTALL
 
 def with_plain_names(run: Run) -> Run:
     """Return ``run`` for its pages: Markdown shows all names and texts from files as they are."""
-    metrics = {
-        stem: {escape_markup(name): value for name, value in own.items()}
-        for stem, own in run.metrics.items()
-    }
-    tables = {
-        stem: rows.map(lambda cell: escape_markup(cell) if isinstance(cell, str) else cell)
-        for stem, rows in run.tables.items()
-    }
-    joints = [escape_markup(joint) for joint in run.joints]
-    return replace(run, joints=joints, metrics=metrics, tables=tables)
+    plain, numbers, tables = wording.escape_markup, run.metrics.items(), run.tables.items()
+    metrics = {stem: dict(zip(map(plain, own), own.values(), strict=True)) for stem, own in numbers}
+    tables = {stem: rows.map(plain) for stem, rows in tables}
+    return replace(run, joints=[*map(plain, run.joints)], metrics=metrics, tables=tables)
 
 
 def report_page(

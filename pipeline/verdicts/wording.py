@@ -53,9 +53,11 @@ def offset(row: Mapping[str, float]) -> str:
     return f"{difference(row)} above" if row["difference"] > 0 else f"{difference(row, -1)} below"
 
 
-def escape_markup(name: str) -> str:
-    """Return a ``name`` from a file as Markdown that shows it: no emphasis, code or link."""
-    return MARKUP.sub(r"\\\g<0>", name)
+def escape_markup(name: object) -> object:
+    """Return a ``name`` from a file as Markdown that shows it: no emphasis, code or link; no other
+    value changes.
+    """
+    return MARKUP.sub(r"\\\g<0>", name) if isinstance(name, str) else name
 
 
 def plain_page(text: str) -> str:

@@ -97,11 +97,11 @@ def test_options_that_contradict_each_other_are_refused(log_project, tmp_path, c
         log_project("ur5_planar", tmp_path, joint_log=choice)
 
 
-def write_table(folder: Path, source: Path, *, speed: bool) -> None:
+def write_table(folder: Path, source: Path) -> None:
     """The logs of a movement as one table in degrees under labels."""
-    signals = np.hstack(read_movement(source, FILES)[0][: 3 if speed else 2])
+    signals = np.hstack(read_movement(source, FILES)[0])
     names = [f"{what}_{j}" for what in ("ist", "soll", "v") for j in range(1, 7)]
-    table = pd.DataFrame(np.rad2deg(signals), columns=names[: signals.shape[1]])
+    table = pd.DataFrame(np.rad2deg(signals), columns=names)
     folder.mkdir(parents=True, exist_ok=True)
     table.round(8).to_csv(folder / f"{source.name}.txt", index_label="Zeit")
 
@@ -113,19 +113,20 @@ SIGNALS = {signal: [f"{label}_{j}" for j in range(1, 7)] for signal, label in LA
 ANGLES = {signal: SIGNALS[signal] for signal in ("actual", "target")}
 
 
-@pytest.mark.parametrize("speed", [True, False])
-def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path, speed):
+def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
     """Without a speed the steps of the commanded angles are it."""
     write_movement(tmp_path / "logs/move_1", 5, late=8e-4, noise=1e-5)
     names, q = read(tmp_path / "logs")
-    write_table(tmp_path / "tables", tmp_path / "logs/move_1", speed=speed)
-    signals = {"signals": SIGNALS} if speed else {"signals": ANGLES, "rest_speed": 1e-3}
-    result = read(tmp_path / "tables", **TABLES, **signals)
-    assert result[0] == names and quality("speed_from_angles", "move") == (not speed)
-    np.testing.assert_allclose(result[1], q, rtol=0, atol=1e-9 if speed else 1e-4)
+    write_table(tmp_path / "tables", tmp_path / "logs/move_1")
+    for signals, error in ((SIGNALS, 1e-9), (ANGLES, 1e-4)):
+        table = TABLES | {"signals": signals, "rest_speed": 1e-4 if signals is SIGNALS else 1e-3}
+        result = read(tmp_path / "tables", **table)
+        assert result[0] == names
+        assert quality("speed_from_angles", "move") == (signals is ANGLES)
+        np.testing.assert_allclose(result[1], q, rtol=0, atol=error)
     # tables are held against the command as files are
     with pytest.raises(RecordingError, match="do not agree"):
-        read(tmp_path / "tables", **TABLES, **signals, target_factor=0.5)
+        read(tmp_path / "tables", **table, target_factor=0.5)
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
 

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from joint_files import read_movement
-from joint_logs import FILES, ROOT, ingested, quality
+from joint_logs import ROOT, ingested, quality
 from omegaconf import OmegaConf
 from planar_poses import load_arm
 
 from pipeline.configuration import datasheet
 from pipeline.core import contracts
 from pipeline.core.columns import members, values
-from pipeline.recordings.repetitions import excursions
 from pipeline.stages import ingest, track
 
 
@@ -33,10 +31,6 @@ def ur5() -> Path:
 @pytest.fixture(scope="session")
 def lwr4() -> Path:
     return recordings("lwr4")
-
-
-def movement(ur5: Path, number: int) -> list[np.ndarray]:
-    return read_movement(next(ur5.glob(f"Movement_No{number}_*")), FILES)[0]
 
 
 def spread_of(noise: np.ndarray) -> np.ndarray:
@@ -103,20 +97,6 @@ def test_all_six_joints_and_the_pose_in_space(ur5, log_project):
     # joint 1 is at rest, the others move: as was found on this and other movements of the robot
     spread = spread_of(w)
     assert spread[0] < 24e-6 and np.all((spread[1:] > 40e-6) & (spread[1:] < 145e-6))
-
-
-def test_the_process_noise_is_that_of_the_joints_whatever_the_pose(ur5, log_project):
-    """J(q̃)⁻¹ẋᵈΔt is the commanded joint step up to second order, so the noise is what the measured
-    step has beyond it.
-    """
-    _, q, w = process_noise(log_project, "ur5_rounds", ur5)
-    _, target, speed = movement(ur5, 6)
-    run = excursions(target, speed)[3]
-    command = target[run.first - 1 : run.last + 1, 1:4]
-    rows = slice(34, 34 + len(command))
-    direct = np.diff(q[0, rows], axis=0) - np.diff(command, axis=0)
-    difference = w[0, 34 : 34 + len(direct)] - direct
-    assert np.sqrt(np.mean(difference**2)) < 0.25 * np.sqrt(np.mean(direct**2))
 
 
 TAKES = [f"measurements_{file}_{number}" for file in (1, 2) for number in (1, 2)]
