@@ -41,16 +41,19 @@ def camera_evidence(noise: pd.DataFrame, slopes: pd.DataFrame | None = None) -> 
 
 def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """Return the evidence of the tables of the stage wrench by name; any but ``wrench_errors`` and
-    ``wrench_spread`` may be missing.
+    ``wrench_spread`` may be missing. The standard error of a mean error is its deviation over the
+    repeats, of a mean force the one of the independent samples of its record.
     """
-    rows, maxima = [], tables["wrench_spread"].groupby("agents")["maximum"]
-    maxima = maxima.agg(["median", "mean", "std"])
+    rows, spreads = [], tables["wrench_spread"].groupby("agents")
+    maxima, means = spreads["maximum"].agg(["median", "mean", "std"]), spreads["mean"].std()
     for own in wrench_summary(tables["wrench_errors"], tables["wrench_spread"]).itertuples():
         keys, ends = {"configuration": own.agents}, (own.max_low, own.max_high)
         repeats = maxima.loc[own.agents]
         spread = keys | {"standard_error": repeats["std"]}
         rows += [
-            evidence_row("mean_error_of_variances", own.mean, **keys),
+            evidence_row(
+                "mean_error_of_variances", own.mean, standard_error=means[own.agents], **keys
+            ),
             evidence_row("greatest_error_of_variances", own.max, *ends, **keys),
             evidence_row("median_of_greatest_errors", repeats["median"], **keys),
             evidence_row("greatest_error_of_a_repeat", repeats["mean"], **spread),
@@ -65,11 +68,14 @@ def wrench_evidence(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
             ):
                 keys = place | {"estimator": own["form"], "standard_error": own[error]}
                 rows.append(evidence_row(name, own[value], **keys))
+    tests = _records(tables, "force_test")
+    independent = {own["configuration"]: own["effective_samples"] for own in tests}
     for own in _records(tables, "force_moments"):
-        if own["source"] == "measured":
-            place = {"configuration": own["configuration"]}
-            rows += [evidence_row("mean_force", own[c], entry=c, **place) for c in COMPONENTS]
-    for own in _records(tables, "force_test"):
+        for c in COMPONENTS if own["source"] == "measured" else ():
+            error = np.sqrt(own[f"var_{c}"] / independent[own["configuration"]])
+            keys = {"entry": c, "configuration": own["configuration"], "standard_error": error}
+            rows.append(evidence_row("mean_force", own[c], **keys))
+    for own in tests:
         keys = {"configuration": own["configuration"], "estimator": own["form"]}
         rows.append(evidence_row("two_sample_p_value", own["two_sample_p_value"], **keys))
         share = own["matrix_share_fx"]

@@ -92,6 +92,7 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     errors = pd.DataFrame({"agents": [3, 3, 20], "error": [0.1, 0.3, 0.05]})
     maxima = [0.2, 0.25, 0.4, 0.05, 0.06, 0.1]
     repeats = pd.DataFrame({"agents": [3] * 3 + [20] * 3, "maximum": maxima})
+    repeats["mean"] = [0.2, 0.3, 0.4, 0.05, 0.06, 0.07]
     tables = {"wrench_errors": errors, "wrench_spread": repeats}
     evidence = wrench_evidence(tables)
     values = by(evidence, "quantity", "configuration")
@@ -101,9 +102,14 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     assert values["greatest_error_of_a_repeat", "20"] == pytest.approx(0.07)
     greatest = evidence.query("quantity == 'greatest_error_of_variances'").iloc[0]
     assert (greatest["low"], greatest["high"]) == (0.2, 0.4)
+    errors = evidence.query("quantity == 'mean_error_of_variances'")["standard_error"]
+    assert errors.tolist() == pytest.approx([0.1, 0.01])
     assert {*evidence["quantity"]} == {name for name, _ in values.index} and len(evidence) == 8
     force = {"configuration": "C1", "source": ["measured", "modelled"], "fx": [3.1, 3], "fy": 5}
-    tables["force_moments"] = pd.DataFrame(force)
+    tables["force_moments"] = pd.DataFrame(force | {"var_fx": [4.0, 9.0], "var_fy": 1.0})
+    test = {"configuration": ["C1"], "form": "none", "effective_samples": 100.0}
+    test |= {"two_sample_p_value": 0.5, "matrix_share_fx": 0.0}
+    tables["force_test"] = pd.DataFrame(test)
     names = ["expectation", "expectation_error", "mean", "expected_standard_error"]
     numbers = dict(zip(names, (0.5, 0.1, 0.6, 0.2), strict=True))
     keys = {"system_class": ["C1", "study"], "form": ["diagonal", "full"], "entry": ["11", "22"]}
@@ -114,5 +120,8 @@ def test_the_study_of_the_wrench_has_rows_by_number_of_cables_and_no_force_witho
     expected = [("sigma_s", 0.5, 0.1), ("mean_of_sigma_s", 0.6, 0.2)]
     rows = [[name, "C1", entry, *two] for entry in ("11", "22") for name, *two in expected]
     assert both[columns].to_numpy().tolist() == rows
-    means = by(wrench_evidence(tables).query("quantity == 'mean_force'"), "configuration", "entry")
-    assert means.to_dict() == {("C1", "fx"): 3.1, ("C1", "fy"): 5.0}
+    means = wrench_evidence(tables).query("quantity == 'mean_force'").set_index("entry")
+    assert means[["value", "standard_error"]].T.to_dict("list") == {
+        "fx": [3.1, 0.2],
+        "fy": [5, 0.1],
+    }
