@@ -14,8 +14,10 @@ from pipeline.core.errors import RecordingError
 from pipeline.recordings.lags import lag
 
 SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by far more, by noise
-MOST = 1e6  # bound of a likeness
 BLOCK, LEAST_BLOCKS = 10, 20  # rows, over which noise and jitter average out; blocks of a take
+NOISY = (
+    0.3  # share of rows in which a joint moves and takes differ, above which it is compared alone
+)
 OTHERS = 5  # number of takes that a take's images are compared with
 FEWEST_FRAMES = 40  # for a share that separates own images from those of other takes
 DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it
@@ -35,24 +37,28 @@ def require_distinct(what: str, samples: Mapping[str, np.ndarray], parts: Mappin
 
 def likeness(q: np.ndarray) -> np.ndarray:
     """Return by take of the angles ``q`` (T, K, n) the distance to the fifth nearest take, if any,
-    over the distance to the nearest one; 1 for two takes. It is up to 2 for sound takes, and above
-    6 for a copy, also with a constant offset, resampled between rows or with noise of a quantum.
-    Distances are of means over up to BLOCK rows, without offset, speed and acceleration of the
-    median take.
+    over the distance to the nearest one, of all joints or, as its root, of one joint; 1 for two
+    takes. It is up to 4 for sound takes, and above 6 for a copy, also rescaled by a few percent,
+    with offset, drift or noise of a quantum, resampled between rows, or of one joint alone.
+    Distances are of means over up to BLOCK rows, without offset, drift, scale, speed and
+    acceleration of the median take. Rounded joints at rest or without noise are not compared alone.
     """
     usual, block = np.nanmedian(q, axis=0), max(min(BLOCK, q.shape[1] // LEAST_BLOCKS), 1)
-    speed = np.gradient(usual, axis=0)
-    every = np.nan_to_num(np.concatenate([[speed, np.gradient(speed, axis=0)], q - usual]))
-    every = every[:, : q.shape[1] // block * block]
+    speed, time = np.gradient(usual, axis=0), np.indices(usual.shape)[0]
+    fitted = [np.ones_like(usual), time, usual, speed, np.gradient(speed, axis=0)]
+    every = np.nan_to_num(np.concatenate([fitted, q - usual]))[:, : q.shape[1] // block * block]
     means = np.moveaxis(every.reshape(len(every), -1, block, q.shape[2]).mean(axis=2), 2, 0)
-    parts = []
-    for v, a, *own in means:  # by joint
-        base = np.linalg.qr(np.stack([np.ones_like(v), v, a], axis=1))[0]
-        parts.append(own - own @ base @ base.T)
-    apart = np.sort(squareform(pdist(np.concatenate(parts, axis=1))), axis=1)[:, 1:6]
-    if len(q) < 3 or not apart.any():
-        return np.ones(len(q))
-    return apart[:, -1] / np.maximum(apart[:, 0], apart.max() / MOST)
+    bases = np.linalg.qr(np.swapaxes(means[:, : len(fitted)], 1, 2))[0]  # (n, blocks, 5)
+    parts = means[:, len(fitted) :]
+    parts = parts - parts @ bases @ np.swapaxes(bases, 1, 2)
+
+    def ratio(part: np.ndarray) -> np.ndarray:
+        apart = np.maximum(np.sort(squareform(pdist(part)), axis=1)[:, 1:6], SAME)
+        return apart[:, -1] / apart[:, 0]
+
+    noisy = (np.abs(speed) > SAME) & (np.abs(q - np.roll(q, 1, axis=0)) > SAME)
+    alone = [np.sqrt(ratio(part)) for part in parts[noisy.mean(axis=(0, 1)) > NOISY]]
+    return np.max([ratio(np.concatenate(parts, axis=1)), *alone], axis=0)
 
 
 def own_name(stated: str, file: Path) -> bool:
