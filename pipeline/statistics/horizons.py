@@ -88,23 +88,25 @@ def faults_of(scores: pd.DataFrame, model: str, factor: float = WRONG) -> list[s
 
 
 def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
-    """Return the predicted σ of ``model`` that the commanded samples of ``scores`` do not confirm:
-    parameter (joint and horizon), found and required. A σ is confirmed if the 95 % interval of its
+    """Return the predicted σ of ``model`` that ``scores`` do not confirm: parameter (joint and
+    horizon), found and required. The commanded samples confirm a σ if the 95 % interval of its
     ratio to the measured σ, over held-out motions or blocks, is within a factor of CONFIRMED.
-    Quarters of a single motion confirm no σ on another motion.
+    Quarters of a single motion confirm no σ on another motion. At rest :func:`faults_of` counts.
     """
     own = scores[(scores["model"] == model) & (scores["samples"] == "commanded")]
     entries = []
     if own["motion"].astype(str).str.startswith(QUARTER).any():
-        entry = {"parameter": "σ on another motion", "found": "unknown: one motion was recorded"}
-        entries.append(entry | {"required": "2 motions"})
+        entries.append(("σ on another motion", "unknown: one motion was recorded", "2 motions"))
     for (joint, horizon), rows in own.groupby(["joint", "horizon"], sort=False):
         ratio, low, high, _ = pooled_interval(left_out(rows), "ratio")
         if not (1 / CONFIRMED <= low and high <= CONFIRMED):
             found = f"{ratio:.2f} [{low:.2f}, {high:.2f}] times the measured σ"
-            entry = {"parameter": f"σ of {joint} at {horizon}", "found": found}
-            entries.append(entry | {"required": f"{1 / CONFIRMED:.2f} to {CONFIRMED:.2f}"})
-    return entries
+            required = f"{1 / CONFIRMED:.2f} to {CONFIRMED:.2f}"
+            entries.append((f"σ of {joint} at {horizon}", found, required))
+    if resting := faults_of(scores[scores["samples"] == "at rest"], model):
+        found = f"unusable, {len(resting)} fault(s): {resting[0].rpartition(' (')[0]}"
+        entries.append(("σ at rest", found, f"a factor of {WRONG:g}, {COVERED:g} within 2σ"))
+    return [dict(zip(("parameter", "found", "required"), each, strict=True)) for each in entries]
 
 
 def chosen_law(scores: pd.DataFrame) -> tuple[str | None, str]:

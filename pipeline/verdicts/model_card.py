@@ -40,9 +40,7 @@ def answer(run: Run) -> str:
             law[name] = values.map("{:.3g}".format, na_action="ignore").astype(object)
         fastest, still = _speeds(t["motion_ranges"])
         words |= {"horizons": at_horizons(scores, model), "fastest": fastest}
-        resting = faults_of(scores[scores["samples"] == "at rest"], model)
-        words |= {"still": [*still.index], "resting": resting}
-        words["unconfirmed"] = unconfirmed(scores, model)
+        words |= {"still": [*still.index], "unconfirmed": unconfirmed(scores, model)}
         words["law"] = pd.DataFrame(law).fillna(MISSING).to_numpy()
     words["unused"] = t["unused_recordings"][["recording", "reason"]].to_numpy()
     words["tested"] = "takes" in t and t["takes"]["part"].eq("test").any()

@@ -105,9 +105,9 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
         ranges.loc[ranges["name"] == "b", "greatest"] = speed
         assert ("stood still: b." in model_card(run, [])) == still
     scores = run.tables["joint_scores"]
-    assert "at rest:" not in answer(run)
+    assert "at rest is" not in answer(run)
     scores.loc[scores["samples"] == "at rest", "two_sigma"] = 0.7
-    assert "**Not for joints at rest:** 0.7 of the errors of a at one sample" in answer(run)
+    assert "rest is unusable, 6 fault(s): 0.7 of the errors of a at one sample are" in answer(run)
 
 
 @pytest.mark.parametrize(("predicted", "named"), [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)])
