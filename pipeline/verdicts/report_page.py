@@ -264,7 +264,9 @@ def _errors(here: Run, claim: Claim) -> str:
 
 
 def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) -> str:
-    """Return an estimate with its interval, or "unbounded" at the end of the searched interval."""
+    """Return an estimate with its interval, or "unbounded" at the end of the searched interval; the
+    mean of a Wishart step ends at σ_B = 1 for every number of joints, its covariance before.
+    """
     name = f"{key}_{estimator}"
     if fitted.get(f"{name}_unbounded"):
         return "unbounded"
@@ -274,7 +276,8 @@ def _estimate(fitted: Mapping[str, float], key: str, estimator: str, few: bool) 
     text = number(fitted[name])
     text = text if few or None in ends else f"{text} {interval(*ends)}"
     limit = fitted.get("sigma_b_limit_of_the_covariance", float("inf"))
-    return f"{text} (no covariance)" if "sigma_b" in key and fitted[name] >= limit else text
+    lacks = "mean" if fitted[name] >= 1 else "covariance"
+    return f"{text} (no {lacks})" if "sigma_b" in key and fitted[name] >= limit else text
 
 
 def datasets_page(decided: Sequence[Decided], unfit: Sequence[str] = ()) -> str:

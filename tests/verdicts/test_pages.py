@@ -139,10 +139,11 @@ def test_three_estimators_are_side_by_side_and_an_unbounded_one_has_no_number(de
     assert "| û | – | 18 | unbounded | – |" in text
     assert "| error | 0.25 | 0.2 |" in text and "(no covariance)" not in text
     beyond = {"fit_wishart": FIT | {"sigma_b_limit_of_the_covariance": 0.25}}
+    beyond["fit_wishart"]["sigma_b_likelihood"] = 1.02
     run = replace(RUNS[0], metrics=RUNS[0].metrics | beyond)
     text = published_and_ours(run, decided)
     assert "αu = " not in text
-    assert "| 0.2877 (no covariance) | 0.227 [0.22, 0.235] | – |" in text
+    assert "| 0.2877 (no covariance) | 0.227 [0.22, 0.235] | 1.02 (no mean) |" in text
 
 
 def test_the_level_of_the_published_pair_is_beside_the_fitted_level():
