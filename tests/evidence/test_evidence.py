@@ -68,14 +68,11 @@ def test_a_bound_that_follows_the_ramps_alone_does_not_follow_at_constant_speed(
     assert values["filter_log_score", "m", "", NONE] == 0.0
 
 
-def filtered(error: np.ndarray, bound: np.ndarray) -> Filtered:
-    return Filtered(error, bound[..., None] ** 2 * np.eye(2), np.zeros((2, 2)))
-
-
 def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
     rng, wave = np.random.default_rng(4), 1 + 0.9 * np.sin(np.linspace(0, 6, 80))[:, None]
     for takes, width, varies in ((6, 1.0, False), (40, wave, True)):
-        law = filtered(width * rng.normal(size=(takes, 80, 2)), np.ones((takes, 80, 2)))
+        error = width * rng.normal(size=(takes, 80, 2))
+        law = Filtered(error, np.tile(np.eye(2), (takes, 80, 1, 1)), np.zeros((2, 2)))
         filters, none = dict.fromkeys([NONE, MEMORY, "m", closed("m")], law), np.full(79, False)
         evidence, against, refusals = filter_evidence(filters, JOINTS, none, rng)
         rows = evidence[evidence["model"] == "m"].set_index(["quantity", "joint"])

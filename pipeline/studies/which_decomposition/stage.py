@@ -20,7 +20,6 @@ from pipeline.studies.which_decomposition import evidence as laws
 from pipeline.studies.which_decomposition.evidence import PLAIN, Published
 from pipeline.studies.which_decomposition.paths import KINDS, TimeLaw, draw_paths
 from pipeline.verdicts.claims import read_claims
-from pipeline.verdicts.wording import table
 
 STEPS, RATE = 320, 100.0  # M and steps a second of the paper
 RAMPED, FULL_SPEED = "ramps and rest", "constant full speed"
@@ -110,30 +109,31 @@ def facts(tables: Tables, options: SimpleNamespace) -> dict[str, object]:
     """Return the fields of the page."""
     evidence, widths, units = tables["evidence"], tables["widths"], tables["units"]
     integrated = evidence[evidence["tolerance"] == 0]
-    rows, best, choices = rows_of_first(integrated, "size"), [], []
+    rows, best, choices = rows_of_first(integrated, "size"), {}, []
     later = rows[rows["reading"].isin(PHI_LATER)]
     for name, words in QUANTITIES.items():
         part = rows_of_first(later[later["quantities"] == name], "prior")
-        most = part.loc[part["likelihood"].idxmax()]
-        value, low, high = most[["likelihood", "low", "high"]].map(number)
-        best.append(f"{words}: {value} ({low} to {high}, {NAMES[most['reading']]})")
+        best[words] = part.loc[part["likelihood"].idxmax()]
     for size, part in integrated.groupby("size", sort=False):
         sets = rows_of_first(part, "prior").groupby("quantities")
         first, last = (odds(sets.get_group(x), PHI_LATER) for x in ("sigma_b", "small_difference"))
         choices.append(f"{size} {first}, with all quantities {last}")
-    by = widths.set_index(["reading", "prior"])
+    by, sizes = widths.set_index(["reading", "prior"]), rows_of_first(evidence, "size")
     ramped, constant = (f"{100 * share:.2g} %" for share in by.loc[laws.GAUSSIAN, "reached"])
     below, above = later["likelihood"].min() < 1, later["likelihood"].max() > 1
     still = units[units["turn"] == 0].pivot(index="reading", columns="unit", values="noise")
     return (still["mm"] / still["m"]).to_dict() | {
         "verb": "do not determine" if below and above else "favour one side of",
         "later": odds(later, PHI_LATER),
-        "best": "; ".join(best),
+        "best": best,
+        "names": NAMES,
         "odds": odds(rows, [laws.QR]),
         "control": odds(rows, [laws.QR_TRANSPOSED]),
         "widest": number(by.loc[laws.QR_TRANSPOSED, "best"].iloc[0]),
         "counts": [number(n) for n in widths.groupby("prior", sort=False)["paths"].first()],
-        "evidence": evidence_table(rows_of_first(evidence, "size")),
+        "tolerances": sorted({*evidence["tolerance"]} - {laws.INTEGRATED}),
+        "shown": {name: sizes[sizes["reading"] == name] for name in SHOWN},
+        "quantities": QUANTITIES,
         "choices": "; ".join(choices),
         "ramped": ramped,
         "constant": constant,
@@ -151,23 +151,6 @@ def odds(rows: pd.DataFrame, readings: list[str]) -> str:
     """Return the least and the greatest likelihood of ``readings`` as odds (3:1 or 1:3)."""
     ends = rows[rows["reading"].isin(readings)]["likelihood"].agg(["min", "max"])
     return " to ".join(f"{number(x)}:1" if x >= 1 else f"1:{number(1 / x)}" for x in ends)
-
-
-def evidence_table(rows: pd.DataFrame) -> str:
-    """Return a row for each reading: likelihoods under the first prior, range over all priors."""
-    tolerances, lines = sorted(set(rows["tolerance"]) - {0.0}), []
-
-    def several(first: str, *others: str) -> str:
-        return f"{first} ({', '.join(others)})"
-
-    for reading in SHOWN:
-        here = rows[rows["reading"] == reading]
-        main = rows_of_first(here, "prior").set_index(["quantities", "tolerance"])["likelihood"]
-        cells = [several(*(number(main[name, f]) for f in tolerances)) for name in QUANTITIES]
-        ends = here.loc[here["tolerance"] == 0, "likelihood"].agg(["min", "max"]).map(number)
-        lines.append([NAMES[reading], *cells, "–".join(ends)])
-    over = f"over pivoted LU, f = {several(*map('{:g}'.format, tolerances))}"
-    return table([over, *QUANTITIES.values(), "integrated, all sets and priors"], lines)
 
 
 def draw(widths: pd.DataFrame, evidence: pd.DataFrame) -> Figure:
