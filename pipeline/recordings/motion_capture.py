@@ -150,25 +150,20 @@ def _tracks(
     return tracks, [take.markers[name] for name in others]
 
 
-def _require_size(
-    tracks: Mapping[tuple[int, int], np.ndarray], mocap: Mocap, unit: str, file: Path
-) -> None:
-    """Raise RecordingError where the markers of a link are ANOTHER_UNIT times as far apart as in
-    the template, or as near, in the median over pairs and rows; ``tracks`` (N, 3) in m.
+def _require_size(tracks: Mapping[tuple, np.ndarray], mocap: Mocap, unit: str, file: Path) -> None:
+    """Raise RecordingError where the first two markers of a link, in ``tracks`` (N, 3) m, are
+    ANOTHER_UNIT times as far apart as in the template, or as near, in the median over the rows.
     """
-    ratios = [np.zeros(0)]
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
-        if link not in mocap.bodies:
-            stated, (i, j) = np.array([*places.values()]), np.triu_indices(len(places), 1)
-            seen = np.stack([tracks[number, n] for n in range(1, len(places) + 1)])
-            apart, wanted = (np.linalg.norm(at[i] - at[j], axis=-1) for at in (seen, stated))
-            ratios.append((apart / np.where(wanted, wanted, np.nan)[:, None]).ravel())
-    known = np.concatenate(ratios)
-    size = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 1.0
-    if not 1 / ANOTHER_UNIT < size < ANOTHER_UNIT:
-        message = f"the markers of a link are {size:.3g} times as far apart as in the template: are"
-        message += f" lengths in {unit}, and the template's in m? Export in the right unit"
-        raise RecordingError(message, file=file, key="dataset.mocap.markers")
+        if link in mocap.bodies or len(places) < 2:
+            continue
+        apart = np.linalg.norm(tracks[number, 1] - tracks[number, 2], axis=1)
+        middle = np.sort(apart)[np.isfinite(apart).sum() // 2]  # NaN if no row has both
+        size = middle / np.linalg.norm(np.subtract(*[*places.values()][:2]))
+        if size >= ANOTHER_UNIT or size <= 1 / ANOTHER_UNIT:
+            message = f"the markers of {link} are {size:.3g} times as far apart as in the template:"
+            message += f" are lengths in {unit}, the template's in m? Export in the right unit"
+            raise RecordingError(message, file=file, key=f"dataset.mocap.markers.{link}")
 
 
 def _carry(pose: RigidBody, mounted: Pose, places: np.ndarray) -> np.ndarray:

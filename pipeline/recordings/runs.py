@@ -77,11 +77,10 @@ def joint_runs(
             unused[name] = f"a copy: its measured angles are equal to the angles of {known}"
             continue
         if not chosen.motions:
-            reason = f"the command never moves by more than {REACH:g} rad between two rests, by"
-            reason = (
-                f"{reason} {np.ptp(chosen.target, axis=0).max():.3g} rad in all; resample a log"
-            )
-            unused[name] = f"{reason} whose rows repeat each command at the command's rate"
+            most = np.ptp(chosen.target, axis=0).max()
+            reason = f"the command never moves by more than {REACH:g} rad between two rests, by "
+            reason += f"{most:.3g} rad in all; resample a log whose rows repeat each command at the"
+            unused[name] = f"{reason} command's rate"
             continue
         runs += _runs_of(name, chosen, rate, pose_noise)
     runs = named_motions(runs, chosen.circular) if runs else []

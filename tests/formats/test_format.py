@@ -1,11 +1,10 @@
-"""Formats found by their place and the examples of their READMEs; numbers in delimited text, tables
+"""The examples of the READMEs of the formats; numbers in delimited text, tables
 of any program, commanded trajectories: one reading, or a refusal.
 """
 
 import contextlib
 import io
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,58 +13,9 @@ import pytest
 
 from pipeline import formats
 from pipeline.core.errors import ConfigError, RecordingError
-from pipeline.formats import motion
 from pipeline.formats.delimited import numbers_of
-from pipeline.formats.format import formats_in
 from pipeline.formats.number_sheet import Sheet, read_sheet
 from pipeline.formats.trajectory import COLUMNS, FAMILIES, read_trajectory, write_trajectory
-from pipeline.recordings.motion_capture import read_take
-from pipeline.tools.inspect.command import inspect
-
-MODULE = '''"""Takes of one marker as a program of our own writes them: x, y, z in m at 10 Hz."""
-
-import numpy as np
-
-from pipeline.formats.format import Format, Kind, begins
-from pipeline.formats.motion.take import MotionTake, checked_take
-
-
-def read_own(file, unit=None):
-    positions = np.loadtxt(file, skiprows=1, ndmin=2)
-    frame, markers = np.arange(len(positions)), {"M": positions}
-    raw = MotionTake(file.stem, "Own", 10.0, frame, np.zeros(0), markers, {}, {})
-    return checked_take(raw, file)
-
-
-FORMAT = Format("Own", Kind.MOTION, read_own, begins(b"OWN"))
-'''
-
-
-@pytest.fixture
-def own(tmp_path, monkeypatch):
-    """A take in a format whose module lies in a folder that was added to those of the package."""
-    (tmp_path / "modules").mkdir()
-    (tmp_path / "modules/own.py").write_text(MODULE)
-    monkeypatch.setattr(motion, "__path__", [*motion.__path__, str(tmp_path / "modules")])
-    formats_in.cache_clear()
-    file = tmp_path / "walk_1.own"
-    file.write_text("OWN\n1 2 3\n4 5 6\n")
-    yield file
-    formats_in.cache_clear()
-    sys.modules.pop("pipeline.formats.motion.own", None)
-
-
-def test_a_module_that_is_added_is_read_by_the_stage_and_inspected(own, monkeypatch):
-    assert read_take(own, None).markers["M"].tolist() == [[1, 2, 3], [4, 5, 6]]
-    (finding,) = inspect(own)
-    assert (finding.format, finding.kind, finding.rate) == ("Own", "motion", 10.0)
-    # without the module its take is no motion, and refused with what is read
-    monkeypatch.undo()
-    formats_in.cache_clear()
-    assert inspect(own)[0].format == "table of numbers"
-    with pytest.raises(RecordingError, match="no take of motion capture in C3D or Motive CSV"):
-        read_take(own, None)
-
 
 FOLDER = Path(formats.__file__).parent
 BLOCK = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)

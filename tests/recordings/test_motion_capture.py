@@ -140,6 +140,9 @@ def test_takes_of_another_rate_or_length_are_refused(tmp_path):
     for size in (100, 0.01, 1 / 2.54):  # cm for m, m for cm, inches for cm
         with pytest.raises(RecordingError, match=f"{size:.3g} times as far apart as in the"):
             read(written(tmp_path, {name: size * xyz for name, xyz in markers.items()}))
+    (tmp_path / "walk.own").write_text("OWN\n1 2 3\n4 5 6\n")
+    with pytest.raises(RecordingError, match="no take of motion capture in C3D or Motive CSV"):
+        read(tmp_path / "walk.own")
     file = written(tmp_path, markers)
     file.write_bytes(b"".join(file.read_bytes().splitlines(keepends=True)[:-1]))
     with pytest.raises(RecordingError, match=r"spans 40 frames .* the motion has 41"):

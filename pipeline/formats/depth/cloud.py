@@ -1,7 +1,7 @@
 """Reader of point clouds: PCD (ascii, binary, binary_compressed), PLY (ascii, binary).
 
-Open3D reads only the binary data, behind a header that this module writes. Open3D by itself pads
-truncated files, reads damaged text as zeros and fails on two fields of one name.
+Open3D only decompresses, behind a header that this module writes. Open3D by itself pads truncated
+files, reads damaged text as zeros and fails on two fields of one name.
 """
 
 import ctypes
@@ -161,35 +161,35 @@ def load_open3d() -> ModuleType:
 
 
 def _binary_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:
-    """Return the points (N, 3) float64 by Open3D, and the number of bytes behind the points."""
-    data, form, point = content[header.start :], header.form, header.point
-    size = unpacked = header.count * point.itemsize
-    if form == "binary_compressed":
+    """Return the points (N, 3) float64, and the number of bytes behind the points."""
+    data, point, count = content[header.start :], header.point, header.count
+    size = unpacked = count * point.itemsize
+    if compressed := header.form == "binary_compressed":
         packed, unpacked = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
         size = 8 + packed
-    if len(data) < size or unpacked != header.count * point.itemsize:
+    if len(data) < size or unpacked != count * point.itemsize:
         message = f"{len(data)} bytes of {size}, which decompress to {unpacked}, where the header "
-        raise ValueError(f"{message}announces {header.count} points of {point.itemsize} bytes")
-    data, surplus = data[:size], len(data) - size
-    if form in PLY_FORMATS:
-        form, data = "binary", np.frombuffer(data, point).astype(point.newbyteorder("<")).tobytes()
-    # rename fields: Open3D reads some as colours or normals, and fails on two of one name
-    names = [name if name in ("x", "y", "z") else f"f{i}" for i, name in enumerate(point.names)]
-    kinds, count = [point[name] for name in point.names], [header.count]
-    rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
-    rows |= {"TYPE": [kind.base.kind.upper() for kind in kinds]}
-    rows |= {"COUNT": [int(np.prod(kind.shape)) for kind in kinds], "WIDTH": count, "HEIGHT": [1]}
-    rows |= {"VIEWPOINT": [*map(int, UNTURNED)], "POINTS": count, "DATA": [form]}
-    text = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items())
-    with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
-        stream.write(f"# .PCD v0.7\nVERSION 0.7\n{text}".encode() + data)
-        stream.flush()
-        path = f"/proc/self/fd/{stream.fileno()}"
-        cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
-    if "positions" not in cloud.point or len(cloud.point.positions) != header.count:
-        raise ValueError("the data cannot be decompressed")
+        raise ValueError(f"{message}announces {count} points of {point.itemsize} bytes")
     with np.errstate(invalid="ignore", over="ignore"):  # damaged numbers may be huge or NaN
-        return cloud.point.positions.numpy().astype(float), surplus
+        if not compressed:
+            read = np.frombuffer(data[:size], point)
+            return np.column_stack([read[axis].astype(float) for axis in "xyz"]), len(data) - size
+        # rename fields: Open3D reads some as colours or normals, and fails on two of one name
+        names = [n if n in ("x", "y", "z") else f"f{i}" for i, n in enumerate(point.names)]
+        kinds = [point[name] for name in point.names]
+        rows = {"FIELDS": names, "SIZE": [kind.base.itemsize for kind in kinds]}
+        rows |= {"TYPE": [kind.base.kind.upper() for kind in kinds]}
+        rows |= {"COUNT": [int(np.prod(kind.shape)) for kind in kinds], "WIDTH": [count]}
+        rows |= {"HEIGHT": [1], "POINTS": [count], "DATA": [header.form]}
+        text = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in rows.items())
+        with os.fdopen(os.memfd_create("cloud"), "wb") as stream:
+            stream.write(f"VERSION 0.7\n{text}".encode() + data[:size])
+            stream.flush()
+            path = f"/proc/self/fd/{stream.fileno()}"
+            cloud = load_open3d().t.io.read_point_cloud(path, format="pcd")
+        if "positions" not in cloud.point or len(cloud.point.positions) != count:
+            raise ValueError("the data cannot be decompressed")
+        return cloud.point.positions.numpy().astype(float), len(data) - size
 
 
 def _text_points(content: bytes, header: CloudHeader, file: Path) -> tuple[np.ndarray, int]:

@@ -91,26 +91,27 @@ def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
         first, *other = {len(re.findall(r"\d+", m.string[: m.start()], re.ASCII)) for m in matches}
         inside = range(first, first + len(re.findall(r"\d+", matches[0][0], re.ASCII)))
         whole = [*map(_seconds, matches)]
-        counts = mark in (DATE, DAYTIME, DECIMAL) and _counts(matches, mark)
-        if not (other or counts or None in whole or {*varying}.isdisjoint(inside)):
+        if not (other or None in whole or {*varying}.isdisjoint(inside) or _counts(matches)):
             times = _with_fractions(whole, matches)
-            if mark is DAYTIME:  # after the longest gap, a day goes on beyond midnight
+            if mark is DAYTIME:  # behind the longest gap, times are of the day before
                 ordered = sorted(times)
-                gap = int(np.argmax(np.diff([*ordered, ordered[0] + DAY])))
-                start = ordered[(gap + 1) % len(times)]
-                times = [time + DAY * (time < start) for time in times]
+                gap = int(np.argmax(np.diff([*ordered, ordered[0] + DAY]))) + 1
+                times = [time - DAY * (time in ordered[gap:]) for time in times]
             return times, inside
     return [], range(0)
 
 
-def _counts(matches: list[re.Match], mark: re.Pattern) -> bool:
+def _counts(matches: list[re.Match]) -> bool:
     """Return whether the last digits count on by one, and what precedes them is constant."""
-    last = [match[0][-6:] if mark is DATE else match[match.lastindex] for match in matches]
-    if not all(map(str.isdecimal, last)) or (mark is DATE and any(match[8] for match in matches)):
+    mark = matches[0].re
+    if mark in (SECONDS, INTEGER) or (mark is DATE and any(match[8] for match in matches)):
         return False
+    last = [match[0][-6:] if mark is DATE else match[match.lastindex] for match in matches]
     before = {match[0].removesuffix(digits) for match, digits in zip(matches, last, strict=True)}
+    if len(before) > 1 or not all(map(str.isdecimal, last)):
+        return False
     numbers = sorted(map(int, last))
-    return len(before) == 1 and numbers == [*range(numbers[0], numbers[0] + len(numbers))]
+    return numbers == [*range(numbers[0], numbers[0] + len(numbers))]
 
 
 def _seconds(match: re.Match) -> int | None:
@@ -122,8 +123,7 @@ def _seconds(match: re.Match) -> int | None:
         except ValueError:
             return None
     if match.re is DAYTIME:
-        hours, minutes, seconds = map(int, match.groups()[:3])
-        return 3600 * hours + 60 * minutes + seconds
+        return int(np.dot([*map(int, match.groups()[:3])], [3600, 60, 1]))
     whole = int(match[0][:10] if match.re is INTEGER else match[1])
     return whole if match.re is DECIMAL or whole in EPOCH else None
 
@@ -134,7 +134,6 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     reading with more even steps.
     """
     texts = [m[0][10:] if m.re is INTEGER else m[m.re.groups] or "" for m in matches]
-    marks = {m[0].removesuffix(digits)[-1] for m, digits in zip(matches, texts, strict=True)}
     unit = 10 ** (9 - 3 * -(-max(map(len, texts)) // 3))
     pairs = [(s * NANO, digits) for s, digits in zip(whole, texts, strict=True)]
     decimals = [ns + int(digits.ljust(9, "0")) for ns, digits in pairs]
@@ -148,4 +147,5 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
         steps = np.diff(sorted(times))
         return float(steps.max() / max(np.median(steps), 1))
 
-    return min([decimals, counted] if "." in marks else [counted, decimals], key=unevenness)
+    point = any(f".{digits}" in m[0] for m, digits in zip(matches, texts, strict=True))
+    return min([decimals, counted] if point else [counted, decimals], key=unevenness)

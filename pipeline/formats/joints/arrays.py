@@ -31,7 +31,7 @@ def read_arrays(file: Path, options: LogOptions) -> JointLog:
     head = Head.read(file)
     if head.content.startswith(HDF5):
         raise RecordingError("version 7.3 is not read; save it with -v7", file=file)
-    read = _mat if _mat_begins(head) else _parquet if _parquet_begins(head) else _npz
+    read = next((read for is_one, read in READERS.values() if is_one(head)), _npz)
     data = read_alone(read, Path(file), file=file, advice="save it again")
     require("memory_mib", sum(one.size for one in data.values()) * 8 / MIB, "MiB of numbers", file)
     words = {name: [*map(str, one)] for name, one in data.items() if one.dtype.kind == "U"}
@@ -167,18 +167,11 @@ def _parquet(file: Path) -> Arrays:
     return {name: values for name, values in columns.items() if values.ndim}
 
 
-def _npz_begins(head: Head) -> bool:
-    return head.content.startswith(b"PK\x03\x04") and b".npy" in head.content[MEMBER]
-
-
-def _mat_begins(head: Head) -> bool:
-    # a file of version 4 has no leading mark
-    return head.content.startswith((b"MATLAB 5.0 MAT-file", HDF5[0])) or head.suffix == ".mat"
-
-
-_parquet_begins = begins(b"PAR1")
-FORMAT = (
-    Format("MATLAB file of joints", Kind.JOINTS, read_arrays, _mat_begins),
-    Format("NumPy archive of joints", Kind.JOINTS, read_arrays, _npz_begins),
-    Format("Parquet table of joints", Kind.JOINTS, read_arrays, _parquet_begins),
-)
+READERS = {  # name of the format: recogniser, reader of the arrays
+    "MATLAB file of joints": (  # a file of version 4 has no leading mark
+        lambda head: begins(b"MATLAB 5.0 MAT-file", HDF5[0])(head) or head.suffix == ".mat", _mat),
+    "NumPy archive of joints": (
+        lambda head: begins(b"PK\x03\x04")(head) and b".npy" in head.content[MEMBER], _npz),
+    "Parquet table of joints": (begins(b"PAR1"), _parquet),
+}  # fmt: skip
+FORMAT = tuple(Format(n, Kind.JOINTS, read_arrays, is_one) for n, (is_one, _) in READERS.items())
