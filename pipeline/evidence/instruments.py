@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.core.columns import matrices, members, values
-from pipeline.evidence.table import evidence_row, evidence_table
+from pipeline.evidence.table import difference_row, evidence_row, evidence_table
 from pipeline.statistics.curves import root_mean_square, variation
-from pipeline.statistics.takes import wrench_summary
+from pipeline.statistics.takes import jackknife_difference, wrench_summary
 
 ENTRIES = ("11", "22")  # of Σ_S that are published
 COMPONENTS = ("fx", "fy")
@@ -21,17 +21,21 @@ def camera_evidence(noise: pd.DataFrame, slopes: pd.DataFrame | None = None) -> 
     ``slopes`` of :func:`pipeline.perception.depth_noise.error_slopes` near a sample.
 
     The bias is in standard errors: a zero bias has a size of about 1, a constant one a variation of
-    about 1.
+    about 1. The interval of the variation of the standard deviation is the jackknife's over takes.
     """
-    of_all, takes = noise[noise["take"] == "none"], noise["take"].nunique() - 1
-    joints, rows = members(of_all, "b"), []
-    variances = np.diagonal(matrices(of_all, "r", joints), axis1=1, axis2=2)
-    for joint, bias, variance in zip(joints, values(of_all, "b").T, variances.T, strict=True):
-        error = np.sqrt(variance.mean() / takes)
+    of_all, rows = noise[noise["take"] == "none"], []
+    left_out = [own for take, own in noise.groupby("take", sort=False) if take != "none"]
+    joints, parts = members(of_all, "b"), []
+    for own in (of_all, *left_out):
+        parts.append(np.diagonal(matrices(own, "r", joints), axis1=1, axis2=2).T)
+    for j, (joint, bias) in enumerate(zip(joints, values(of_all, "b").T, strict=True)):
+        error = np.sqrt(parts[0][j].mean() / len(left_out))
+        variations = np.array([variation(np.sqrt(part[j])) for part in parts])
+        spread = jackknife_difference(variations)
         rows += [
             evidence_row("camera_bias", root_mean_square(bias) / error, joint=joint),
             evidence_row("camera_bias_variation", bias.std() / error, joint=joint),
-            evidence_row("camera_std_variation", variation(np.sqrt(variance)), joint=joint),
+            difference_row("camera_std_variation", spread, joint=joint),
         ]
     for own in () if slopes is None else slopes.itertuples():
         error = {"standard_error": own.standard_error, "joint": own.joint}

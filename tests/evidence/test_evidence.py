@@ -39,9 +39,12 @@ def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_ma
     bias = rng.normal(0.0, 0.02 / np.sqrt(takes), (frames, 2)) + np.array([0.0, 0.03])
     growing = np.linspace(0.5, 1.5, frames)  # standard deviation in units of 0.02
     covariance = 4e-4 * growing[:, None, None] ** 2 * np.eye(2)
-    noise = spread("b", JOINTS, bias) | triangle("r", JOINTS, covariance)
-    others = pd.DataFrame({"take": [f"t{n}" for n in range(takes)]})
-    table = pd.concat([pd.DataFrame({"take": "none"} | noise), others])
+    shares, parts = np.append(0.0, rng.random(takes)), []
+    for n, share in enumerate(shares):
+        noise = triangle("r", JOINTS, covariance + share * 4e-4 * np.eye(2))
+        part = {"take": f"t{n}" if n else "none"} | spread("b", JOINTS, bias) | noise
+        parts.append(pd.DataFrame(part))
+    table = pd.concat(parts)
     slopes = pd.DataFrame({"joint": ["hip"], "slope": [0.5], "standard_error": [0.1]})
     evidence = camera_evidence(table, slopes)
     values = by(evidence, "quantity", "joint")
@@ -50,6 +53,10 @@ def test_a_bias_that_is_nothing_is_about_one_standard_error_and_a_real_one_is_ma
     assert values["camera_bias", "knee"] == pytest.approx(many)
     assert values["camera_bias_variation", "knee"] == pytest.approx(1, abs=0.1)
     assert values["camera_std_variation", "knee"] == pytest.approx(growing.std())
+    widths = np.sqrt(growing**2 + shares[1:, None])
+    jackknifed = np.std(widths.std(axis=1) / widths.mean(axis=1)) * np.sqrt(takes - 1)
+    errors = evidence.query("quantity == 'camera_std_variation'")["standard_error"]
+    assert errors.tolist() == pytest.approx([jackknifed] * 2)
     slope = evidence.query("quantity == 'depth_error_slope'").iloc[0]
     assert (slope["joint"], slope["value"], slope["standard_error"]) == ("hip", 0.5, 0.1)
 

@@ -128,7 +128,7 @@ def test_claims_have_the_numbers_of_the_outcomes_and_a_difference_is_value_minus
     assert refusals == [] and len(verdicts) > 20
     assert without <= {"u", "alpha"}  # an unbounded û and its α̂ have no number
     rows = evidence["rival"] == ""
-    values = evidence[rows].set_index(["quantity", "model", "joint", "steps"])["value"]
+    values = evidence[rows].set_index(["quantity", "model", "joint", "steps"])["value"].sort_index()
     for own in evidence[~rows].itertuples():
         other = (own.model, own.rival) if own.rival in JOINTS else (own.rival, own.joint)
         rival = values[own.quantity, *other, own.steps]

@@ -124,6 +124,7 @@ def test_a_difference_below_the_margin_and_a_wide_interval_decide_nothing():
 
 
 REPEATED = {"than": 0.2, "standard_error": 0.01}  # P(greatest ≥ 0.2242) = 2.5 % by Gumbel's law
+CLOSE = {"published": 0.33, "tolerance": 0.1}
 ABOUT_A_QUARTER = {"published": 0.25, "tolerance": 0.02}
 
 
@@ -145,6 +146,9 @@ ABOUT_A_QUARTER = {"published": 0.25, "tolerance": 0.02}
         ("interval_contains", {"low": 0.26, "high": 0.4} | ABOUT_A_QUARTER, True),
         ("interval_contains", {"low": 0.2, "high": 0.24} | ABOUT_A_QUARTER, True),
         ("varies", {"than": 0.25, "threshold": 0.35}, None),
+        # an error without an interval: 1.5 and 3 standard errors within the limit
+        ("within_relative", CLOSE | {"standard_error": 0.002}, None),
+        ("within_relative", CLOSE | {"standard_error": 0.001}, True),
     ],
 )
 def test_the_limit_of_a_rule_is_where_its_words_put_it(rule, case, expected):
