@@ -192,11 +192,9 @@ class ExportedErrors(Exported):
     def warn_of_unconfirmed(self) -> None:
         """Warn of the standard deviations in ``not_known`` of the record."""
         for each in self.record["not_known"][:1]:
-            text = "bands not confirmed: {parameter} is {found} (required: {required})".format(
-                **each
-            )
-            text += f"; {len(self.record['not_known'])} such in record['not_known']"
-            warnings.warn(text, UnconfirmedBands, stacklevel=4)
+            first = "{parameter} is {found} (required: {required})".format(**each)
+            message = f"{first}; {len(self.record['not_known'])} such in record['not_known']"
+            warnings.warn(f"bands not confirmed: {message}", UnconfirmedBands, stacklevel=4)
 
     def _histories(self, errors: ndarray, commands: ndarray) -> tuple[ndarray, ndarray]:
         n, known = len(self.law.joints), {"errors": errors, "commands": commands}
