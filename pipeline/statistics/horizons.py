@@ -23,6 +23,7 @@ def pooled(scores: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     """Return the rows of ``scores`` (table joint_scores) joined by the columns ``by``: means and
     mean squares weighted by the number of errors, and ``ratio``, predicted over measured σ.
     """
+    scores = scores.reset_index(drop=True)
     values = scores[NUMBERS].fillna(0.0).join(scores[SIGMAS] ** 2)
     parts = scores[[*by, "count"]].join(values.mul(scores["count"], axis=0))
     sums = parts.groupby([*by], sort=False).sum()
