@@ -95,7 +95,7 @@ def _uneven_rows(time: np.ndarray, rate: float, file: Path) -> int:
     if beyond.any() and not (another and np.median(off) > JITTER):
         row = int(np.argmax(beyond))
         found = f"{steps[row]:.6g} s at {time[row] - time[0]:.6g} s from the start"
-        cause = "samples are missing" if steps[row] * rate > 1 else "rows are too close"
+        cause = f"rows are {'missing' if steps[row] * rate > 1 else 'too close'}; resample the log"
     elif another:
         found, key = f"{mean:.6g} s on average", "dataset.motion.rate"
         cause = f"set the rate to {1 / mean:.6g}, or correct time_unit"
