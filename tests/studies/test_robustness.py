@@ -68,14 +68,6 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
     assert compared == {"none", "memory"} | loops
 
 
-@pytest.mark.slow
-def test_the_wrench_has_verdicts_that_depend_on_the_seed(common):
-    cables = common | {"claims": tuple(c for c in CLAIMS if c.id.startswith("wrench"))}
-    first, other = (grid.verdicts(grid.Condition("wrench", seed), **cables) for seed in (1, 2))
-    falls = first.loc[first["claim"] == "wrench-mean-error-falls", "verdict"]
-    assert set(falls) == {"holds"} and not first.equals(other)
-
-
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
     factors = {"sway_std": [0.0, 2.0], "clearance": [2.0], "particles": [0.1]}
     small = grid.conditions(factors, [1, 2], "motion")
