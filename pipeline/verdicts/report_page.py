@@ -14,6 +14,7 @@ from pipeline.verdicts.claims import PROJECT, Claim
 from pipeline.verdicts.decision import Decided, Verdict
 from pipeline.verdicts.model_card import few_takes
 from pipeline.verdicts.paper import Erratum, Item, Source, noise_levels
+from pipeline.verdicts.rules import LEVEL
 from pipeline.verdicts.run import Run, index_evidence
 from pipeline.verdicts.wording import MISSING, WORDS, interval, number, render, say, table
 
@@ -287,7 +288,8 @@ def datasets_page(decided: Sequence[Decided], unfit: Sequence[str] = ()) -> str:
     decided = sorted(decided, key=lambda whose: (whose.recordings == "none", whose.dataset))
     verdicts = zip(*(whose.verdicts for whose in decided), strict=True)
     rows = [[row[0].claim.id, *map(verdict_cell, row)] for row in verdicts]
-    return render("datasets.md", decided=decided, forced=d.FORCED, rows=rows, unfit=unfit)
+    words = {"decided": decided, "forced": d.FORCED, "level": LEVEL, "rows": rows, "unfit": unfit}
+    return render("datasets.md", **words)
 
 
 def recordings_page(run: Run) -> str:
