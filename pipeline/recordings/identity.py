@@ -15,9 +15,7 @@ from pipeline.recordings.lags import lag
 
 SAME = 2e-6  # m, rad or N: rounding to six decimals; two recordings differ by far more, by noise
 BLOCK, LEAST_BLOCKS = 10, 20  # rows, over which noise and jitter average out; blocks of a take
-NOISY = (
-    0.3  # share of rows in which a joint moves and takes differ, above which it is compared alone
-)
+NOISY = 0.3  # least share of rows with motion and unequal takes of a joint that is compared alone
 OTHERS = 5  # number of takes that a take's images are compared with
 FEWEST_FRAMES = 40  # for a share that separates own images from those of other takes
 DIFFERENCES, NOISE_GAIN = 6, 924  # order of differences of white noise, and their variance over it

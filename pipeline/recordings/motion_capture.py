@@ -151,15 +151,17 @@ def _tracks(
 
 
 def _require_size(tracks: Mapping[tuple, np.ndarray], mocap: Mocap, unit: str, file: Path) -> None:
-    """Raise RecordingError where the first two markers of a link, in ``tracks`` (N, 3) m, are
-    ANOTHER_UNIT times as far apart as in the template, or as near, in the median over the rows.
+    """Raise RecordingError where the root mean square distance of a link's markers from their
+    centre is ANOTHER_UNIT times the template's or more, or as small, in the median over the rows;
+    ``tracks`` (N, 3) in m. Labels that are exchanged leave it as it is.
     """
     for number, (link, places) in enumerate(mocap.markers.items(), 1):
         if link in mocap.bodies or len(places) < 2:
             continue
-        apart = np.linalg.norm(tracks[number, 1] - tracks[number, 2], axis=1)
-        middle = np.sort(apart)[np.isfinite(apart).sum() // 2]  # NaN if no row has both
-        size = middle / np.linalg.norm(np.subtract(*[*places.values()][:2]))
+        seen = np.stack([tracks[number, n] for n in range(1, len(places) + 1)])
+        sizes = np.sort(np.linalg.norm(seen.std(axis=0), axis=1))
+        middle = sizes[np.isfinite(sizes).sum() // 2]  # NaN if no row has all
+        size = middle / np.linalg.norm(np.std([*places.values()], axis=0))
         if size >= ANOTHER_UNIT or size <= 1 / ANOTHER_UNIT:
             message = f"the markers of {link} are {size:.3g} times as far apart as in the template:"
             message += f" are lengths in {unit}, the template's in m? Export in the right unit"
