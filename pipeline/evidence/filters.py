@@ -15,7 +15,7 @@ from pipeline.statistics.scores import (
     posterior_scores,
     score_comparison,
 )
-from pipeline.statistics.takes import resampled_differences
+from pipeline.statistics.takes import paired_difference, resampled_differences
 
 COMPARED = (FOLLOWS, "relative_error_of_bound")  # quantities of the bound
 
@@ -66,8 +66,9 @@ def filter_evidence(
     every = scores | {f"coverage_of_one_sigma_{joint}": ("coverage", joint) for joint in joints}
     tables = {rival: score_comparison(laws, rival) for rival in (models[0], NONE)}
     for own in tables[NONE][tables[NONE]["score"].isin(every)].itertuples():
-        quantity, joint = every[own.score]
-        rows.append(evidence_row(quantity, own.mean, model=own.model, joint=joint))
+        (quantity, joint), of_takes = every[own.score], laws[own.model][own.score]
+        mean = paired_difference(of_takes, np.zeros(len(of_takes)))
+        rows.append(difference_row(quantity, mean, model=own.model, joint=joint))
     for name in models[1:]:
         places = [(joint, quantity) for joint in joints for quantity in COMPARED]
         for (joint, quantity), own in zip(places, differences[name], strict=True):

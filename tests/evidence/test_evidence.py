@@ -86,6 +86,10 @@ def test_an_error_varies_only_beyond_what_as_many_takes_reach_by_chance():
         limits, values = rows.loc["error_variation_limits"], rows.loc["error_variation", "value"]
         assert (values > 0.25).all()  # control: a limit without draws
         assert (values > limits["high"]).all() == varies
+        inside = (np.abs(error) <= 1).mean(axis=1)  # of each take
+        np.testing.assert_allclose(rows.loc["coverage", "value"], inside.mean(axis=0))
+        errors = inside.std(axis=0, ddof=1) / np.sqrt(takes)
+        np.testing.assert_allclose(rows.loc["coverage", "standard_error"], errors)
     assert (limits["low"] < limits["high"]).all() and refusals == []
     # only the bounds of models in an open loop are compared, all filters with the training mean
     assert {*evidence.query("quantity == @FOLLOWS")["model"]} == {"m"}
