@@ -58,6 +58,7 @@ FULL, READ_ONLY = OSError(errno.ENOSPC, "", "a.parquet"), OSError(errno.EROFS, "
 FAULTS = [
     (ConfigError("must be > 0, got -0.1", key="a.b"), 1, ["must be > 0, got -0.1 [key a.b]"]),
     (FULL, 1, ["a.parquet: No space left on device", "free some space"]),
+    (OSError(errno.EFBIG, "", "a"), 1, ["a: File too large", "ulimit -f"]),
     (READ_ONLY, 1, ["b: Read-only file system", "in a copy that can be written"]),
     (RuntimeError("no\nfile"), 1, ["unexpected RuntimeError: no file", "PIPELINE_TRACEBACK=1"]),
     (MemoryError(), 1, ["out of memory"]),

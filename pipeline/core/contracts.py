@@ -1,5 +1,6 @@
 """Tables and numbers between stages, checked against their declarations in tables.yaml."""
 
+import errno
 import json
 import math
 import os
@@ -184,6 +185,8 @@ def naming(place: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        if "requested and" in str(error):  # by NumPy, which does not state the system's reason
+            error.errno = errno.ENOSPC
         if error.errno and error.filename is None:
             error.filename = os.fspath(place)
         raise
