@@ -169,6 +169,9 @@ def read_run(file: Path) -> Run:
             message = "the evidence was edited after its stage wrote it: the content does not have"
             message += " the stated sha256; restore the file, or run the dataset again"
             raise ContractError(message, file=file)
+        if (name := values["dataset"]) != file.stem:
+            message = f"the evidence is of the dataset {name}; rename the file, or remove the copy"
+            raise ContractError(message, file=file)
         for stem, lines in values["tables"].items():
             text = dict.fromkeys(KEYS, str) if stem in EVIDENCE_TABLES else {}
             table = pd.read_csv(io.StringIO("\n".join(lines)), dtype=text)
@@ -176,6 +179,6 @@ def read_run(file: Path) -> Run:
         run = Run(**values)
         index_evidence(run.evidence, file=file)
         return run
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         message = f"cannot read the evidence of a run ({error}); run the stage score again"
         raise ContractError(message, file=file) from None

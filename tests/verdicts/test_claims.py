@@ -130,7 +130,9 @@ def test_the_run_at_hand_comes_first_and_a_file_that_is_no_run_is_refused_by_nam
     with pytest.raises(ContractError, match="no evidence of the dataset d"):
         read_runs(tmp_path, first="d")
     twice = replace(RUN, tables={"evidence": pd.concat([EVIDENT] * 2)}).to_json()
-    for text in (twice, "", "[]", '{"tables": 3}', RUN.to_json().replace("scale", "size")):
+    copy, deep = replace(RUN, dataset="ur5").to_json(), "[" * 10**5
+    broken = twice, copy, deep, "", "[]", '{"tables": 3}', RUN.to_json().replace("scale", "size")
+    for text in broken:
         (tmp_path / "lab.json").write_text(text, encoding="utf-8")
         with pytest.raises(ContractError, match=r"lab\.json"):
             read_run(tmp_path / "lab.json")
