@@ -88,8 +88,7 @@ def fit_one(
 
 def _past(own: JointErrorModel, joint: JointSamples, r: ndarray) -> ndarray:
     """(N, 3, …) r, previous r and z of residuals or inputs ``r`` (N, …), piece by piece."""
-    parts = (past_of(r[piece], own.keep) for piece in joint.pieces)
-    return np.concatenate([np.moveaxis(part, -1, 1) for part in parts])
+    return np.concatenate([np.moveaxis(past_of(r[p], own.keep), -1, 1) for p in joint.pieces])
 
 
 def _regression(joint: JointSamples, r: ndarray, past: ndarray) -> tuple[ndarray, ndarray]:
