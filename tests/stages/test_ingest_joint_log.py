@@ -124,9 +124,6 @@ def test_one_table_a_movement_gives_what_one_file_a_signal_does(read, tmp_path):
         assert result[0] == names
         assert quality("speed_from_angles", "move") == (signals is ANGLES)
         np.testing.assert_allclose(result[1], q, rtol=0, atol=error)
-    # tables are held against the command as files are
-    with pytest.raises(RecordingError, match="do not agree"):
-        read(tmp_path / "tables", **table, target_factor=0.5)
     with pytest.raises(ConfigError, match="target angles"):
         read(tmp_path / "tables", **TABLES, signals={"actual": SIGNALS["actual"]})
 
