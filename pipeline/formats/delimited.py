@@ -53,7 +53,7 @@ def read_text(file: Path) -> Text:
     if (text := decoded(content)) is None:
         message = "this is not plain text (the file has zero bytes); export it as UTF-8 text"
         raise RecordingError(message, file=file)
-    *lines, last = text.replace("\xa0", " ").split("\n")
+    *lines, last = text.replace("\xa0", " ").replace("\ufeff", "").split("\n")
     return Text(lines, last or "\0" * content.endswith(b"\0\0") or None)
 
 

@@ -44,7 +44,7 @@ QUALISYS = "FILE_VERSION\t2.0\nNO_OF_FRAMES\t2\nFrame\tTime\tA X\n1\t0\t5\n"
 VICON = "ASCII export of Vicon is not read: export C3D"
 # words about a file that is refused
 STOPS = ("xacro", "separated", "increase", "Inches", "quaternions", "is not read", "convert it")
-STOPS += ("take ost.yaml", "cam0", "pairs two images", "no time in its header")
+STOPS += ("echo -p", "take ost.yaml", "cam0", "pairs two images", "no time in its header")
 UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "v4.mat": (lambda file: savemat(file, PAIRED, format="4"), BOTH),
     "struct.mat": (
@@ -65,6 +65,7 @@ UNUSUAL = {  # file, what is in it or writes it: what inspect says of it
     "text.pgm": ("P2\n2 2\n65535\n1 2 3 4\n", "whose pixels are text (PBM, PGM, PPM) is not read"),
     "ost.ini": ("# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n", "take ost.yaml"),
     "kalibr.yaml": ("cam0:\n  intrinsics: [5.0, 5.0, 3.5, 2.5]\n", "matrix; the file has cam0"),
+    "echo.txt": ("header: \n  seq: 5\nposition: [0.1, 0.2]\n---\n", "`rostopic echo -p`"),
     "echo.yaml": ("position: [0.1, 0.2]\n---\n" * 9, "not recognised, no camera calibration"),
     "pairs.txt": ("0.1 rgb/1.png 0.11 depth/1.png\n", "pairs two images"),
     "arm.sdf": ('<?xml version="1.0"?>\n<sdf version="1.7"></sdf>\n', "convert it to URDF"),

@@ -110,7 +110,7 @@ MENDED = {  # name: content, rows that are read, counts, words of inspect
     "remarks among the rows": (
         table().replace("\n0.240", "\n# push\n0.240"), slice(60), {"remark_rows": 1}, ""),
     "labels again": (
-        f"\n{','.join(LABELS)}".join(HALVES), slice(60), {"remark_rows": 1}, ""),
+        f"\n\ufeff{','.join(LABELS)}".join(HALVES), slice(60), {"remark_rows": 1}, ""),
     "LabVIEW, empty comments": (LABVIEW + labview(table()), slice(60), {}, "of LabVIEW (LVM)"),
     "LabVIEW, no cell of comments": (LABVIEW + labview(table(), ""), slice(60), {}, "unit s, rad"),
     "LabVIEW, one comment": (

@@ -263,7 +263,7 @@ def sheet_record(
         time, more["rate"] = (ticks - ticks[0]) / steady, steady
     else:
         where = {"file": sheet.file, "line": sheet.label_line}
-        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(*clock), options, **where)
+        time = (ticks - ticks[0]) * si_factor("t", sheet.unit(*clock, "time"), options, **where)
     if not clock:
         return _record(time, values, **more)
     lines = [sheet.lines[row] for row in samples.rows]

@@ -124,6 +124,9 @@ def test_units_stand_in_the_log_or_in_the_option_and_never_differ(tmp_path):
     other = dataclasses.replace(options, force_unit="N")
     said = refusal(read_force_table, file, other).message
     assert "'kN' in the log, 'N' by the option" in said
+    named = dataclasses.replace(options, columns=options.columns | {"t": "t_ms"}, time_unit="s")
+    other = table(tmp_path, "5,1,2,3", "6,1,2,3", header=header.replace("time (ms)", "t_ms"))
+    assert "'ms' in the log, 's' by the option" in refusal(read_force_table, other, named).message
     numbers = ForceLogOptions({"fx": 2, "fy": 0, "fz": 1}, force_unit="lbf", rate=100.0)
     result = read_force_table(table(tmp_path, "1.5,2,3", "4.5,5,6", header=""), numbers)
     np.testing.assert_allclose(result.force, np.array([[3, 1.5, 2], [6, 4.5, 5]]) * POUND)

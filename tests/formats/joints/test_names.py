@@ -44,6 +44,8 @@ LABELS = [
     (["A1 [°]", "A2 [°]", "A1_soll [°]", "A2_soll [°]"],
      both(["A1 [°]", "A2 [°]"], ["A1_soll [°]", "A2_soll [°]"])),
     (["f_0", "f_1", "q_cmd_0", "q_cmd_1"], {"target": n("q_cmd_{}")}),
+    (["temps (s)", "q1_mesuré", "q2_mesuré", "q1_consigne", "q2_consigne"],
+     both(["q1_mesuré", "q2_mesuré"], ["q1_consigne", "q2_consigne"])),
     (["q(1) (deg)", "q(2) (deg)"], {"actual": ["q(1) (deg)", "q(2) (deg)"]}),
     (n("q_{}") + n("measured_{}") + n("target_{}"), {"target": n("target_{}")}),
     (["t", "q_0", "q_1", "qd_0", "qd_1"], {"actual": n("q_{}")}),
