@@ -242,7 +242,7 @@ KINDS = [
         "30 missing samples"),
         ("t [s]", lambda t, q, target: (t, q + 0.3 * np.eye(6)[2], target), True, "_2 misses"),
         ("sec,nanosec", lambda t, *q: (t // 1, np.rint(t % 1 * 1e9), *q), False, "125 Hz", TRACKED),
-        ("recv_time [s],stamp_time [s]", lambda t, *q: (t + 3e-3 * (np.arange(400) % 7 > 4), t, *q),
+        ("recv_time [s],stamp_time [s]", lambda t, *q: (t + 4.9e-3 * (np.arange(400) % 2), t, *q),
         False, "125 Hz", TRACKED, "lag 8 ms"),
         ("t [s]", lambda t, *q: (t + 3600 * (t > 2), *q), False, "450000 missing", "lag 8 ms"),
         ("timestamp", lambda t, *q: (dates(1e7 * t, "1334766{:011.0f}"), *q), False, "in none"))),
