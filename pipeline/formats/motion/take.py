@@ -144,7 +144,6 @@ def checked_take(
     counts["skipped_frames"] = int(np.sum(step - 1))
     counts["time_mismatches"] = int(np.sum(np.abs(printed - printed[:1] - time) > TIME_ROUNDING))
     counts |= {"zero_samples": 0, "partial_samples": 0}
-    fillers: list[int] = []
 
     def fault(message: str, k: int, **evidence: int) -> RecordingError:
         place = {"frame": int(frame[k])} if lines is None else {"line": lines[k]}
@@ -167,7 +166,8 @@ def checked_take(
                 message += "a point?"
             raise fault(message, k, **({"column": columns[name][axis] + 1} if columns else {}))
         counts["zero_samples"] += int(zero.sum())
-        fillers.append(int(filler.sum()))
+        if filler.any():
+            counts["filler_samples"] = counts.get("filler_samples", 0) + int(filler.sum())
         counts["partial_samples"] += int((lost & sighted).sum())
         position[zero | lost] = np.nan
         return position
@@ -200,5 +200,4 @@ def checked_take(
     counts["missing_samples"] = int(sum(np.isnan(xyz[:, 0]).sum() for xyz in markers.values()))
     counts["missing_poses"] = int(sum(np.isnan(pose).any(axis=-1).sum() for pose in poses))
     checked = {"time": time, "markers": markers, "bodies": bodies}
-    rare = {"filler_samples": sum(fillers)} if any(fillers) else {}
-    return replace(raw, counts=counts | rare | (more or {}), **checked)
+    return replace(raw, counts=counts | (more or {}), **checked)
