@@ -26,6 +26,7 @@ MIN_OVERLAP = 0.5  # least share of the first signal that is within the second
 MIN_SAMPLES = 10  # least number of samples of a signal
 MIN_CORRELATION = 0.9
 MOST_BIAS = 0.02  # rad: ≤ 0.006 in the laboratory; 0.025 for 2 % of fx, 0.042 or more for 5 %
+REFUSED_BIAS = 0.2  # rad: that of another arm or camera; mirrored images make 0.7 or more
 WITHOUT_GAPS = 0.8  # quantile of the residual
 
 
@@ -220,7 +221,7 @@ def articulate_takes(
 
 def bias_warning(errors: pd.DataFrame) -> str:
     """Return a warning if the mean of one joint's angle ``errors`` (family e, rad; depth camera
-    minus motion capture) exceeds MOST_BIAS; else "".
+    minus motion capture) exceeds MOST_BIAS, else ""; RecordingError beyond REFUSED_BIAS.
     """
     mean = errors[columns("e", members(errors, "e"))].mean()
     worst = str(mean.abs().idxmax())
@@ -228,7 +229,10 @@ def bias_warning(errors: pd.DataFrame) -> str:
         return ""
     message = f"{worst[2:]} in the depth images is {mean[worst]:+.3g} rad off the motion capture on"
     message += f" average, more than {MOST_BIAS:g}: check the camera's intrinsics (fx, fy, cx, cy;"
-    return f"{message} 5 % of fx make about 0.05 rad) and dataset.depth.camera"
+    message += " 5 % of fx make about 0.05 rad) and dataset.depth.camera"
+    if abs(mean[worst]) > REFUSED_BIAS:
+        raise RecordingError(f"{message}; mirrored images are not this camera's: turn them back")
+    return message
 
 
 def _articulate(rows: pd.DataFrame, known: tuple) -> pd.DataFrame:

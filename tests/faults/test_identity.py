@@ -153,6 +153,8 @@ def test_a_wrong_focal_length_gives_a_warning_with_its_mean_error(
     errors = spread("e", dataset.robot.joints, found.q - motion(found.time))
     warning = bias_warning(pd.DataFrame(errors))
     assert bool(warning) == warned == ("rad off the motion capture" in warning)
+    with pytest.raises(RecordingError, match="mirrored"):
+        bias_warning(pd.DataFrame(errors) - 0.45)  # rad, the least of the joints' for such images
 
 
 def test_images_of_another_take_have_a_share_beyond_the_limit(motion, dataset):
