@@ -100,8 +100,7 @@ def test_options_that_contradict_each_other_are_refused(log_project, tmp_path, c
 def write_table(folder: Path, source: Path) -> None:
     """The logs of a movement as one table in degrees under labels."""
     signals = np.hstack(read_movement(source, FILES)[0])
-    names = [f"{what}_{j}" for what in ("ist", "soll", "v") for j in range(1, 7)]
-    table = pd.DataFrame(np.rad2deg(signals), columns=names)
+    table = pd.DataFrame(np.rad2deg(signals), columns=np.ravel([*SIGNALS.values()]))
     folder.mkdir(parents=True, exist_ok=True)
     table.round(8).to_csv(folder / f"{source.name}.txt", index_label="Zeit")
 

@@ -10,7 +10,6 @@ from sample_options import filter_options
 from study_runs import options_of
 
 from pipeline.core.columns import spread
-from pipeline.core.options.analysis import Wrench
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.evidence.case import KINDS, Choices
 from pipeline.models.kinds import options_type
@@ -34,12 +33,9 @@ ADDITIVE = tuple((name, 0.0) for name in f"{ABSENT} encoder_offset_std length_st
 def common(laboratory) -> dict:
     ways = {"straight": {"folded": [1.8, -2.6, 2.0], "extended": [1.8, -2.5, 2.0]}}
     sizes = {"training_takes": 40, "test_takes": 4, "realizations": 12, "trajectories": ways}
-    bounds = {"tension": [3.0, 5.0], "direction": [0.8, 3.1], "tension_std": [0.5, 1.0]}
-    systems = {"agents": [3, 5, 10, 15, 20], "systems": 40, "test_systems": 80, "repeats": 2}
-    wrench = Wrench(**bounds, kappa=[100.0, 800.0], **systems, grid=2)
     options = options_of("robustness", **sizes)
     parts = {"laboratory": laboratory, "case": CASE, "claims": CLAIMS}
-    return parts | {"options": options, "wrench": wrench}
+    return parts | {"options": options, "wrench": None}
 
 
 @pytest.mark.slow

@@ -42,6 +42,9 @@ def test_a_record_of_the_model_itself_passes_the_test_and_one_of_less_steady_ten
     assert np.mean(p_values <= 0.05) <= 0.2
     assert np.mean([test["effective_samples"] for test in own]) == pytest.approx(300, rel=0.15)
     assert all(75 <= test["tested_samples"] <= 300 for test in own)
+    model = models.matrix_model(SYSTEM)
+    share = model.sigma_s_factor() * sigma_s[0, 0] / model.covariance(sigma_s)[0, 0]
+    assert own[0]["matrix_share_fx"] == pytest.approx(share) and share < 0.5
     loose = replace(SYSTEM, tension_sd=1.6 * SYSTEM.tension_sd)
     other = [correlated(loose, sigma_s, 6000, rng) for rng in rngs]
     tests = [force_test(o, SYSTEM, sigma_s, rng) for o, rng in zip(other, rngs, strict=True)]

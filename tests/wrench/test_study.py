@@ -21,6 +21,7 @@ from pipeline.wrench.models import (
 )
 from pipeline.wrench.study import (
     averaged_sigma_s,
+    covariance_errors,
     expected_sigma_s,
     expected_unbounded_sigma_s,
     run_study,
@@ -155,6 +156,8 @@ def study_options(agents: list[int], repeats: int) -> Wrench:
 
 
 def test_off_diagonal_terms_lower_the_error_of_the_covariance_and_less_so_with_few_cables():
+    whole = np.array([[3.0, 1.0], [1.0, 4.0]])  # errors are relative to the parametric model
+    assert variance_errors(2 * whole, whole) == covariance_errors(2 * whole, whole) == 1
     _, errors, _ = run_study(study_options([3, 20], 1), np.random.default_rng(42))
     gain = (errors["covariance_error_diagonal"] - errors["covariance_error_full"]).groupby(
         errors["agents"]
