@@ -186,8 +186,9 @@ def with_nanoseconds(rows: list[str], labels: list[str], mark: str, sign: str) -
     parts = [re.fullmatch(r"(.*?)(n|nano|)sec(?:ond)?s?", label.lower()) for label in labels]
     for n, (one, other) in enumerate(pairwise(parts)):
         if one and other and one[1] == other[1] and not one[2] and other[2]:
-            before, behind = rf"(?:[^{mark}]*{mark}){{{n}}}\s*\d+", rf"{mark}\s*(\d{{1,9}})(?!\d)"
-            cells = re.compile(rf"^({before})(?={behind})")
+            cells = re.compile(
+                rf"^((?:[^{mark}]*{mark}){{{n}}}\s*\d+)(?={mark}\s*(\d{{1,9}})(?!\d))"
+            )
             return [cells.sub(lambda cell: f"{cell[1]}{sign}{cell[2]:0>9}", row) for row in rows]
     return rows
 

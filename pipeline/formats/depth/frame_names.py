@@ -15,17 +15,18 @@ import numpy as np
 NANO = 10**9
 DAY = 86_400 * NANO
 EPOCH = range(9 * 10**8, 41 * 10**8)  # s since 1970: 1998 to 2099
+# forms of times; the group f is a fraction of a second, s the seconds before it
 DATE = re.compile(
     r"(?<!\d)((?:19|20)\d\d)[-_.]?([01]\d)[-_.]?([0-3]\d)[T_ -]+([012]\d)[-:._h]?([0-5]\d)"
-    r"[-:._m]?([0-5]\d)(?:([.,_-])(\d{1,9}))?(?!\d)",
+    r"[-:._m]?([0-5]\d)(?:[.,_-](?P<f>\d{1,9}))?(?!\d)",
     re.ASCII,
 )
-SECONDS = re.compile(r"(?<!\d)(\d{9,10})([._-])(\d{1,9})(?!\d)", re.ASCII)
-DECIMAL = re.compile(r"(?<!\d)(\d{1,8})(\.)(\d{1,9})(?!\d)", re.ASCII)
+SECONDS = re.compile(r"(?<!\d)(?P<s>\d{9,10})[._-](?P<f>\d{1,9})(?!\d)", re.ASCII)
 DAYTIME = re.compile(
-    r"(?<!\d)([01]\d|2[0-3])[-:.]([0-5]\d)[-:.]([0-5]\d)[.,_-](\d{1,9})(?!\d)", re.ASCII
+    r"(?<!\d)([01]\d|2[0-3])[-:.]([0-5]\d)[-:.]([0-5]\d)[.,_-](?P<f>\d{1,9})(?!\d)", re.ASCII
 )
-INTEGER = re.compile(r"(?<!\d)(?:\d{10}|\d{13}|\d{16}|\d{19})(?!\d)", re.ASCII)
+DECIMAL = re.compile(r"(?<!\d)(?P<s>\d{1,8})\.(?P<f>\d{1,9})(?!\d)", re.ASCII)
+INTEGER = re.compile(r"(?<!\d)(?P<s>\d{10})(?P<f>|\d{3}|\d{6}|\d{9})(?!\d)", re.ASCII)
 
 
 class FrameSequence(NamedTuple):
@@ -104,14 +105,13 @@ def _times(stems: list[str], varying: Sequence[int]) -> tuple[list[int], range]:
 def _counts(matches: list[re.Match]) -> bool:
     """Return whether the last digits count on by one, and what precedes them is constant."""
     mark = matches[0].re
-    if mark in (SECONDS, INTEGER) or (mark is DATE and any(match[8] for match in matches)):
+    if mark in (SECONDS, INTEGER) or (mark is DATE and any(match["f"] for match in matches)):
         return False
-    last = [match[0][-6:] if mark is DATE else match[match.lastindex] for match in matches]
-    before = {match[0].removesuffix(digits) for match, digits in zip(matches, last, strict=True)}
-    if len(before) > 1 or not all(map(str.isdecimal, last)):
+    last = [match["f"] or match[0][-6:] for match in matches]
+    if len({m[0].removesuffix(digits) for m, digits in zip(matches, last, strict=True)}) > 1:
         return False
-    numbers = sorted(map(int, last))
-    return numbers == [*range(numbers[0], numbers[0] + len(numbers))]
+    numbers = sorted(int(digits) for digits in last if digits.isdecimal())
+    return len(numbers) == len(last) and numbers == [*range(numbers[0], numbers[0] + len(last))]
 
 
 def _seconds(match: re.Match) -> int | None:
@@ -124,7 +124,7 @@ def _seconds(match: re.Match) -> int | None:
             return None
     if match.re is DAYTIME:
         return int(np.dot([*map(int, match.groups()[:3])], [3600, 60, 1]))
-    whole = int(match[0][:10] if match.re is INTEGER else match[1])
+    whole = int(match["s"])
     return whole if match.re is DECIMAL or whole in EPOCH else None
 
 
@@ -133,7 +133,7 @@ def _with_fractions(whole: list[int], matches: list[re.Match]) -> list[int]:
     digits or one begins with a zero; else whole ms, µs or ns if one ends with a zero; else the
     reading with more even steps.
     """
-    texts = [m[0][10:] if m.re is INTEGER else m[m.re.groups] or "" for m in matches]
+    texts = [match["f"] or "" for match in matches]
     unit = 10 ** (9 - 3 * -(-max(map(len, texts)) // 3))
     pairs = [(s * NANO, digits) for s, digits in zip(whole, texts, strict=True)]
     decimals = [ns + int(digits.ljust(9, "0")) for ns, digits in pairs]
