@@ -54,8 +54,9 @@ def left_out(scores: pd.DataFrame) -> pd.DataFrame:
     held-out motions or blocks.
     """
     parts = scores.groupby(["motion", "block"], sort=False).ngroup().to_numpy()
-    kept = [scores, *(scores[parts != part] for part in np.unique(parts))]
-    return pd.concat([pooled(own.assign(all=""), ["all"]) for own in kept if len(own)])
+    kept = [np.arange(len(scores)), *(np.flatnonzero(parts != part) for part in np.unique(parts))]
+    without = np.repeat(np.arange(len(kept)), [*map(len, kept)])
+    return pooled(scores.iloc[np.concatenate(kept)].assign(without=without), ["without"])
 
 
 def pooled_interval(parts: pd.DataFrame, name: str) -> Difference:
