@@ -24,11 +24,9 @@ ENDINGS = (".pcd", ".ply")
 PCD_FORMATS = ("ascii", "binary", "binary_compressed")
 PCD_TYPES = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
 PLY_FORMATS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-PLY_TYPES = {
-    **{"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2"},
-    **{"ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"},
-    **{"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"},
-}
+PLY_TYPES = dict(zip("char uchar short ushort int uint float double".split(),
+                     "i1 u1 i2 u2 i4 u4 f4 f8".split(), strict=True))  # fmt: skip
+PLY_TYPES |= {np.dtype(kind).name: kind for kind in PLY_TYPES.values()}  # int8 and the like
 UNTURNED = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)  # x, y, z, and a quaternion w, x, y, z
 NO_POSITION = ("+nan", "inf", "-inf", "+inf")  # as C++ prints it, in addition to MISSING
 AGAIN = "copy the cloud again, or take it out of the take"

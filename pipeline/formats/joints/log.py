@@ -114,7 +114,7 @@ def log_of_sheet(sheet: Sheet, options: LogOptions) -> JointLog:
         given, known = getattr(options, f"{kind}_unit"), UNITS[kind]
         if unit in UNITS[f"unread_{kind}"]:
             message = f"the {quantity} is in {unit} by the header: convert it to "
-            raise RecordingError(message + " or ".join(known), **where)
+            raise RecordingError(f"{message}{' or '.join(known)}, or correct the header", **where)
         if quantity in checked and unit in known:
             stated[kind][unit] = quantity
         lengths = UNITS["length"] if kind == "angle" else {}  # of linear joints
