@@ -42,14 +42,11 @@ NO_ENVIRONMENT = (
 TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback of an error
 # but for tab and line end; with the marks that turn the direction of a line
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-FULL = "free some space and run the command again"
 OUT_OF_MEMORY = "free some memory and run the command again"
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
 # error number of the system → what to do
-REMEDIES = {
-    errno.ENOSPC: FULL,
-    errno.EDQUOT: FULL,
-    errno.EFBIG: "raise the greatest size of a file (ulimit -f) and run the command again",
+NO_ROOM = "free some space, or raise the limit (quota, ulimit -f), and run the command again"
+REMEDIES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), NO_ROOM) | {
     errno.EROFS: "the file system is read-only: run the command in a copy that can be written",
     errno.EACCES: PERMISSIONS,
     errno.EPERM: PERMISSIONS,

@@ -127,7 +127,8 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
     for name, model in models.items() if isinstance(models, dict) else ():
         key = f"models.{name}"
         try:
-            typed_models[name], more = all_faults(_model_type(model), model, key)
+            kind = model.get("kind") if isinstance(model, dict) else None
+            typed_models[name], more = all_faults(options_type(kind), model, key)
             faults += more
         except ConfigError as error:
             faults.append(ConfigError(f"{key}.{error.message}", key=f"{key}.kind"))
@@ -140,10 +141,6 @@ def _validate(values: dict[str, Any]) -> tuple[Config | None, list[ConfigError]]
         return None, faults
     config.models, config.dataset.laboratory = typed_models, laboratory
     return config, []
-
-
-def _model_type(values: Any) -> type:
-    return options_type(values.get("kind") if isinstance(values, dict) else None)
 
 
 @cache
@@ -256,5 +253,5 @@ def model_options(names: Iterable[str]) -> dict[str, Any]:
         if name not in known:
             raise ConfigError(f"no model {name!r}; there are {', '.join(known)}", file=file)
         values = read_yaml(file)
-        result[name] = validated(_model_type(values), values, name, file)
+        result[name] = validated(options_type(values.get("kind")), values, name, file)
     return result

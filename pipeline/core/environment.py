@@ -39,13 +39,6 @@ if has_equal_bytes():
         "OPENBLAS_CORETYPE": "Haswell",
         "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
     }
-
-
-def assign() -> None:
-    """Assign the variables, over the user's values; call it before the first import of NumPy."""
-    os.environ.update(BOUNDS)
-    # else numba spends time on colours of internal messages that are never shown
-    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
-
-
-assign()
+os.environ.update(BOUNDS)  # over the user's values
+# else numba spends time on colours of internal messages that are never shown
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")

@@ -243,18 +243,14 @@ def test_a_cluster_without_workers_or_with_one_of_other_bytes_is_refused_with_th
     with scheduler(tmp_path) as (_, address):
         with pytest.raises(ComputeError, match="without workers for 1 s"):
             results(operator.neg, [1], on(address, 1.0))
-        here = {"PYTHONPATH": "."}
+        here, empty = ({"PYTHONPATH": place} for place in (".", str(tmp_path)))
         other = here | {"OPENBLAS_CORETYPE": "Prescott"}
         (tmp_path / "pipeline").mkdir()  # a package of this name without the project's modules
         (tmp_path / "pipeline/__init__.py").touch()
         for threads, variables, reason in (
             ("2", here, "threads is 2 there and 1 here"),
             ("1", other, "(CORETYPE|arithmetic) is .* there and"),
-            (
-                "1",
-                {"PYTHONPATH": str(tmp_path)},
-                "cannot import what it needs: No module named 'pip",
-            ),
+            ("1", empty, "cannot import what it needs: No module named 'pip"),
         ):
             words = "worker", address, "--nthreads", threads, "--no-nanny"
             with process(*words, **os.environ | variables):

@@ -130,9 +130,8 @@ def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_no
     for each in q:
         waves = rng.uniform(2, 10, 6)[:, None] * time + rng.uniform(0, 6, (3, 6, 1))
         late = time + rng.normal(0, 1e-3, 320)
-        each[:, :3] = (
-            motion(late) + 0.002 * np.sin(waves).sum(axis=1).T + rng.normal(0, 1e-4, (320, 3))
-        )
+        each[:, :3] = motion(late) + 0.002 * np.sin(waves).sum(axis=1).T
+        each[:, :3] += rng.normal(0, 1e-4, (320, 3))
     assert likeness(q).max() < Limits().likeness / 1.5
     copied = q.copy()
     joints = slice(1, 2) if disguise == "one joint" else slice(4)

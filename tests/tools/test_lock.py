@@ -43,6 +43,19 @@ def test_a_lock_file_cut_off_at_any_byte_is_one_that_dvc_reads_and_keeps_what_is
         assert whole - 1 <= len(kept) <= 3
 
 
+def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(project, capsys):
+    (project / "params.yaml").write_text("models: [a, b]\n")
+    text = "stages:\n  track: {cmd: r}\n  fit: {cmd: f, matrix: {model: '${models}'}}\n"
+    (project / "dvc.yaml").write_text(text)
+    head, lock = LOCK[: LOCK.index("  files:")], project / "dvc.lock"
+    track, a, b, gone = map(ENTRY.format, ("track", "fit@a", "fit@b", "gone"))
+    lock.write_text(head + b + gone + track + a)
+    for printed in ("lock: dvc.lock put in order\n", "lock: every dvc.lock is in order\n"):
+        command.run()
+        assert capsys.readouterr().out == printed
+        assert lock.read_text() == head + track + a + b
+
+
 def test_a_lock_file_with_a_conflict_is_left_to_the_user(project):
     text = LOCK.replace("  track:", "<<<<<<< ours\n  track:").replace("  fit:", "=======\n  fit:")
     (project / "dvc.lock").write_text(text)

@@ -1,6 +1,4 @@
-"""The page holds its Markdown files whole, with links that lead somewhere and figures inside; lock
-files are in the order of their pipelines.
-"""
+"""The page holds its Markdown files whole, with links that lead somewhere and figures inside."""
 
 import io
 import re
@@ -14,7 +12,6 @@ from PIL import Image
 from source_code import MODULES, ROOT, covers, needed, package
 
 from pipeline.core.errors import ContractError
-from pipeline.tools.lock import command as lock
 from pipeline.tools.page.command import RESULTS, page
 
 
@@ -26,21 +23,6 @@ def test_the_page_of_the_studies_depends_on_the_code_that_writes_it():
     files = [file.relative_to(ROOT).as_posix() for file in modules if file.stat().st_size]
     files.remove("pipeline/__init__.py")
     assert [file for file in files if not any(covers(dep, file) for dep in deps)] == []
-
-
-def test_the_entries_of_a_lock_are_sorted_as_its_pipeline(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "params.yaml").write_text("models: [a, b]\n")
-    text = "stages:\n  record: {cmd: r}\n  fit: {cmd: f, matrix: {model: '${models}'}}\n"
-    (tmp_path / "dvc.yaml").write_text(text)
-    head = "schema: '2.0'\nstages:\n"
-    record = "  record:\n    cmd: record\n    outs:\n    - path: x\n"
-    a, b, gone = (f"  {n}:\n    cmd: {n}\n" for n in ("fit@a", "fit@b", "gone"))
-    (tmp_path / "dvc.lock").write_text(head + b + gone + record + a)
-    for printed in ("lock: dvc.lock put in order\n", "lock: every dvc.lock is in order\n"):
-        lock.run()
-        assert capsys.readouterr().out == printed
-        assert (tmp_path / "dvc.lock").read_text() == head + record + a + b
 
 
 MARKDOWN = re.compile(r"\*\*|\]\(|^\s*#+ |\|\s*---|^```|!\[", re.MULTILINE)

@@ -71,7 +71,8 @@ def run(
     if logged and not urdf:
         # the report of a dataset that exists is not overwritten
         name += "_logs" * datasheet.path_of(name).exists()
-        tables, place = _tables_of_runs(logged), folder
+        tables = joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
+        place = folder
         card = Run(name, scale, False, list(logged.runs[0].joints), [], {}, {}, tables)
         exported = model or chosen_law(tables["joint_scores"])[0]
         record = exported and _record_of_runs(exported, logged, name, tables["joint_scores"])
@@ -126,11 +127,6 @@ def _logged_runs(folder: Path, assigned: dict[str, str]) -> RunsOfLogs | None:
     unused = logs.unused | found.unused
     print(LOGGED.render(suggested=logs.suggested, runs=found.runs, unused=unused))
     return RunsOfLogs(found.runs, unused)
-
-
-def _tables_of_runs(logged: RunsOfLogs) -> dict[str, pd.DataFrame]:
-    """Return the tables of the joint error laws, which need no URDF."""
-    return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused)
 
 
 def _record_of_runs(model: str, logged: RunsOfLogs, name: str, scores: pd.DataFrame) -> dict:
@@ -209,7 +205,7 @@ def _results(
         if logged is None:
             raise
         print(f"characterize: only joint error laws; the motion cannot be analysed: {error}")
-        return _tables_of_runs(logged), {}
+        return joint_tables(logged.runs, config.model_options(FAMILY), logged.unused), {}
     files = predict.OUT.glob("*.parquet")
     tables = {file.stem: contracts.read(file.stem, predict.OUT) for file in files}
     tables["takes"] = quality.side_by_side(contracts.read("takes", track.OUT))

@@ -77,8 +77,7 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
             node.pop(name, None)
     recordings, urdf, robot = (get_filled(sound, k) for k in ("recordings", "robot.urdf", "robot"))
     if recordings and not raw_folder(recordings).is_dir():
-        key = "dataset.recordings"
-        errors.append(RecordingError("no such folder", file=recordings, key=key))
+        errors.append(RecordingError("no such folder", file=recordings, key="dataset.recordings"))
     if urdf:
         with collecting(errors):
             read_urdf(Path(urdf))
