@@ -27,7 +27,7 @@ from distributed.comm import CommClosedError
 from distributed.scheduler import KilledWorker
 from distributed.utils import get_mp_context
 
-from pipeline.core.compute.trials import call_pickled
+from pipeline.core.compute.pickled import call_pickled
 from pipeline.core.environment import BOUNDS
 from pipeline.core.errors import ComputeError
 from pipeline.core.options.analysis import Compute

@@ -10,6 +10,7 @@ from itertools import chain, islice
 from operator import length_hint
 from typing import TYPE_CHECKING
 
+from pipeline.core.compute.pickled import call_pickled
 from pipeline.core.errors import ComputeError
 
 if TYPE_CHECKING:
@@ -18,15 +19,6 @@ if TYPE_CHECKING:
 START = 2.0  # s until workers compute; they must save more than this
 LOADING = 2.0  # s of the first trial attributed to loading compiled code
 WINDOW = 64  # trials per worker that are submitted before the first of their results is taken
-
-
-def call_pickled(function: bytes, trial: bytes) -> bytes:
-    """Return the pickled result of a pickled function at a pickled trial.
-
-    A single process pickles too: unpickled arrays have another layout, on which the last bit of a
-    sum depends. So no trial sees changes that another trial made to shared arguments.
-    """
-    return pickle.dumps(pickle.loads(function)(pickle.loads(trial)))
 
 
 def run_trials(function: Callable, trials: Iterable, *, compute: "Compute", label: str) -> Iterator:

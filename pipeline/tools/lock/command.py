@@ -27,18 +27,16 @@ def run() -> None:
     for place in ("dvc.lock", "data/raw/*/dvc.lock", "pipeline/**/dvc.lock"):
         for lock in sorted(Path().glob(place)):
             text = lock.read_text(encoding="utf-8")
-            head, *entries = re.split(r"(?m)^  (?=\S)", text)
+            head, *entries = re.split(r"(?m)^(?=  \S)", text)
             if not _is_sound(text):  # DVC was killed while it wrote the last entry that is there
                 entries = entries[:-1]
-                if CONFLICT in text or (
-                    entries and not _is_sound(head + "".join(f"  {entry}" for entry in entries))
-                ):
+                if CONFLICT in text or (entries and not _is_sound(head + "".join(entries))):
                     continue  # another fault, which DVC names
             if not entries:
                 lock.unlink()
                 changed.append(str(lock))
                 continue
-            by_name = {entry.partition(":")[0]: f"  {entry}" for entry in entries}
+            by_name = {entry[2:].partition(":")[0]: entry for entry in entries}
             names = stage_names(lock.with_name("dvc.yaml"))
             ordered = head + "".join(by_name.get(name, "") for name in names)
             if ordered != text:
