@@ -175,9 +175,7 @@ def test_nothing_is_random_or_dated_but_by_its_arguments():
         assert roots & CLOCKS <= ({"time"} if module in TIMED else set()), module
         calls = {ast.unparse(node.func) for node in ast.walk(tree(module))
                  if isinstance(node, ast.Call)}  # fmt: skip
-        made = {
-            call.rpartition(".")[2] for call in calls if re.match(r"(np|numpy)\.random\.", call)
-        }
+        made = {c.rpartition(".")[2] for c in calls if re.match(r"(np|numpy)\.random\.", c)}
         known = GENERATORS if module == "pipeline.core.rng" else set()
         assert made <= known, f"{module} makes a generator of its own"
 

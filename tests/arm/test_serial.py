@@ -179,9 +179,8 @@ def test_compiled_displacements_lose_digits_as_the_turn_nears_half_a_turn(gap):
     turns, target = np.array([pin.exp3(each) for each in expected]), pin.exp3(rng.normal(size=3))
     block = np.zeros((JOINTS + 12, WIDTH))
     block[ROTATION : ROTATION + 9] = (turns.swapaxes(1, 2) @ target).reshape(WIDTH, 9).T
-    constants = ArmConstants(
-        np.empty(0), np.empty((0, 6)), np.zeros(1), np.arange(6), np.ones(6), 0
-    )
+    arm = np.empty(0), np.empty((0, 6)), np.zeros(1), np.arange(6), np.ones(6), 0
+    constants = ArmConstants(*arm)
     place = np.concatenate([np.zeros(3), target.ravel()])
     from_python(add_displacement)(constants, place, block, JOINTS + 6, 1.0, WIDTH)
     error = np.abs(block[JOINTS + 9 :].T - expected).max()

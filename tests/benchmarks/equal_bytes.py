@@ -104,9 +104,7 @@ def main(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     flags = {*re.search(r"flags\s*: (.+)", Path("/proc/cpuinfo").read_text())[1].split()}
-    skipped = [
-        name for name, (level, *_) in SETTINGS.items() if not NEEDED.get(level, set()) <= flags
-    ]
+    skipped = [n for n, (level, *_) in SETTINGS.items() if not NEEDED.get(level, set()) <= flags]
     run = {name: setting for name, setting in SETTINGS.items() if name not in skipped}
     run[CONTROL] = ("host", 1, OTHER)
     hashes = {name: hashes_under(*setting, folder) for name, setting in run.items()}

@@ -153,10 +153,8 @@ def test_machine_code_depends_on_the_compiled_modules_and_their_imports_alone(
 ):
     needed, waiting = set(), []
     for module in MODULES:
-        decorators = [
-            one for node in tree(module).body for one in getattr(node, "decorator_list", [])
-        ]
-        if {"compiled", "inner", "inlined"} & {getattr(one, "id", None) for one in decorators}:
+        every = (one for node in tree(module).body for one in getattr(node, "decorator_list", []))
+        if {"compiled", "inner", "inlined"} & {getattr(one, "id", None) for one in every}:
             waiting.append(module)
     assert len(waiting) > 10
     while waiting:

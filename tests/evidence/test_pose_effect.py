@@ -73,9 +73,8 @@ def test_the_table_has_the_exponent_of_noise_that_grows_with_the_norm_but_for_si
         drift = np.cumsum(size * rng.standard_normal(dq.shape), axis=0)
         measured = command + np.vstack([np.zeros(3), drift])
         still = [np.zeros(3)] * 2
-        runs.append(
-            JointRun("r", 100.0, command, measured, tuple("abc"), *still, None, f"{number}")
-        )
+        known = "r", 100.0, command, measured, tuple("abc"), *still
+        runs.append(JointRun(*known, None, f"{number}"))
     (row,) = pose_table(runs, chain, {}, rng).itertuples()
     assert row.groups == 4 and 0.5 < row.low < 1 < row.high
     start = replace(runs[0], command=command[:30], measured=measured[:30])

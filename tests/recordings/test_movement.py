@@ -262,10 +262,7 @@ def test_a_path_or_velocities_in_another_unit_order_or_clock_are_refused(wrong):
         (exchanged, "order of the columns"),
         (lambda table, names: table.assign(t=table["t"] + 1), "start of the log"),
         (lambda table, names: table.assign(t=table["t"] + 10), "0 of 250 readings"),
-        (
-            lambda table, names: table.add([0.0, 2 * np.pi, 0.0, 0.0]),
-            "joint_2 .*6.28.*turns",
-        ),
+        (lambda table, names: table.add([0, 2 * np.pi, 0, 0]), "joint_2 .*6.28.*turns"),
     ],
 )
 def test_encoders_in_another_unit_order_or_clock_than_what_was_tracked_are_refused(wrong, words):

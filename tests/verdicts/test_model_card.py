@@ -48,9 +48,7 @@ def moved(predicted: float = 1.1e-4, motions: int = 3, gain: float = 1.0) -> dic
         "joint_parameters": pd.DataFrame(known, columns=columns.split()),
         "motions": pd.DataFrame([(k, 4, 300, "a") for k in names], columns=MOTIONS),
         "motion_ranges": pd.DataFrame(seen, columns=RANGE),
-        "unused_recordings": pd.DataFrame(
-            [("run_9", "disturbed")], columns=["recording", "reason"]
-        ),
+        "unused_recordings": pd.DataFrame({"recording": ["run_9"], "reason": ["disturbed"]}),
         "other_motions": pd.DataFrame(matrix, columns=["model", "motion", "score", "reason"]),
     }
 

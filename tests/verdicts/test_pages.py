@@ -77,12 +77,9 @@ def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_d
     assert first.startswith("- the statement<br>**youBot ✗ 2 of 3 · UR5 ✗ 0 of 2**\n")
     assert "- the statement<br>**no recording ✓ 0.2**\n" in others
     assert "*(the paper's own arm)*<br>**youBot synthetic: rule passes 0.2877**" in others
-    assert (
-        "<summary>1 claims without evidence" in others and "[The more](figures/more.png)" in others
-    )
-    assert (
-        "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1. Synthetic " in page
-    )
+    assert "<summary>1 claims without evidence" in others
+    assert "[The more](figures/more.png)" in others
+    assert "hold/fail: no recording: 1/0; youBot, synthetic: 0/1; UR5, real: 0/1. Syn" in page
     assert "cannot decide 1 claims; the rule passes 1 and fails 0." in page
     assert "mine ✓" not in page and "## Filters" not in page and "## Predictors" not in page
     _, _, failures = page.partition("## Claims that fail\n")
@@ -91,9 +88,8 @@ def test_claims_are_under_their_figure_with_a_verdict_a_robot_and_no_tried_out_d
     assert "a: 0.6 and 1 more cases" in failures[1] and len(failures) == 2
     page = datasets_page(decided)
     assert f"| claim | mine | ur5 | youbot | {WITHOUT_RECORDING} |" in page
-    assert (
-        "| std | ✓ 0.1 | ✗ 0 of 2 | ✗ 2 of 3 |  |" in page and "| study |  |  |  | ✓ 0.2 |" in page
-    )
+    assert "| std | ✓ 0.1 | ✗ 0 of 2 | ✗ 2 of 3 |  |" in page
+    assert "| study |  |  |  | ✓ 0.2 |" in page
 
 
 def test_the_results_of_the_readme_are_between_its_marks(decided):

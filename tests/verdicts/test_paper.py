@@ -131,9 +131,7 @@ def test_a_test_that_does_not_use_what_implements_an_item_is_found_out():
 
 ENTRY = {"id": "bias", "title": "A biased estimator", "place": "Sec. 4", "paper": "It is."}
 ENTRY |= {"fact": "It is {{ metric('fit', 'std_{joint 1}') }}."}
-ENTRY |= {
-    "done": "Its sum is {{ claim('sigma', 'walk') }}, its speed {{ claim('sigma', 'speed') }}."
-}
+ENTRY |= {"done": "A sum of {{ claim('sigma', 'walk') }}, speed {{ claim('sigma', 'speed') }}."}
 ENTRY |= {"tests": ["tests/models/test_noise.py::test_one"]}
 CLAIM = {key: key for key in ("where", "statement", "quantity", "reason")} | {"id": "sigma"}
 CLAIM |= {"about": "method", "rule": "within_relative", "tolerance": 0.1, "published": 0.25}
@@ -150,7 +148,7 @@ def test_numbers_of_the_run_and_of_the_claims_stand_in_the_prose(fit, ours):
     text = paper.errata_page(paper.parse_errata([ENTRY]), run, decided)
     assert f"**In fact**: It is {ours}." in text
     # of the published variance a step: standard deviation of the sum of the steps, and speed
-    assert "Its sum is 8.944, its speed 50." in text
+    assert "A sum of 8.944, speed 50." in text
     for wrong in ("{{ metric('fit') }}", "{{ evidence('stdd') }}", "{{ value }}", "{{ level("):
         errata = paper.parse_errata([ENTRY | {"fact": wrong}])
         with pytest.raises(ConfigError, match=r"correct it \[erratum bias"):

@@ -105,9 +105,7 @@ def test_a_sweep_is_queued_run_shown_and_applied_and_the_workspace_stays_until_t
     # a range ends before its second number
     seeds = re.findall(r"'seed=(\d+)'", succeeds(*queue_seeds, cwd=copy))
     assert seeds == ["1", "2", "3"]
-    queued = re.findall(
-        r"^\w{7}\s+(\S+)\s.*Queued", succeeds(*status, cwd=copy), flags=re.MULTILINE
-    )
+    queued = re.findall(r"(?m)^\w{7}\s+(\S+)\s.*Queued", succeeds(*status, cwd=copy))
     assert len(queued) == 5
     # one is enough, and experiments with other seeds would run every stage
     assert "Removed" in succeeds("dvc", "queue", "remove", queued[0], *queued[2:], cwd=copy)

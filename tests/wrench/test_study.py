@@ -1,11 +1,14 @@
-"""The numerical study: systems that fill their bounds, the expectation of Σ_S against averages,
-standard errors, errors of fresh systems, and what the paper claims about numbers of cables.
+"""The numerical study: systems that fill their bounds, the expectation of Σ_S against direct
+integration and averages, standard errors, errors of fresh systems, and what the paper claims about
+numbers of cables.
 """
 
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from cable_systems import planar_cables
+from scipy.integrate import dblquad
 
 from pipeline.core.errors import ConfigError
 from pipeline.core.options.analysis import Wrench
@@ -106,6 +109,7 @@ def test_more_cables_than_robots_and_a_length_that_is_none_are_refused():
 # the bound Σ_S ≥ 0 holds often within the first, and hardly ever with many cables within the second
 WIDE = Bounds((1.5, 6.0), (0.1, 0.7), (0.5, 2.3), (100.0, 400.0))
 ROUND = Bounds((5.0, 9.0), (0.3, 2.8), (0.5, 2.0), (100.0, 800.0))
+DISTINCT = ((0, 0), (0, 1), (1, 1))
 APART = replace(WIDE, attachment=(-0.2, 0.5))
 SPACE = replace(ROUND, elevation=(0.2, 1.2), attachment=(-0.2, 0.5))
 
@@ -118,6 +122,20 @@ def z_scores(estimate, expected):
     deviation = estimate.mean - expected.mean
     assert np.all(deviation[error == 0] == 0)
     return deviation[error > 0] / error[error > 0]
+
+
+def test_for_one_cable_it_is_the_integral_over_tension_and_its_deviation():
+    bounds = Bounds(WIDE.tension, (0.6, 0.6), WIDE.tension_sd, (150.0, 150.0))
+    expected = expected_unbounded_sigma_s(bounds, 1)
+    area = np.ptp(bounds.tension) * np.ptp(bounds.tension_sd)
+    for i, j in DISTINCT:
+
+        def entry(sd, tension, i=i, j=j):
+            system = planar_cables(*(np.array([value]) for value in (tension, 0.6, sd, 150.0)))
+            return unbounded_sigma_s(system)[i, j]
+
+        direct = dblquad(entry, *bounds.tension, *bounds.tension_sd, epsabs=1e-10)[0] / area
+        assert expected[i, j] == pytest.approx(direct, abs=1e-10)
 
 
 @pytest.mark.slow
