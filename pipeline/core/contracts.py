@@ -165,8 +165,8 @@ def write_text(text: str, file: Path) -> None:
 
 @contextmanager
 def replacing(folder: Path) -> Iterator[Path]:
-    """Yield an empty folder; it replaces ``folder`` if the block succeeds, else it is removed."""
-    folder = Path(folder)
+    """Yield an empty folder; it replaces ``folder``, or a link's target, on success, else goes."""
+    folder = Path(folder).resolve() if Path(folder).is_symlink() else Path(folder)
     partial = _partial(folder)
     partial.mkdir(parents=True)
     try:

@@ -218,8 +218,9 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
     folder, left = tmp_path / "track", tmp_path / ".track.999999999.partial"
     left.mkdir()
     (left / "torn").write_text("torn")  # of a killed run
-    for name in ("old", "new"):
-        with contracts.replacing(folder) as partial:
+    (link := tmp_path / "link").symlink_to(folder)
+    for place, name in ((folder, "old"), (link, "new")):
+        with contracts.replacing(place) as partial:
             assert not list(partial.iterdir())
             (partial / name).write_text(name)
             assert not (folder / "new").exists()
@@ -233,4 +234,4 @@ def test_a_folder_is_replaced_whole_or_stays_as_it_was(tmp_path):
             (partial / "newer").write_text("newer")
             raise error
     assert [path.name for path in folder.iterdir()] == ["new"]
-    assert [path.name for path in tmp_path.iterdir()] == ["track"]
+    assert {path.name for path in tmp_path.iterdir()} == {"link", "track"}

@@ -282,7 +282,7 @@ class Limits:
     clock_drift: Limit = None  # s/s, where the offset is estimated
     lag_beside_others: Limit = 0.03  # s, behind the median take: 7 times the laboratory's greatest
     camera_residual_share: Limit = 0.75  # own take over others: ≤ 0.7 sound, ≥ 0.78 of another
-    likeness: Limit = 5.0  # distance to the fifth nearest take over the nearest: ≤ 2.5 if sound
+    likeness: Limit = 5.0  # distance to the fifth nearest take over the nearest: ≤ 3.6 if sound
     lag_behind_command: Limit = None  # s, of a joint log; its section has more limits
 
 
