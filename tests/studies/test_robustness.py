@@ -10,6 +10,7 @@ from sample_options import filter_options
 from study_runs import options_of
 
 from pipeline.core.columns import spread
+from pipeline.core.options.analysis import Wrench
 from pipeline.core.typed_yaml import read_yaml
 from pipeline.evidence.case import KINDS, Choices
 from pipeline.models.kinds import options_type
@@ -62,6 +63,14 @@ def test_a_motion_through_a_singular_pose_is_no_evidence_and_loops_stand_beside_
     loops = {*KINDS, *(f"{kind}_closed" for kind in KINDS)}
     compared = set(evidence.query("quantity == 'filter_log_score'")["model"])
     assert compared == {"none", "memory"} | loops
+
+
+def test_the_wrench_has_evidence_that_depends_on_the_seed():
+    bounds = {"tension": [3.0, 5.0], "direction": [0.8, 3.1], "tension_std": [0.5, 1.0]}
+    systems = {"agents": [3, 20], "systems": 40, "test_systems": 80, "repeats": 2, "grid": 2}
+    study = Wrench(**bounds, kappa=[100.0, 800.0], **systems)
+    first, other = (grid.wrench_evidence(grid.Condition("wrench", n), study) for n in (1, 2))
+    assert {*first["configuration"]} == {"3", "20"} and not first.equals(other)
 
 
 def test_the_grid_has_each_level_alone_and_the_combinations_that_are_named():
