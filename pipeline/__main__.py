@@ -44,15 +44,15 @@ TRACE = "PIPELINE_TRACEBACK"  # environment variable that prints the traceback o
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 OUT_OF_MEMORY = "free some memory and run the command again"
 PERMISSIONS = "change the permissions of the file or of its folder (ls -ld shows them)"
-# error number of the system → what to do
 NO_ROOM = "free some space, or raise the limit (quota, ulimit -f), and run the command again"
-REMEDIES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), NO_ROOM) | {
+# error number of the system → what to do
+REMEDIES = {
     errno.EROFS: "the file system is read-only: run the command in a copy that can be written",
-    errno.EACCES: PERMISSIONS,
-    errno.EPERM: PERMISSIONS,
     errno.ENOENT: "run what writes it, from the project's root; install it if it is a program",
     errno.ENOMEM: OUT_OF_MEMORY,
 }
+REMEDIES |= dict.fromkeys((errno.EACCES, errno.EPERM), PERMISSIONS)
+REMEDIES |= dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), NO_ROOM)
 
 
 def main() -> int:

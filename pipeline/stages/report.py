@@ -1,6 +1,5 @@
 """report: verdicts on the claims for every dataset, errata, model card, places of equations."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,7 +54,8 @@ def run() -> None:
     errata = paper.parse_errata(read_yaml(HERE / "errata.yaml").get("errata"))
     items = paper.parse_items(read_yaml(HERE / "paper.yaml").get("items"))
     sources = paper.citations(PACKAGE, items, BEYOND)
-    captions = json.loads((reports / "captions.json").read_text(encoding="utf-8"))
+    file = reports / "captions.json"
+    captions = validated(dict[str, dict[str, str | list[str]]], read_yaml(file), file=file)
     written = {
         reports / "claims.csv": table.to_csv(index=False),
         reports / "report.md": pages.report_page(

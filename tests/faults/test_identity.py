@@ -114,9 +114,7 @@ SHIFTS = {
 def test_a_copied_take_is_beyond_the_limit_also_disguised_and_sound_takes_are_not(
     motion, takes, disguise
 ):
-    """Each take sways in its own way, with jitter and noise of single samples; a joint at rest has
-    two values.
-    """
+    """Each take sways in its own way, with jitter and noise; a joint at rest has two values."""
     rng, time = np.random.default_rng(takes), np.arange(320) / 100
     q = (rng.random((takes, 320, 4)) < 0.003).cumsum(axis=1) % 2 * 1e-4
     for each in q:

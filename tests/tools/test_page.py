@@ -90,9 +90,10 @@ def test_two_files_become_one_page(reports):
         assert kind == "data:image/png" and image.size == (300, 200)
         assert image.convert("RGB").getpixel((5, 5)) == (0, 128, 128)
     for missing in ("figures/drawn.png", "card.md"):
-        (reports / missing).unlink()
-        with pytest.raises(ContractError, match=missing):
-            page("", [reports / "card.md", reports / "report.md"], reports)
+        for damage in (lambda file: file.write_bytes(b"\xff"), Path.unlink):
+            damage(reports / missing)
+            with pytest.raises(ContractError, match=missing):
+                page("", [reports / "card.md", reports / "report.md"], reports)
 
 
 def test_figures_are_beside_each_other_with_their_text_and_a_card_is_folded(reports):

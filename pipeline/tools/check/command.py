@@ -86,8 +86,7 @@ def value_faults(values: dict[str, Any]) -> list[PipelineError]:
     logged, joints = (get_filled(sound, k) for k in ("joint_log.joints", "robot.joints"))
     if logged and (missing := [joint for joint in joints or [] if joint not in logged]):
         message = f"{', '.join(missing)} of robot.joints is not logged; the log holds"
-        key = "dataset.joint_log.joints"
-        errors.append(ConfigError(f"{message} {', '.join(logged)}", key=key))
+        errors.append(ConfigError(f"{message} {', '.join(logged)}", key="dataset.joint_log.joints"))
     return errors
 
 

@@ -69,11 +69,12 @@ def _section(
     file: Path, files: Sequence[Path], folder: Path
 ) -> tuple[str, list[tuple[int, str, str]]]:
     """Return the HTML of a Markdown file, and level (1: title), anchor and text of its headings."""
-    if not file.is_file():
-        message = "no such page; run `dvc repro` (`dvc repro -P` for the studies)"
-        raise ContractError(message, file=file)
+    try:
+        content = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise ContractError("no such page in UTF-8; run `dvc repro -P`", file=file) from None
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
-    tokens = parser.parse(file.read_text(encoding="utf-8"))
+    tokens = parser.parse(content)
     headings: list[tuple[int, str, str]] = []
     for place, token in enumerate(tokens):
         if token.type == "heading_open":
@@ -120,11 +121,12 @@ def _address(href: str, file: Path, files: Sequence[Path], folder: Path) -> str:
 def _figure_attributes(file: Path) -> dict[str, str]:
     """Return a figure's attributes: data URL of its PNG in few colours, and class by its shape."""
     picture, written = file.with_suffix(".png"), io.BytesIO()
-    if not picture.is_file():
-        raise ContractError("no such figure; run the stage that draws it", file=picture)
-    with Image.open(picture) as image:
-        shape = "wide" if image.width > WIDE else "high"
-        few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    try:
+        with Image.open(picture) as image:
+            shape = "wide" if image.width > WIDE else "high"
+            few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    except OSError:
+        raise ContractError("no such PNG; run the stage that draws it", file=picture) from None
     few.save(written, "PNG", optimize=True)
     address = f"data:image/png;base64,{b64encode(written.getvalue()).decode('ascii')}"
     return {"src": address, "class": shape}
