@@ -102,8 +102,8 @@ def unconfirmed(scores: pd.DataFrame, model: str) -> list[dict[str, str]]:
     for (joint, horizon), rows in own.groupby(["joint", "horizon"], sort=False):
         ratio, low, high, _ = pooled_interval(left_out(rows), "ratio")
         if not (1 / CONFIRMED <= low and high <= CONFIRMED):
-            found = f"{ratio:.2f} [{low:.2f}, {high:.2f}] times the measured σ"
-            required = f"{1 / CONFIRMED:.2f} to {CONFIRMED:.2f}"
+            found = f"{ratio:.3g} [{low:.3g}, {high:.3g}] times the measured σ"
+            required = f"{1 / CONFIRMED:.3g} to {CONFIRMED:.3g}"
             entries.append((f"σ of {joint} at {horizon}", found, required))
     if resting := faults_of(scores[scores["samples"] == "at rest"], model):
         found = f"unusable, {len(resting)} fault(s): {resting[0].rpartition(' (')[0]}"

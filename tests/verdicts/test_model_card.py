@@ -111,8 +111,8 @@ def test_the_card_opens_with_the_law_its_predictions_and_what_was_not_used():
 @pytest.mark.parametrize(("predicted", "named"), [(1.35e-4, 0), (1.45e-4, 6), (0.7e-4, 6)])
 def test_the_card_names_every_predicted_standard_deviation_that_is_not_confirmed(predicted, named):
     text = answer(logged(predicted=predicted))
-    assert text.count("times the measured σ (required: 0.71 to 1.40)") == named
-    first = f"confirm:** σ of a at one sample is {predicted / 1e-4:.2f} ["
+    assert text.count("times the measured σ (required: 0.714 to 1.4)") == named
+    first = f"confirm:** σ of a at one sample is {predicted / 1e-4:.3g} ["
     assert (first in text) == (named > 0)
     run = logged(predicted=predicted)
     run.tables["joint_scores"]["motion"] = "quarter " + run.tables["joint_scores"]["motion"]
