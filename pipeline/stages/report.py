@@ -43,9 +43,10 @@ def run() -> None:
     if unknown := sorted(named - {*(known := config.option_names("dataset"))}):
         message = f"no dataset {', '.join(unknown)}; there are {', '.join(known)}"
         raise ConfigError(message, file=CLAIMS, key="why or recordings_of_the_paper")
-    table = verdict_table(decide_each(claims, runs, stated.recordings_of_the_paper))
-    runs = [pages.with_plain_names(run) for run in runs]
     decided = decide_each(claims, runs, stated.recordings_of_the_paper)
+    table = verdict_table(decided)
+    runs = [pages.with_plain_names(run) for run in runs]
+    decided = [pages.with_plain_cases(own) for own in decided]
     for n, run in enumerate(runs):
         if "readings" in run.tables:
             tables = run.tables | {"readings": reading_verdicts(claims, run)}

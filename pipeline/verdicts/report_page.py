@@ -39,6 +39,16 @@ def with_plain_names(run: Run) -> Run:
     return replace(run, joints=[*map(plain, run.joints)], metrics=metrics, tables=tables)
 
 
+def with_plain_cases(decided: Decided) -> Decided:
+    """Return ``decided`` with the names of its cases as :func:`with_plain_names` has them."""
+    plain = wording.escape_markup
+    verdicts = [
+        each._replace(cases=tuple(case._replace(case=plain(case.case)) for case in each.cases))
+        for each in decided.verdicts
+    ]
+    return decided._replace(verdicts=verdicts)
+
+
 def report_page(
     here: Run,
     runs: Sequence[Run],

@@ -13,7 +13,8 @@ from pipeline.core.errors import RecordingError
 from pipeline.figures import style, wrench
 from pipeline.tools.inspect import command
 from pipeline.tools.page.command import page as html_page
-from pipeline.verdicts.report_page import with_plain_names
+from pipeline.verdicts.decision import Case, Decided, Verdict
+from pipeline.verdicts.report_page import with_plain_cases, with_plain_names
 from pipeline.verdicts.run import Run
 from pipeline.verdicts.wording import plain_page, table
 
@@ -40,13 +41,14 @@ def shown(name: str) -> str:
     run = Run("lab", "paper", True, [name], ["x"], {}, {"fit": {name: 1}}, table_of)
     run = with_plain_names(with_plain_names(run))
     assert [*run.metrics["fit"]] == run.tables["t"]["joint"].tolist() == run.joints
+    case = Case(name, *[None] * (len(Case._fields) - 1))
+    decided = with_plain_cases(Decided("lab", "real", [Verdict(None, "", (case,))]))
+    assert decided.verdicts[0].cases == (case._replace(case=run.joints[0]),)
     return run.joints[0]
 
 
 @pytest.mark.parametrize("name", [*NAMES, TURNED, "![i](x.png)", *MARKUP])
-def test_a_name_in_prose_and_cells_of_a_page_adds_no_tag_column_or_control_character(
-    name, tmp_path
-):
+def test_a_name_on_a_page_adds_no_tag_column_or_control_character(name, tmp_path):
     def tags(word: str) -> list[str]:
         rows = table([word, "value"], [[word, 1.0]])
         text = plain_page(f"# Results of {word}\n\nJoint {word} moves.\n\n## Rows\n{rows}\n")
